@@ -1,0 +1,60 @@
+//! One error type for the whole library: each value says where it happened, what is wrong and what to do about it.
+
+use std::fmt;
+use std::path::{Path, PathBuf};
+
+pub type Result<T, E = Error> = std::result::Result<T, E>;
+
+/// What went wrong, by who can mend it. `Display` gives two lines: the problem with its place, then the cure.
+#[derive(Debug)]
+pub enum Error {
+    /// An input file is missing, unreadable or says something that cannot be rendered.
+    Input { path: PathBuf, line: Option<usize>, problem: String, cure: String },
+    /// The request itself cannot be met: a setting out of range, an unusable output path.
+    Usage { problem: String, cure: String },
+    /// There is no OpenGL 3.3 here, or the driver refused something that 3.3 promises.
+    Gl { problem: String, cure: String },
+    /// A result could not be written; trying again, elsewhere or later, may succeed.
+    Output { path: PathBuf, problem: String, cure: String },
+}
+
+impl Error {
+    pub fn input(path: &Path, line: Option<usize>, problem: impl Into<String>, cure: impl Into<String>) -> Self {
+        Self::Input { path: path.to_owned(), line, problem: problem.into(), cure: cure.into() }
+    }
+
+    pub fn usage(problem: impl Into<String>, cure: impl Into<String>) -> Self {
+        Self::Usage { problem: problem.into(), cure: cure.into() }
+    }
+
+    pub fn gl(problem: impl Into<String>, cure: impl Into<String>) -> Self {
+        Self::Gl { problem: problem.into(), cure: cure.into() }
+    }
+
+    pub fn output(path: &Path, problem: impl Into<String>, cure: impl Into<String>) -> Self {
+        Self::Output { path: path.to_owned(), problem: problem.into(), cure: cure.into() }
+    }
+}
+
+impl fmt::Display for Error {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (problem, cure) = match self {
+            Self::Input { path, line, problem, cure } => {
+                write!(f, "{}:", path.display())?;
+                if let Some(line) = line {
+                    write!(f, "{line}:")?;
+                }
+                write!(f, " ")?;
+                (problem, cure)
+            }
+            Self::Output { path, problem, cure } => {
+                write!(f, "{}: ", path.display())?;
+                (problem, cure)
+            }
+            Self::Usage { problem, cure } | Self::Gl { problem, cure } => (problem, cure),
+        };
+        write!(f, "{problem}\n  cure: {cure}")
+    }
+}
+
+impl std::error::Error for Error {}

@@ -1,0 +1,108 @@
+//! What shapes a picture beside the scene: one flat value, read from the scene file and overridden by the command line.
+
+use serde::{Deserialize, Serialize};
+
+use crate::error::{Error, Result};
+
+/// Settings of a render. Every field has a default, so that a scene file names only what differs.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Settings {
+    /// Picture size in pixels, [width, height].
+    pub size: [u32; 2],
+    /// Number of global directions N, each shared by all points.
+    pub directions: u32,
+    /// Side of the square depth layers in texels.
+    pub layer_size: u32,
+    pub pipeline: Pipeline,
+    pub sequence: Sequence,
+    pub seed: u64,
+    /// The poster's criterion: peeling a direction ends with the layer that fewer than this share of the points sample.
+    /// 0 peels until no point samples.
+    pub stop_fraction: f32,
+    /// Photons emitted from the lights.
+    pub photons: u64,
+    /// The most surfaces that one photon is stored at.
+    pub bounces: u32,
+    /// Photon grid cells along the scene's longest side.
+    pub grid_cells: u32,
+    /// Samples on the area lights for direct light, over the whole picture.
+    pub light_samples: u32,
+    /// Side of a shadow map's faces in texels.
+    pub shadow_size: u32,
+    /// Exposure of 8-bit pictures in stops; EXR is never scaled.
+    pub exposure: f32,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            size: [512, 512],
+            directions: 1000,
+            layer_size: 512,
+            pipeline: Pipeline::Kill,
+            sequence: Sequence::R2,
+            seed: 0,
+            stop_fraction: 0.001,
+            photons: 1_000_000,
+            bounces: 64,
+            grid_cells: 32,
+            light_samples: 512,
+            shadow_size: 512,
+            exposure: 0.0,
+        }
+    }
+}
+
+/// How the gather is computed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Pipeline {
+    /// The 2004 method: layers peeled far to near, one culling (KILL) pass over the points for each layer.
+    #[default]
+    Kill,
+}
+
+/// Where global directions come from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Sequence {
+    /// Independent, uniformly distributed.
+    Random,
+    /// The additive recurrence with the plastic number.
+    #[default]
+    R2,
+    /// The first two Sobol dimensions, Owen-scrambled.
+    Sobol,
+}
+
+impl Settings {
+    /// Checks every number that does not depend on the GL device.
+    pub fn validate(&self) -> Result<()> {
+        let at_least_one = |name: &str, value: u64| match value {
+            0 => Err(Error::usage(format!("{name} is 0"), format!("give {name} of 1 or more"))),
+            _ => Ok(()),
+        };
+        at_least_one("size (width)", self.size[0].into())?;
+        at_least_one("size (height)", self.size[1].into())?;
+        at_least_one("directions", self.directions.into())?;
+        at_least_one("layer-size", self.layer_size.into())?;
+        at_least_one("photons", self.photons)?;
+        at_least_one("bounces", self.bounces.into())?;
+        at_least_one("light_samples", self.light_samples.into())?;
+        at_least_one("shadow_size", self.shadow_size.into())?;
+        if !(1..=256).contains(&self.grid_cells) {
+            return Err(Error::usage(format!("grid_cells is {}", self.grid_cells), "give grid_cells from 1 to 256"));
+        }
+        if !(0.0..1.0).contains(&self.stop_fraction) {
+            return Err(Error::usage(
+                format!("stop-fraction is {}", self.stop_fraction),
+                "give a share of the points from 0 up to, not including, 1",
+            ));
+        }
+        if !(-64.0..=64.0).contains(&self.exposure) {
+            return Err(Error::usage(format!("exposure is {}", self.exposure), "give stops from -64 to 64"));
+        }
+        Ok(())
+    }
+}

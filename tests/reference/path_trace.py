@@ -1,0 +1,127 @@
+"""Path-traced reference of a finalgather scene, made with Mitsuba 3 (pip install mitsuba numpy).
+
+    python3 tests/reference/path_trace.py scenes/cornell.toml tests/reference/cornell_256.exr --size 256 --spp 16384
+
+Reads the scene file, OBJ and MTL by itself, so that it shares no code with the renderer: Lambertian two-sided
+surfaces, emission from the side that the winding faces, box pixel filter, unlimited path length. Writes half-float linear
+RGB. Prints the image's mean and the standard error of a pixel, as a share of the mean, from independent passes.
+"""
+import argparse
+import pathlib
+import time
+import tomllib
+
+import mitsuba as mi
+import numpy as np
+
+
+def read_mtl(path):
+    materials, current = {}, None
+    for line in path.read_text().splitlines():
+        words = line.split("#")[0].split()
+        if not words:
+            continue
+        if words[0] == "newmtl":
+            current = materials.setdefault(words[1], {"Kd": [0, 0, 0], "Ke": [0, 0, 0], "map_Kd": None})
+        elif words[0] in ("Kd", "Ke"):
+            current[words[0]] = [float(x) for x in words[1:4]]
+        elif words[0] == "map_Kd":
+            current["map_Kd"] = path.parent / words[1]
+    return materials
+
+
+def read_obj(path):
+    positions, uvs, faces, materials, current = [], [], {}, {}, None
+    for line in path.read_text().splitlines():
+        words = line.split("#")[0].split()
+        if not words:
+            continue
+        if words[0] == "v":
+            positions.append([float(x) for x in words[1:4]])
+        elif words[0] == "vt":
+            uvs.append([float(x) for x in words[1:3]])
+        elif words[0] == "mtllib":
+            materials = read_mtl(path.parent / words[1])
+        elif words[0] == "usemtl":
+            current = words[1]
+        elif words[0] == "f":
+            corners = []
+            for corner in words[1:]:
+                index = corner.split("/")
+                uv = uvs[int(index[1]) - 1] if len(index) > 1 and index[1] else [0, 0]
+                corners.append((positions[int(index[0]) - 1], uv))
+            for i in range(1, len(corners) - 1):
+                faces.setdefault(current, []).append((corners[0], corners[i], corners[i + 1]))
+    return faces, materials
+
+
+def mesh(name, triangles, material):
+    corners = [corner for triangle in triangles for corner in triangle]
+    properties = mi.Properties()
+    if material["map_Kd"]:
+        # Mitsuba flips v when it reads a bitmap, as OBJ expects.
+        albedo = {"type": "bitmap", "filename": str(material["map_Kd"])}
+    else:
+        albedo = {"type": "rgb", "value": material["Kd"]}
+    bsdf = mi.load_dict({"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": albedo}})
+    properties["bsdf"] = bsdf
+    if any(material["Ke"]):
+        properties["emitter"] = mi.load_dict({"type": "area", "radiance": {"type": "rgb", "value": material["Ke"]}})
+    out = mi.Mesh(name, len(corners), len(triangles), properties, has_vertex_texcoords=True)
+    parameters = mi.traverse(out)
+    parameters["vertex_positions"] = np.array([c[0] for c in corners], np.float32).ravel()
+    parameters["vertex_texcoords"] = np.array([c[1] for c in corners], np.float32).ravel()
+    parameters["faces"] = np.arange(len(corners), dtype=np.uint32)
+    parameters.update()
+    return out
+
+
+def main():
+    parser = argparse.ArgumentParser()
+    parser.add_argument("scene", type=pathlib.Path)
+    parser.add_argument("output", type=pathlib.Path)
+    parser.add_argument("--size", type=int, default=256)
+    parser.add_argument("--spp", type=int, default=16384)
+    parser.add_argument("--spp-per-pass", type=int, default=64)
+    parser.add_argument("--variant", default="llvm_ad_rgb")
+    arguments = parser.parse_args()
+    mi.set_variant(arguments.variant)
+
+    scene_file = tomllib.loads(arguments.scene.read_text())
+    camera = scene_file["camera"]
+    faces, materials = read_obj(arguments.scene.parent / scene_file["mesh"])
+    scene = {
+        "type": "scene",
+        "integrator": {"type": "path", "max_depth": -1, "rr_depth": 8},
+        "sensor": {
+            "type": "perspective",
+            "fov_axis": "y",
+            "fov": camera["fov_y_degrees"],
+            "to_world": mi.ScalarTransform4f().look_at(camera["eye"], camera["target"], camera["up"]),
+            "film": {
+                "type": "hdrfilm", "width": arguments.size, "height": arguments.size,
+                "rfilter": {"type": "box"}, "pixel_format": "rgb", "component_format": "float32",
+            },
+            "sampler": {"type": "independent"},
+        },
+    }
+    for name, triangles in faces.items():
+        scene[name] = mesh(name, triangles, materials[name])
+    scene = mi.load_dict(scene)
+
+    passes = max(2, arguments.spp // arguments.spp_per_pass)
+    total = squares = 0
+    start = time.time()
+    for i in range(passes):
+        image = np.array(mi.render(scene, spp=arguments.spp_per_pass, seed=i), np.float64)
+        total, squares = total + image, squares + image * image
+        if i in (0, 9) or i == passes - 1:
+            print(f"pass {i + 1} of {passes}: {time.time() - start:.0f} s", flush=True)
+    mean = total / passes
+    error = np.sqrt(np.maximum(squares / passes - mean * mean, 0) / (passes - 1))
+    print("mean", mean.mean(axis=(0, 1)), "root mean square standard error / mean", np.sqrt((error**2).mean()) / mean.mean())
+    mi.Bitmap(mean.astype(np.float32)).convert(component_format=mi.Struct.Type.Float16).write(str(arguments.output))
+
+
+if __name__ == "__main__":
+    main()
