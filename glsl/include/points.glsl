@@ -1,0 +1,42 @@
+// Gather points: two RGBA32F textures, a texel a point. Mirrors src/points/mod.rs.
+
+uniform sampler2D point_position;   // xyz: position; w: geometric normal, octahedral x
+uniform sampler2D point_normal;     // xyz: unit shading normal, zero where there is no point; w: octahedral y
+
+struct GatherPoint
+{
+    bool exists;
+    vec3 position;
+    vec3 normal;                    // shading normal: the hemisphere that is integrated
+    vec3 surface_normal;            // geometric normal on the same side: the surface the point lies on
+};
+
+vec2 octahedral_encode(vec3 n)
+{
+    vec2 p = n.xy / (abs(n.x) + abs(n.y) + abs(n.z));
+    vec2 fold = (1.0 - abs(p.yx)) * vec2(p.x < 0.0 ? -1.0 : 1.0, p.y < 0.0 ? -1.0 : 1.0);
+    return n.z < 0.0 ? fold : p;
+}
+
+vec3 octahedral_decode(vec2 p)
+{
+    vec3 n = vec3(p, 1.0 - abs(p.x) - abs(p.y));
+    float fold = max(-n.z, 0.0);
+    n.xy += vec2(n.x < 0.0 ? fold : -fold, n.y < 0.0 ? fold : -fold);
+    return normalize(n);
+}
+
+GatherPoint fetch_point()
+{
+    ivec2 texel = ivec2(gl_FragCoord.xy);
+    vec4 position = texelFetch(point_position, texel, 0);
+    vec4 normal = texelFetch(point_normal, texel, 0);
+    vec3 surface_normal = octahedral_decode(vec2(position.w, normal.w));
+    return GatherPoint(dot(normal.xyz, normal.xyz) > 0.0, position.xyz, normal.xyz, surface_normal);
+}
+
+// The cosine weight of a unit direction, 0 where it leaves through the surface itself.
+float cosine(GatherPoint point, vec3 direction)
+{
+    return dot(point.surface_normal, direction) > 0.0 ? max(dot(point.normal, direction), 0.0) : 0.0;
+}

@@ -1,0 +1,30 @@
+#version 330 core
+// The gather points that the camera sees. Mirrors src/points/camera.rs.
+
+#include "surface.glsl"
+#include "points.glsl"
+
+uniform vec3 eye;
+uniform vec3 forward;
+
+layout(location = 0) out vec4 position_out;
+layout(location = 1) out vec4 normal_out;
+layout(location = 2) out vec4 albedo_out;
+layout(location = 3) out vec4 emission_out;     // w: distance along the view axis
+
+void main()
+{
+    Surface surface = fetch_surface();
+    vec3 to_eye = eye - surface_position;
+    bool front = dot(surface.normal, to_eye) > 0.0;
+    vec3 geometric = front ? surface.normal : -surface.normal;
+    bool flat_shaded = dot(surface_normal, surface_normal) < 1e-12;
+    vec3 shading = flat_shaded ? geometric : normalize(surface_normal);
+    shading = dot(shading, geometric) < 0.0 ? -shading : shading;
+
+    vec2 code = octahedral_encode(geometric);
+    position_out = vec4(surface_position, code.x);
+    normal_out = vec4(shading, code.y);
+    albedo_out = vec4(surface_albedo(surface.material, dFdx(surface_uv), dFdy(surface_uv)), 1.0);
+    emission_out = vec4(front ? surface_emission(surface.material) : vec3(0.0), -dot(forward, to_eye));
+}

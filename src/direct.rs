@@ -1,0 +1,95 @@
+//! Direct light: irradiance from the area lights, soft shadows by a shadow map for each of many samples on them.
+//! Mirrors `glsl/shadow.frag` and `glsl/direct.frag`.
+//!
+//! E(x) = 1/S Σ L A/p cos θ cos θ' / r² V over S samples. A sample emits into the hemisphere about its normal, so its map is a hemicube: one
+//! whole face and the upper halves of four, turned at random about the normal so that aliasing averages out.
+
+use std::f32::consts::TAU;
+
+use glam::{Mat3, Mat4, Vec3};
+
+use crate::error::Result;
+use crate::geometry::{Geometry, SurfacePass};
+use crate::gpu::{DepthTest, Gpu, Program, Target, Uniform};
+use crate::math::frame;
+use crate::points::{Points, Sums};
+use crate::random::Recurrence;
+use crate::scene::{LightPoint, Lights, Scene};
+use crate::shaders;
+
+/// Nearest distance at which a shadow map sees an occluder, in unit space; the farthest is the scene's diameter.
+const NEAR: f32 = 1e-4;
+const FAR: f32 = 2.1;
+
+/// Adds light samples to points.
+pub struct Direct {
+    shadow: Program,
+    direct: Program,
+    map: Target,
+    samples: Recurrence<4>,
+}
+
+impl Direct {
+    /// Shadow maps have faces of `shadow_size` texels on a side, rounded up to an even number.
+    ///
+    /// # Errors
+    /// When a size is beyond the device's limits.
+    pub fn new(gpu: &Gpu, shadow_size: u32, seed: u64) -> Result<Self> {
+        let size = shadow_size.next_multiple_of(2);
+        Ok(Self {
+            shadow: Program::new(gpu, &shaders::SHADOW)?,
+            direct: Program::new(gpu, &shaders::DIRECT)?,
+            map: Target::new(gpu, [size, 3 * size], 1, true)?,
+            samples: Recurrence::new(seed ^ 0xd1ec7),
+        })
+    }
+
+    /// Adds the irradiance from light sample `index` to `sums` (rgb).
+    pub fn add(&self, gpu: &Gpu, scene: &Scene, lights: &Lights, geometry: &Geometry, points: Points, index: u64, sums: &Sums) {
+        let [pick, u, v, turn] = self.samples.point(index);
+        let light = lights.point(scene, pick, [u, v]);
+        let to_light = self.shadow_map(gpu, geometry, &light, TAU * turn);
+        // A texel of the map is 2/size wide at a distance of 1; see `Bundle::new` for the shares.
+        let clearance = 2.0 / self.map.size()[0] as f32 / 256.0 + 4e-6;
+        let mut uniforms = vec![
+            ("shadow_map", Uniform::Texture(self.map.color(0))),
+            ("to_light", Uniform::Mat4(to_light)),
+            ("intensity", Uniform::Vec3(light.radiance_area)),
+            ("clearance", Uniform::Float(clearance)),
+        ];
+        uniforms.extend(points.uniforms());
+        sums.add(gpu, &self.direct, &uniforms);
+    }
+
+    /// Draws the hemicube of `light` and returns the way from unit space to the light's frame.
+    fn shadow_map(&self, gpu: &Gpu, geometry: &Geometry, light: &LightPoint, turn: f32) -> Mat4 {
+        let axes = frame(light.normal) * Mat3::from_rotation_z(turn);
+        let to_light = Mat4::from_mat3(axes.transpose()) * Mat4::from_translation(-light.position);
+        let size = self.map.size()[0] as i32;
+        self.map.clear([0.0; 4], 1.0);
+        let mut face = |right: Vec3, up: Vec3, outward: Vec3, region: [i32; 4]| {
+            let lowest = if outward == Vec3::Z { -1.0 } else { 0.0 };
+            // glam's frustum looks along -z.
+            let project = Mat4::frustum_rh_gl(-NEAR, NEAR, lowest * NEAR, NEAR, NEAR, FAR);
+            let turn = Mat4::from_mat3(Mat3::from_cols(right, up, -outward).transpose());
+            geometry.draw(
+                gpu,
+                SurfacePass {
+                    target: &self.map,
+                    region: Some(region),
+                    program: &self.shadow,
+                    to_clip: project * turn * to_light,
+                    depth: DepthTest::Less,
+                    uniforms: &[],
+                },
+            );
+        };
+        let half = size / 2;
+        face(Vec3::X, Vec3::Y, Vec3::Z, [0, 0, size, size]);
+        face(Vec3::Y, Vec3::Z, Vec3::X, [0, size, size, half]);
+        face(Vec3::NEG_Y, Vec3::Z, Vec3::NEG_X, [0, size + half, size, half]);
+        face(Vec3::NEG_X, Vec3::Z, Vec3::Y, [0, 2 * size, size, half]);
+        face(Vec3::X, Vec3::Z, Vec3::NEG_Y, [0, 2 * size + half, size, half]);
+        to_light
+    }
+}

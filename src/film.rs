@@ -1,0 +1,153 @@
+//! The picture as sums over blocks of directions, and the mean that they make.
+//!
+//! Blocks differ in sub-pixel offset, so a pixel sums radiance and not irradiance: over the blocks b of n directions each,
+//! Indirect = coverage × Σ albedo (Σ L w) / Σ w, and every other quantity is Σ n value / Σ n. Films add up pixel by
+//! pixel; [`PairwiseSum`] adds them as a tree over the block index, which is as exact as 32 bits allow and leaves the result
+//! independent of how many blocks were added at a time.
+
+use std::f32::consts::PI;
+
+use glam::{Vec3, Vec4};
+use rayon::prelude::*;
+
+use crate::image::{Channel, Image};
+use crate::points::Visible;
+use crate::scene::UnitSpace;
+
+/// Sums of one or more blocks.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Film {
+    size: [usize; 2],
+    directions: u32,
+    /// Row by row from the top.
+    pixels: Vec<Pixel>,
+}
+
+/// What one pixel sums, weighted as the module says.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Pixel {
+    indirect: Vec3,
+    weight: f32,
+    direct: Vec3,
+    coverage: f32,
+    emission: Vec3,
+    depth: f32,
+    albedo: Vec3,
+    normal: Vec3,
+    position: Vec3,
+}
+
+impl Film {
+    /// The sum of nothing.
+    pub fn empty(size: [u32; 2]) -> Self {
+        let [width, height] = size.map(|side| side as usize);
+        Self { size: [width, height], directions: 0, pixels: vec![Pixel::default(); width * height] }
+    }
+
+    /// The sums of one block of `directions`. `direct` is the irradiance summed over `light_samples`, `gathered` what the gather summed.
+    pub fn of_block(
+        size: [u32; 2],
+        visible: &Visible,
+        (direct, light_samples): (&[Vec4], u32),
+        (gathered, directions): (&[Vec4], u32),
+    ) -> Self {
+        let [width, height] = size.map(|side| side as usize);
+        let n = directions as f32;
+        let pixel = |i: usize| {
+            // The GL side counts rows from the bottom.
+            let i = (height - 1 - i / width) * width + i % width;
+            if visible.normal[i].truncate() == Vec3::ZERO {
+                return Pixel::default();
+            }
+            let albedo = visible.albedo[i].truncate();
+            Pixel {
+                indirect: albedo * gathered[i].truncate(),
+                weight: gathered[i].w,
+                direct: n * albedo * direct[i].truncate() / (PI * light_samples as f32),
+                coverage: n,
+                emission: n * visible.emission[i].truncate(),
+                depth: n * visible.emission[i].w,
+                albedo: n * albedo,
+                normal: n * visible.normal[i].truncate(),
+                position: n * visible.position[i].truncate(),
+            }
+        };
+        Self { size: [width, height], directions, pixels: (0..width * height).into_par_iter().map(pixel).collect() }
+    }
+
+    fn add(mut self, other: &Self) -> Self {
+        self.directions += other.directions;
+        self.pixels.par_iter_mut().zip(&other.pixels).for_each(|(a, b)| {
+            a.indirect += b.indirect;
+            a.weight += b.weight;
+            a.direct += b.direct;
+            a.coverage += b.coverage;
+            a.emission += b.emission;
+            a.depth += b.depth;
+            a.albedo += b.albedo;
+            a.normal += b.normal;
+            a.position += b.position;
+        });
+        self
+    }
+
+    /// The mean: `R G B` radiance = `Emission` + `Direct` + `Indirect`, `A` coverage, `Albedo`, and the world-space normal `N`, position `P`
+    /// and distance along the view axis `Z`, these three averaged over the covered part of the pixel.
+    pub fn image(&self, space: &UnitSpace) -> Image {
+        let total = self.directions.max(1) as f32;
+        let quotient = |sum: Vec3, by: f32| if by > 0.0 { sum / by } else { Vec3::ZERO };
+        let indirect = |p: &Pixel| quotient(p.indirect, p.weight) * (p.coverage / total);
+        let radiance = |p: &Pixel| (p.emission + p.direct) / total + indirect(p);
+        let seen = |p: &Pixel, value: Vec3| if p.coverage > 0.0 { value } else { Vec3::ZERO };
+
+        let [width, height] = self.size;
+        let mut image = Image { width, height, channels: Vec::new() };
+        let mut push = |name: &str, value: &(dyn Fn(&Pixel) -> f32 + Sync)| {
+            let samples = self.pixels.par_iter().map(value).collect();
+            image.channels.push(Channel { name: name.to_owned(), samples });
+        };
+        let mut push3 = |names: [&str; 3], value: &(dyn Fn(&Pixel) -> Vec3 + Sync)| {
+            for (k, name) in names.into_iter().enumerate() {
+                push(name, &|p| value(p)[k]);
+            }
+        };
+        push3(["R", "G", "B"], &radiance);
+        push3(["Direct.R", "Direct.G", "Direct.B"], &|p| p.direct / total);
+        push3(["Indirect.R", "Indirect.G", "Indirect.B"], &indirect);
+        push3(["Emission.R", "Emission.G", "Emission.B"], &|p| p.emission / total);
+        push3(["Albedo.R", "Albedo.G", "Albedo.B"], &|p| p.albedo / total);
+        push3(["N.X", "N.Y", "N.Z"], &|p| p.normal.normalize_or_zero());
+        push3(["P.X", "P.Y", "P.Z"], &|p| seen(p, space.to_world(quotient(p.position, p.coverage))));
+        push("A", &|p| p.coverage / total);
+        push("Z", &|p| space.length_to_world(quotient(Vec3::splat(p.depth), p.coverage).x));
+        image
+    }
+}
+
+/// A sum of films as a balanced binary tree over the order in which they come: each level holds the sum of 2^level of them, or none.
+#[derive(Clone, Debug, Default)]
+pub struct PairwiseSum {
+    levels: Vec<Option<Film>>,
+}
+
+impl PairwiseSum {
+    pub fn push(&mut self, mut film: Film) {
+        for level in &mut self.levels {
+            match level.take() {
+                Some(earlier) => film = earlier.add(&film),
+                None => {
+                    *level = Some(film);
+                    return;
+                }
+            }
+        }
+        self.levels.push(Some(film));
+    }
+
+    /// The sum so far; `None` of nothing.
+    pub fn total(&self) -> Option<Film> {
+        let mut parts = self.levels.iter().flatten();
+        let first = parts.next()?.clone();
+        Some(parts.fold(first, |later, earlier| earlier.clone().add(&later)))
+    }
+}

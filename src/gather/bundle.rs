@@ -1,0 +1,59 @@
+//! A bundle: the orthographic projection of the scene along one global direction.
+//!
+//! Layer space has x and y in texels and z in window depth, growing along the direction: the farthest surface has the greatest depth.
+
+use glam::{Mat3, Mat4, Vec2, Vec3};
+
+use crate::direction::Direction;
+use crate::gpu::Uniform;
+use crate::math::{Aabb, frame};
+
+/// Margin of the depth range on either side, so that no surface is clipped by rounding.
+const DEPTH_MARGIN: f32 = 0.01;
+
+/// One direction's projection.
+#[derive(Clone, Copy, Debug)]
+pub struct Bundle {
+    pub direction: Vec3,
+    /// Unit space to layer space.
+    pub to_layer: Mat4,
+    /// Unit space to clip space.
+    pub to_clip: Mat4,
+    /// How far above its own tangent plane a point can tell a surface from its own.
+    pub clearance: f32,
+}
+
+impl Bundle {
+    /// Fits the projection to `positions` as seen along the direction, `size` texels on a side.
+    pub fn new(direction: &Direction, positions: &[Vec3], size: u32) -> Self {
+        let axes = frame(direction.vector) * Mat3::from_rotation_z(direction.turn);
+        let to_axes = axes.transpose();
+        let bounds = Aabb::from_points(positions.iter().map(|&position| to_axes * position));
+        // One texel less than there are leaves room for the shift.
+        let texel = (bounds.extent().truncate() / (size as f32 - 1.0).max(1.0)).max(Vec2::splat(1e-6));
+        let corner = bounds.min.truncate() - direction.shift * texel;
+        let depth = (bounds.extent().z * (1.0 + 2.0 * DEPTH_MARGIN)).max(1e-6);
+        let origin = corner.extend(bounds.min.z - 0.5 * (depth - bounds.extent().z));
+        let unit = texel.extend(depth);
+        let to_layer = Mat4::from_scale(unit.recip()) * Mat4::from_translation(-origin) * Mat4::from_mat3(to_axes);
+        let from_window = Mat4::from_translation(Vec3::splat(-1.0))
+            * Mat4::from_scale(Vec3::new(2.0 / size as f32, 2.0 / size as f32, 2.0));
+        Self {
+            direction: direction.vector,
+            to_layer,
+            to_clip: from_window * to_layer,
+            // Rasterisers round vertices to at least 1/16 of a texel, in practice to 1/256; the rest is float precision at 1.
+            clearance: texel.max_element() / 256.0 + 2e-6,
+        }
+    }
+
+    /// The uniforms that shaders of points read.
+    pub fn uniforms(&self) -> [(&'static str, Uniform<'static>); 4] {
+        [
+            ("direction", Uniform::Vec3(self.direction)),
+            ("to_layer", Uniform::Mat4(self.to_layer)),
+            ("from_layer", Uniform::Mat4(self.to_layer.inverse())),
+            ("clearance", Uniform::Float(self.clearance)),
+        ]
+    }
+}

@@ -1,0 +1,71 @@
+//! Inverse depth peeling (after Everitt 2001, "Interactive order-independent transparency"): layers of a bundle, the farthest first.
+//! Mirrors `glsl/peel.frag`.
+//!
+//! Each pass draws the scene with the depth test GREATER and discards what is not nearer than the layer before; what remains is the
+//! farthest of the rest. Depth is a 32-bit float, so the strict comparison needs no epsilon and peeling ends.
+
+use super::bundle::Bundle;
+use crate::error::Result;
+use crate::geometry::{Geometry, SurfacePass};
+use crate::gpu::{DepthTest, Gpu, Program, Target, Texture, Uniform};
+use crate::photon::PhotonTexture;
+use crate::shaders;
+
+/// Depth of texels that see nothing: before all surfaces, so that every point lies beyond.
+const EMPTY: [f32; 4] = [-1.0, 0.0, 0.0, 0.0];
+/// Depth of the layer before the first: beyond all surfaces.
+const BEYOND: [f32; 4] = [2.0, 0.0, 0.0, 0.0];
+
+/// Peels one bundle at a time.
+pub struct Peel {
+    program: Program,
+    /// The layer being drawn and the one before, in turn.
+    layers: [Target; 2],
+    current: usize,
+}
+
+/// A layer: textures of `layer_size` squared.
+#[derive(Clone, Copy)]
+pub struct Layer<'a> {
+    /// Window depth and its change to the next texel in x and in y.
+    pub plane: &'a Texture,
+    /// Radiance sent back along the direction.
+    pub radiance: &'a Texture,
+}
+
+impl Peel {
+    pub fn new(gpu: &Gpu, layer_size: u32) -> Result<Self> {
+        let layer = || Target::new(gpu, [layer_size; 2], 2, true);
+        Ok(Self { program: Program::new(gpu, &shaders::PEEL)?, layers: [layer()?, layer()?], current: 0 })
+    }
+
+    /// Begins a bundle.
+    pub fn start(&mut self) {
+        self.layers[self.current].clear(BEYOND, 0.0);
+    }
+
+    /// The farthest layer not yet peeled; empty when there is none.
+    pub fn next(&mut self, gpu: &Gpu, geometry: &Geometry, photons: &PhotonTexture, bundle: &Bundle) -> Layer<'_> {
+        let previous = self.current;
+        self.current = 1 - previous;
+        let target = &self.layers[self.current];
+        target.clear(EMPTY, 0.0);
+        let mut uniforms = vec![
+            ("previous_plane", Uniform::Texture(self.layers[previous].color(0))),
+            ("direction", Uniform::Vec3(bundle.direction)),
+        ];
+        uniforms.extend(photons.uniforms());
+        geometry.draw(
+            gpu,
+            SurfacePass {
+                target,
+                region: None,
+                program: &self.program,
+                to_clip: bundle.to_clip,
+                depth: DepthTest::Greater,
+                uniforms: &uniforms,
+            },
+        );
+        Layer { plane: target.color(0), radiance: target.color(1) }
+    }
+}

@@ -1,0 +1,159 @@
+//! A GL context with its limits, made current on demand.
+
+use std::cell::Cell;
+use std::rc::Rc;
+
+use glow::HasContext;
+use serde::Serialize;
+
+use super::headless::{self, Backend, DeviceChoice, Platform};
+use crate::error::{Error, Result};
+
+/// An OpenGL 3.3 core context. Clones share it; it lives until the last clone and the last object made from it are gone.
+#[derive(Clone)]
+pub struct Gpu {
+    context: Rc<Context>,
+}
+
+/// The context and its function pointers. Objects keep it alive so that they can be deleted.
+pub(super) struct Context {
+    functions: glow::Context,
+    platform: Platform,
+    info: GpuInfo,
+    /// Core profiles draw nothing without a vertex array, not even a triangle that reads no attribute.
+    no_vertices: glow::NativeVertexArray,
+    /// Distinguishes contexts that one thread uses in turn.
+    identity: u64,
+}
+
+/// What the driver says of itself.
+#[derive(Clone, Debug, Serialize)]
+pub struct GpuInfo {
+    pub renderer: String,
+    pub vendor: String,
+    pub version: String,
+    pub glsl: String,
+    /// `egl` or `osmesa`.
+    pub backend: String,
+    /// The EGL device that was chosen, in words.
+    pub device: String,
+    pub limits: Limits,
+}
+
+/// Limits that a request can run into.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Limits {
+    pub max_texture_size: u32,
+    pub max_3d_texture_size: u32,
+    pub max_renderbuffer_size: u32,
+    pub max_draw_buffers: u32,
+    pub max_texture_units: u32,
+}
+
+thread_local! {
+    static CURRENT: Cell<u64> = const { Cell::new(0) };
+    static NEXT: Cell<u64> = const { Cell::new(1) };
+}
+
+impl Gpu {
+    /// Makes a context with no window: EGL on the chosen device, else OSMesa where it is installed.
+    ///
+    /// # Errors
+    /// [`Error::Gl`] when no library, no device or no OpenGL 3.3 core context is to be had.
+    pub fn headless(backend: Backend, device: DeviceChoice) -> Result<Self> {
+        let (platform, functions) = headless::create(backend, device)?;
+        let info = unsafe { info(&functions, &platform) };
+        let no_vertices = unsafe { functions.create_vertex_array() }
+            .map_err(|problem| Error::gl(format!("a GL object cannot be made: {problem}"), "try another device or driver"))?;
+        let identity = NEXT.replace(NEXT.get() + 1);
+        CURRENT.set(identity);
+        let gpu = Self { context: Rc::new(Context { functions, platform, info, no_vertices, identity }) };
+        gpu.reset();
+        Ok(gpu)
+    }
+
+    pub fn info(&self) -> &GpuInfo {
+        &self.context.info
+    }
+
+    /// Waits until everything queued has run, so that a clock read next to it measures work and not queuing.
+    pub fn finish(&self) {
+        unsafe { self.gl().finish() }
+    }
+
+    /// Turns GL errors since the last call into one that names `stage`.
+    pub fn check(&self, stage: &str) -> Result<()> {
+        let code = unsafe { self.gl().get_error() };
+        // Errors queue up; the first one is the cause. The bound holds where a lost context reports for ever.
+        for _ in 0..64 {
+            if unsafe { self.gl().get_error() } == glow::NO_ERROR {
+                break;
+            }
+        }
+        match code {
+            glow::NO_ERROR => Ok(()),
+            glow::OUT_OF_MEMORY => Err(Error::gl(
+                format!("the GL device is out of memory ({stage})"),
+                "use a smaller --size or --layer-size, or another device (--gl-device)",
+            )),
+            code => Err(Error::gl(
+                format!("OpenGL error 0x{code:04x} ({stage}) on {}", self.info().renderer),
+                "try another device or driver (--gl-device, --backend), and report this",
+            )),
+        }
+    }
+
+    pub(super) fn context(&self) -> &Rc<Context> {
+        &self.context
+    }
+
+    pub(super) fn gl(&self) -> &glow::Context {
+        self.context.current()
+    }
+
+    /// The state that every draw relies on and none changes.
+    fn reset(&self) {
+        let gl = self.gl();
+        unsafe {
+            gl.disable(glow::DITHER);
+            gl.disable(glow::MULTISAMPLE);
+            gl.pixel_store_i32(glow::PACK_ALIGNMENT, 1);
+            gl.pixel_store_i32(glow::UNPACK_ALIGNMENT, 1);
+        }
+    }
+}
+
+impl Context {
+    pub(super) fn no_vertices(&self) -> glow::NativeVertexArray {
+        self.no_vertices
+    }
+
+    /// The functions, with this context current on the calling thread.
+    pub(super) fn current(&self) -> &glow::Context {
+        if CURRENT.get() != self.identity {
+            self.platform.make_current();
+            CURRENT.set(self.identity);
+        }
+        &self.functions
+    }
+}
+
+unsafe fn info(gl: &glow::Context, platform: &Platform) -> GpuInfo {
+    let integer = |name| u32::try_from(unsafe { gl.get_parameter_i32(name) }).unwrap_or(0);
+    let string = |name| unsafe { gl.get_parameter_string(name) };
+    GpuInfo {
+        renderer: string(glow::RENDERER),
+        vendor: string(glow::VENDOR),
+        version: string(glow::VERSION),
+        glsl: string(glow::SHADING_LANGUAGE_VERSION),
+        backend: platform.backend().to_owned(),
+        device: platform.device().to_owned(),
+        limits: Limits {
+            max_texture_size: integer(glow::MAX_TEXTURE_SIZE),
+            max_3d_texture_size: integer(glow::MAX_3D_TEXTURE_SIZE),
+            max_renderbuffer_size: integer(glow::MAX_RENDERBUFFER_SIZE),
+            max_draw_buffers: integer(glow::MAX_DRAW_BUFFERS),
+            max_texture_units: integer(glow::MAX_TEXTURE_IMAGE_UNITS),
+        },
+    }
+}

@@ -1,0 +1,25 @@
+//! OpenGL 3.3 core, headless: the only folder that names `glow` or needs `unsafe`; it knows neither scenes nor photons.
+//!
+//! [`Gpu::headless`] makes a context. Objects ([`Texture`], [`Target`], [`Program`], [`VertexArray`], [`SampleQuery`]) own their GL
+//! name and delete it when dropped. [`Gpu::draw`] takes a whole draw as one value ([`Draw`]), so no state is left behind from
+//! one draw to the next.
+
+mod context;
+mod draw;
+mod headless;
+mod osmesa;
+mod program;
+mod query;
+mod resource;
+mod target;
+mod texture;
+mod vertices;
+
+pub use context::{Gpu, GpuInfo, Limits};
+pub use draw::{Blend, DepthTest, Draw, Geometry};
+pub use headless::{Backend, DeviceChoice, DeviceInfo, list_devices};
+pub use program::{Program, ShaderSource, Uniform};
+pub use query::SampleQuery;
+pub use target::Target;
+pub use texture::{Filter, Format, Texture, Wrap};
+pub use vertices::VertexArray;

@@ -1,0 +1,152 @@
+//! Shader programs: compiled from embedded sources, with uniforms given whole at each draw.
+
+use glam::{Mat4, Vec2, Vec3, Vec4};
+use glow::HasContext;
+
+use super::context::Gpu;
+use super::resource::Resource;
+use super::texture::Texture;
+use crate::error::{Error, Result};
+
+/// A program as text. Lines `#include "file.glsl"` are replaced by that file from `glsl/include/`.
+pub struct ShaderSource {
+    /// For messages.
+    pub name: &'static str,
+    pub vertex: &'static str,
+    pub fragment: &'static str,
+    /// `(file name, text)` of every file that may be included.
+    pub includes: &'static [(&'static str, &'static str)],
+}
+
+/// A value for a uniform; a texture takes the next free unit.
+#[derive(Clone, Copy)]
+pub enum Uniform<'a> {
+    Float(f32),
+    Int(i32),
+    Vec2(Vec2),
+    Vec3(Vec3),
+    Vec4(Vec4),
+    Mat4(Mat4),
+    Texture(&'a Texture),
+}
+
+/// A linked program.
+pub struct Program {
+    program: Resource<glow::NativeProgram>,
+    name: &'static str,
+    uniforms: Vec<(String, glow::NativeUniformLocation)>,
+}
+
+impl ShaderSource {
+    /// Both stages with includes put in, as (vertex, fragment).
+    ///
+    /// # Errors
+    /// [`Error::Gl`] when an included file does not exist.
+    pub fn resolve(&self) -> Result<(String, String)> {
+        Ok((self.resolve_stage(self.vertex)?, self.resolve_stage(self.fragment)?))
+    }
+
+    fn resolve_stage(&self, text: &str) -> Result<String> {
+        let mut resolved = String::new();
+        for line in text.lines() {
+            match line.strip_prefix("#include ") {
+                None => resolved.push_str(line),
+                Some(file) => {
+                    let file = file.trim().trim_matches('"');
+                    let found = self.includes.iter().find(|(name, _)| *name == file);
+                    let (_, text) = found.ok_or_else(|| {
+                        Error::gl(format!("shader {} includes {file}, which does not exist", self.name), "report this")
+                    })?;
+                    resolved.push_str(text);
+                }
+            }
+            resolved.push('\n');
+        }
+        Ok(resolved)
+    }
+}
+
+impl Program {
+    /// # Errors
+    /// [`Error::Gl`] with the driver's log and the numbered source when it does not compile or link.
+    pub fn new(gpu: &Gpu, source: &ShaderSource) -> Result<Self> {
+        let gl = gpu.gl();
+        let (vertex, fragment) = source.resolve()?;
+        let program = Resource::own(gpu, unsafe { gl.create_program() })?;
+        let stages = [(glow::VERTEX_SHADER, &vertex), (glow::FRAGMENT_SHADER, &fragment)];
+        let mut shaders = Vec::new();
+        for (kind, text) in stages {
+            let shader = Resource::own(gpu, unsafe { gl.create_shader(kind) })?;
+            unsafe {
+                gl.shader_source(shader.name(), text);
+                gl.compile_shader(shader.name());
+                if !gl.get_shader_compile_status(shader.name()) {
+                    return Err(failure(gpu, source, "compile", &gl.get_shader_info_log(shader.name()), &[text]));
+                }
+                gl.attach_shader(program.name(), shader.name());
+            }
+            shaders.push(shader);
+        }
+        unsafe {
+            gl.link_program(program.name());
+            if !gl.get_program_link_status(program.name()) {
+                let log = gl.get_program_info_log(program.name());
+                return Err(failure(gpu, source, "link", &log, &[&vertex, &fragment]));
+            }
+            let uniforms = (0..gl.get_active_uniforms(program.name()))
+                .filter_map(|i| gl.get_active_uniform(program.name(), i))
+                .filter_map(|uniform| Some((gl.get_uniform_location(program.name(), &uniform.name)?, uniform.name)))
+                .map(|(location, name)| (name, location))
+                .collect();
+            gpu.check("making a shader program")?;
+            Ok(Self { program, name: source.name, uniforms })
+        }
+    }
+
+    /// Makes it current with all of its uniforms set.
+    ///
+    /// # Panics
+    /// When a uniform that the shader reads is not given: the two sides of the interface have come apart. One that is given and
+    /// not read is passed over, for compilers differ in what they find unused.
+    pub(super) fn bind(&self, values: &[(&'static str, Uniform)]) {
+        let gl = self.program.gl();
+        unsafe { gl.use_program(Some(self.program.name())) };
+        let mut unit = 0;
+        for (name, location) in &self.uniforms {
+            let (_, value) = values
+                .iter()
+                .find(|(given, _)| given == name)
+                .unwrap_or_else(|| panic!("shader {} reads the uniform {name}, which this draw does not give", self.name));
+            let location = Some(location);
+            unsafe {
+                match *value {
+                    Uniform::Float(v) => gl.uniform_1_f32(location, v),
+                    Uniform::Int(v) => gl.uniform_1_i32(location, v),
+                    Uniform::Vec2(v) => gl.uniform_2_f32(location, v.x, v.y),
+                    Uniform::Vec3(v) => gl.uniform_3_f32(location, v.x, v.y, v.z),
+                    Uniform::Vec4(v) => gl.uniform_4_f32(location, v.x, v.y, v.z, v.w),
+                    Uniform::Mat4(v) => gl.uniform_matrix_4_f32_slice(location, false, &v.to_cols_array()),
+                    Uniform::Texture(texture) => {
+                        gl.active_texture(glow::TEXTURE0 + unit);
+                        gl.bind_texture(texture.kind(), Some(texture.name()));
+                        gl.uniform_1_i32(location, unit as i32);
+                        unit += 1;
+                    }
+                }
+            }
+        }
+    }
+}
+
+fn failure(gpu: &Gpu, source: &ShaderSource, verb: &str, log: &str, texts: &[&String]) -> Error {
+    let mut numbered = String::new();
+    for text in texts {
+        for (number, line) in (1..).zip(text.lines()) {
+            numbered.push_str(&format!("\n{number:4} {line}"));
+        }
+    }
+    Error::gl(
+        format!("shader {} does not {verb} on {}:\n{}{numbered}", source.name, gpu.info().renderer, log.trim()),
+        "try another device or driver (--gl-device, --backend), and report this",
+    )
+}

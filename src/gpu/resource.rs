@@ -1,0 +1,62 @@
+//! One owner for each GL object: it cannot be copied and deletes the object when dropped, also on the way out of an error.
+
+use std::rc::Rc;
+
+use glow::HasContext;
+
+use super::context::{Context, Gpu};
+
+/// A GL name that is deleted with its owner.
+pub(super) struct Resource<T: Name> {
+    name: T,
+    context: Rc<Context>,
+}
+
+/// Kinds of GL names.
+pub(super) trait Name: Copy {
+    unsafe fn delete(self, gl: &glow::Context);
+}
+
+impl<T: Name> Resource<T> {
+    /// Takes what a `create_*` call of this context returned.
+    pub fn own(gpu: &Gpu, created: Result<T, String>) -> crate::error::Result<Self> {
+        let name = created.map_err(|problem| {
+            crate::error::Error::gl(format!("a GL object cannot be made: {problem}"), "free memory or try another device")
+        })?;
+        Ok(Self { name, context: gpu.context().clone() })
+    }
+
+    pub fn name(&self) -> T {
+        self.name
+    }
+
+    pub fn gl(&self) -> &glow::Context {
+        self.context.current()
+    }
+}
+
+impl<T: Name> Drop for Resource<T> {
+    fn drop(&mut self) {
+        unsafe { self.name.delete(self.context.current()) }
+    }
+}
+
+macro_rules! names {
+    ($($name:ty => $delete:ident),+ $(,)?) => {
+        $(impl Name for $name {
+            unsafe fn delete(self, gl: &glow::Context) {
+                unsafe { gl.$delete(self) }
+            }
+        })+
+    };
+}
+
+names! {
+    glow::NativeTexture => delete_texture,
+    glow::NativeFramebuffer => delete_framebuffer,
+    glow::NativeBuffer => delete_buffer,
+    glow::NativeVertexArray => delete_vertex_array,
+    glow::NativeProgram => delete_program,
+    glow::NativeShader => delete_shader,
+    glow::NativeQuery => delete_query,
+}

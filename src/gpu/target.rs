@@ -1,0 +1,84 @@
+//! Render targets: a framebuffer object and the textures that it owns.
+
+use glow::HasContext;
+
+use super::context::Gpu;
+use super::resource::Resource;
+use super::texture::{Format, Texture};
+use crate::error::{Error, Result};
+
+/// Colour textures of one size and, if asked for, a float depth texture.
+pub struct Target {
+    framebuffer: Resource<glow::NativeFramebuffer>,
+    colors: Vec<Texture>,
+    depth: Option<Texture>,
+    size: [u32; 2],
+}
+
+impl Target {
+    /// `colors` RGBA32F textures, and a 32-bit float depth texture if `depth`.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] when the size is beyond the device's limit, [`Error::Gl`] when it refuses the target.
+    pub fn new(gpu: &Gpu, [width, height]: [u32; 2], colors: usize, depth: bool) -> Result<Self> {
+        let texture = |format| Texture::empty(gpu, format, width, height);
+        let colors = (0..colors).map(|_| texture(Format::Rgba32F)).collect::<Result<Vec<_>>>()?;
+        let depth = depth.then(|| texture(Format::Depth32F)).transpose()?;
+        let gl = gpu.gl();
+        let framebuffer = Resource::own(gpu, unsafe { gl.create_framebuffer() })?;
+        let mut buffers = Vec::new();
+        let status = unsafe {
+            gl.bind_framebuffer(glow::FRAMEBUFFER, Some(framebuffer.name()));
+            for (i, color) in (0..).zip(&colors) {
+                let attachment = glow::COLOR_ATTACHMENT0 + i;
+                gl.framebuffer_texture_2d(glow::FRAMEBUFFER, attachment, glow::TEXTURE_2D, Some(color.name()), 0);
+                buffers.push(attachment);
+            }
+            if let Some(depth) = &depth {
+                gl.framebuffer_texture_2d(glow::FRAMEBUFFER, glow::DEPTH_ATTACHMENT, glow::TEXTURE_2D, Some(depth.name()), 0);
+            }
+            gl.draw_buffers(&buffers);
+            gl.check_framebuffer_status(glow::FRAMEBUFFER)
+        };
+        gpu.check("making a render target")?;
+        if status != glow::FRAMEBUFFER_COMPLETE {
+            return Err(Error::gl(
+                format!("{} refuses a {width}x{height} float render target (0x{status:04x})", gpu.info().renderer),
+                "try another device or driver (--gl-device, --backend)",
+            ));
+        }
+        Ok(Self { framebuffer, colors, depth, size: [width, height] })
+    }
+
+    pub fn color(&self, index: usize) -> &Texture {
+        &self.colors[index]
+    }
+
+    pub fn size(&self) -> [u32; 2] {
+        self.size
+    }
+
+    /// Fills every colour texture with `color` and the depth texture with `depth`.
+    pub fn clear(&self, color: [f32; 4], depth: f32) {
+        let gl = self.bind();
+        unsafe {
+            for i in (0..).zip(&self.colors).map(|(i, _)| i) {
+                gl.clear_buffer_f32_slice(glow::COLOR, i, &color);
+            }
+            if self.depth.is_some() {
+                gl.depth_mask(true);
+                gl.clear_buffer_f32_slice(glow::DEPTH, 0, &[depth]);
+            }
+        }
+    }
+
+    /// Binds it for drawing, the viewport over all of it.
+    pub(super) fn bind(&self) -> &glow::Context {
+        let gl = self.framebuffer.gl();
+        unsafe {
+            gl.bind_framebuffer(glow::FRAMEBUFFER, Some(self.framebuffer.name()));
+            gl.viewport(0, 0, self.size[0] as i32, self.size[1] as i32);
+        }
+        gl
+    }
+}

@@ -1,0 +1,190 @@
+//! Textures: immutable in size and format once made.
+
+use bytemuck::Pod;
+use glow::{HasContext, PixelPackData, PixelUnpackData};
+
+use super::context::Gpu;
+use super::resource::Resource;
+use crate::error::{Error, Result};
+
+/// Texel formats, all of which 3.3 can render to or sample as used here.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Format {
+    Rgba32F,
+    /// Four bytes, decoded from sRGB when sampled.
+    Srgb8Alpha8,
+    Depth32F,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Filter {
+    Nearest,
+    Linear,
+    /// Trilinear over mipmaps, which are made when texels are uploaded.
+    Mipmapped,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Wrap {
+    Clamp,
+    Repeat,
+}
+
+/// A 2D or 3D texture.
+pub struct Texture {
+    resource: Resource<glow::NativeTexture>,
+    kind: u32,
+    format: Format,
+    size: [u32; 3],
+    filter: Filter,
+}
+
+impl Format {
+    /// Internal format, format and type of its texels in memory.
+    fn gl(self) -> (u32, u32, u32) {
+        match self {
+            Self::Rgba32F => (glow::RGBA32F, glow::RGBA, glow::FLOAT),
+            Self::Srgb8Alpha8 => (glow::SRGB8_ALPHA8, glow::RGBA, glow::UNSIGNED_BYTE),
+            Self::Depth32F => (glow::DEPTH_COMPONENT32F, glow::DEPTH_COMPONENT, glow::FLOAT),
+        }
+    }
+
+    fn bytes(self) -> usize {
+        match self {
+            Self::Rgba32F => 16,
+            Self::Srgb8Alpha8 | Self::Depth32F => 4,
+        }
+    }
+}
+
+impl Texture {
+    /// An empty 2D texture with nearest filtering, to render into.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] when the size is beyond the device's limit, [`Error::Gl`] when it has no memory for it.
+    pub fn empty(gpu: &Gpu, format: Format, width: u32, height: u32) -> Result<Self> {
+        Self::new(gpu, glow::TEXTURE_2D, format, [width, height, 1], Filter::Nearest, Wrap::Clamp, None)
+    }
+
+    /// A 2D texture of `texels`, first row at t = 0.
+    ///
+    /// # Errors
+    /// As [`Self::empty`].
+    pub fn from_texels<T: Pod>(
+        gpu: &Gpu,
+        format: Format,
+        [width, height]: [u32; 2],
+        filter: Filter,
+        wrap: Wrap,
+        texels: &[T],
+    ) -> Result<Self> {
+        Self::new(gpu, glow::TEXTURE_2D, format, [width, height, 1], filter, wrap, Some(bytemuck::cast_slice(texels)))
+    }
+
+    /// A 3D texture of `texels`, x fastest, with linear filtering clamped at the edge.
+    ///
+    /// # Errors
+    /// As [`Self::empty`].
+    pub fn from_texels_3d<T: Pod>(gpu: &Gpu, format: Format, size: [u32; 3], texels: &[T]) -> Result<Self> {
+        Self::new(gpu, glow::TEXTURE_3D, format, size, Filter::Linear, Wrap::Clamp, Some(bytemuck::cast_slice(texels)))
+    }
+
+    fn new(
+        gpu: &Gpu,
+        kind: u32,
+        format: Format,
+        size: [u32; 3],
+        filter: Filter,
+        wrap: Wrap,
+        texels: Option<&[u8]>,
+    ) -> Result<Self> {
+        let limits = gpu.info().limits;
+        let limit = if kind == glow::TEXTURE_3D { limits.max_3d_texture_size } else { limits.max_texture_size };
+        if let Some(side) = size.iter().find(|&&side| side == 0 || side > limit) {
+            return Err(Error::usage(
+                format!("a texture side of {side} is asked for, and this GL device takes 1 to {limit}"),
+                "choose a smaller size, layer size or grid, or another device",
+            ));
+        }
+        let [width, height, depth] = size.map(|side| side as i32);
+        if let Some(texels) = texels {
+            assert_eq!(texels.len(), size.iter().product::<u32>() as usize * format.bytes(), "texels fill the texture");
+        }
+        let gl = gpu.gl();
+        let resource = Resource::own(gpu, unsafe { gl.create_texture() })?;
+        let (internal, layout, component) = format.gl();
+        let data = PixelUnpackData::Slice(texels);
+        let (minify, magnify) = match filter {
+            Filter::Nearest => (glow::NEAREST, glow::NEAREST),
+            Filter::Linear => (glow::LINEAR, glow::LINEAR),
+            Filter::Mipmapped => (glow::LINEAR_MIPMAP_LINEAR, glow::LINEAR),
+        };
+        let wrap = match wrap {
+            Wrap::Clamp => glow::CLAMP_TO_EDGE,
+            Wrap::Repeat => glow::REPEAT,
+        };
+        unsafe {
+            gl.bind_texture(kind, Some(resource.name()));
+            if kind == glow::TEXTURE_3D {
+                gl.tex_image_3d(kind, 0, internal as i32, width, height, depth, 0, layout, component, data);
+            } else {
+                gl.tex_image_2d(kind, 0, internal as i32, width, height, 0, layout, component, data);
+            }
+            for (name, value) in [
+                (glow::TEXTURE_MIN_FILTER, minify),
+                (glow::TEXTURE_MAG_FILTER, magnify),
+                (glow::TEXTURE_WRAP_S, wrap),
+                (glow::TEXTURE_WRAP_T, wrap),
+                (glow::TEXTURE_WRAP_R, wrap),
+            ] {
+                gl.tex_parameter_i32(kind, name, value as i32);
+            }
+            if filter == Filter::Mipmapped {
+                gl.generate_mipmap(kind);
+            } else {
+                // Complete without mipmaps on drivers that check before they look at the filter.
+                gl.tex_parameter_i32(kind, glow::TEXTURE_MAX_LEVEL, 0);
+            }
+        }
+        gpu.check("making a texture")?;
+        Ok(Self { resource, kind, format, size, filter })
+    }
+
+    pub fn width(&self) -> u32 {
+        self.size[0]
+    }
+
+    pub fn height(&self) -> u32 {
+        self.size[1]
+    }
+
+    /// The texels of a 2D texture, first row at t = 0. Waits for what renders into it.
+    pub fn read<T: Pod>(&self) -> Vec<T> {
+        let (_, layout, component) = self.format.gl();
+        let bytes = self.size.iter().product::<u32>() as usize * self.format.bytes();
+        let mut texels = vec![T::zeroed(); bytes / size_of::<T>()];
+        let gl = self.resource.gl();
+        unsafe {
+            gl.bind_texture(self.kind, Some(self.name()));
+            let data = PixelPackData::Slice(Some(bytemuck::cast_slice_mut(&mut texels)));
+            gl.get_tex_image(self.kind, 0, layout, component, data);
+        }
+        texels
+    }
+
+    pub(super) fn name(&self) -> glow::NativeTexture {
+        self.resource.name()
+    }
+
+    pub(super) fn kind(&self) -> u32 {
+        self.kind
+    }
+
+    pub(super) fn is_depth(&self) -> bool {
+        self.format == Format::Depth32F
+    }
+
+    pub(super) fn filter(&self) -> Filter {
+        self.filter
+    }
+}

@@ -1,0 +1,15 @@
+//! The grid photon map: the rough solution that final gathering looks at.
+//!
+//! Photons leave the lights in proportion to power, are traced on the CPU ([`trace`]) and stored in a uniform grid ([`grid`]);
+//! the irradiance of a surface is estimated as the flux that its cell received over the true surface area in that cell.
+//! [`PhotonTexture`] takes the grid to the shaders. Lengths are those of unit space.
+//!
+//! Source: Jensen 1996, "Global illumination using photon maps"; the grid follows Hachisuka 2004, "Final gathering on GPU".
+
+mod grid;
+mod texture;
+mod trace;
+
+pub use grid::PhotonGrid;
+pub use texture::PhotonTexture;
+pub use trace::{PhotonCounts, PhotonTracer};

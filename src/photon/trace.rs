@@ -1,0 +1,103 @@
+//! Photon tracing on the CPU, in parallel, with the same result for any number of threads.
+//!
+//! A photon starts at a point of the lights chosen by power, with a cosine distribution about the emitting normal. At every surface
+//! it is stored; then Russian roulette reflects it with the share that its strongest channel keeps, so that the survivors
+//! carry about as much flux as was emitted with each.
+
+use std::f32::consts::{PI, TAU};
+
+use glam::Vec3;
+use rayon::prelude::*;
+use serde::Serialize;
+
+use super::grid::PhotonGrid;
+use crate::math::{dominant_axis, frame};
+use crate::random::{Random, Recurrence};
+use crate::scene::{Bvh, Lights, Scene};
+
+/// Photons traced between two sums: bounds the memory that their hits take.
+const ROUND: u64 = 1 << 18;
+/// Photons that one task traces.
+const CHUNK: u64 = 1 << 12;
+
+/// Traces photons through one scene.
+pub struct PhotonTracer<'a> {
+    scene: &'a Scene,
+    bvh: &'a Bvh,
+    lights: &'a Lights,
+    starts: Recurrence<5>,
+    seed: u64,
+    bounces: u32,
+}
+
+/// How many photons there were.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct PhotonCounts {
+    pub emitted: u64,
+    /// A photon counts once for every surface that it was stored at.
+    pub stored: u64,
+}
+
+impl<'a> PhotonTracer<'a> {
+    /// `bounces` is the most surfaces that one photon is stored at.
+    pub fn new(scene: &'a Scene, bvh: &'a Bvh, lights: &'a Lights, seed: u64, bounces: u32) -> Self {
+        Self { scene, bvh, lights, starts: Recurrence::new(seed), seed, bounces }
+    }
+
+    /// Emits `photons` with the lights' whole power and adds what they leave at surfaces to `grid`.
+    pub fn trace(&self, photons: u64, grid: &mut PhotonGrid) -> PhotonCounts {
+        let mut stored = 0;
+        for round in (0..photons).step_by(ROUND as usize) {
+            let end = (round + ROUND).min(photons);
+            let chunks: Vec<u64> = (round..end).step_by(CHUNK as usize).collect();
+            // Traced in parallel, summed in the order of photons.
+            let hits: Vec<Vec<(usize, Vec3)>> = chunks
+                .into_par_iter()
+                .map(|chunk| {
+                    let mut hits = Vec::new();
+                    for photon in chunk..(chunk + CHUNK).min(end) {
+                        self.trace_one(photon, 1.0 / photons as f32, grid, &mut hits);
+                    }
+                    hits
+                })
+                .collect();
+            for (index, flux) in hits.into_iter().flatten() {
+                grid.add_flux(index, flux);
+                stored += 1;
+            }
+        }
+        PhotonCounts { emitted: photons, stored }
+    }
+
+    fn trace_one(&self, photon: u64, share: f32, grid: &PhotonGrid, hits: &mut Vec<(usize, Vec3)>) {
+        let [pick, u, v, s, t] = self.starts.point(photon);
+        let mut random = Random::new(self.seed, photon);
+        let start = self.lights.point(self.scene, pick, [u, v]);
+        let (mut origin, mut triangle) = (start.position, start.triangle);
+        let mut direction = cosine_direction(start.normal, s, t);
+        // A diffuse emitter of radiance L sends out πL per unit of area.
+        let mut flux = PI * share * start.radiance_area;
+        for _ in 0..self.bounces {
+            let Some(hit) = self.bvh.nearest(origin, direction, Some(triangle)) else { return };
+            (origin, triangle) = (origin + hit.distance * direction, hit.triangle);
+            let normal = self.scene.mesh.geometric_normal(triangle);
+            let side = if normal.dot(direction) < 0.0 { normal } else { -normal };
+            hits.push((grid.index(origin, dominant_axis(normal), side), flux));
+
+            let reflected = flux * self.scene.albedo_at(triangle, origin);
+            let survival = reflected.max_element() / flux.max_element();
+            if random.uniform() >= survival {
+                return;
+            }
+            flux = reflected / survival;
+            direction = cosine_direction(side, random.uniform(), random.uniform());
+        }
+    }
+}
+
+/// Maps a uniform point of the unit square to a direction with density cos θ / π about the unit vector `normal` (Malley's method).
+fn cosine_direction(normal: Vec3, u: f32, v: f32) -> Vec3 {
+    let radius = u.sqrt();
+    let (sin, cos) = (TAU * v).sin_cos();
+    frame(normal) * Vec3::new(radius * cos, radius * sin, (1.0 - u).sqrt())
+}

@@ -1,0 +1,83 @@
+//! The points that a pinhole camera sees, one a pixel, by rasterisation. Mirrors `glsl/visible_points.frag`.
+
+use glam::{Mat4, Vec2, Vec3, Vec4};
+
+use super::Points;
+use crate::error::Result;
+use crate::geometry::{Geometry, SurfacePass};
+use crate::gpu::{DepthTest, Gpu, Program, Target, Uniform};
+use crate::scene::Camera;
+use crate::shaders;
+
+/// Finds visible points for one picture size.
+pub struct CameraPoints {
+    program: Program,
+    target: Target,
+}
+
+/// What the camera saw last: a read-back copy of the picture's surfaces, row by row from the bottom.
+pub struct Visible {
+    /// xyz: position in unit space; w as in [`Points`].
+    pub position: Vec<Vec4>,
+    /// xyz: unit shading normal facing the camera, zero where the pixel sees nothing; w as in [`Points`].
+    pub normal: Vec<Vec4>,
+    /// rgb: albedo.
+    pub albedo: Vec<Vec4>,
+    /// rgb: emitted radiance; a: distance along the view axis.
+    pub emission: Vec<Vec4>,
+    /// How many pixels see a surface.
+    pub count: u32,
+}
+
+impl CameraPoints {
+    /// # Errors
+    /// When the picture is beyond the device's limits.
+    pub fn new(gpu: &Gpu, size: [u32; 2]) -> Result<Self> {
+        Ok(Self { program: Program::new(gpu, &shaders::VISIBLE_POINTS)?, target: Target::new(gpu, size, 4, true)? })
+    }
+
+    /// Looks through every pixel at `offset`, in [0, 1)², from its lower left corner.
+    pub fn see(&self, gpu: &Gpu, geometry: &Geometry, camera: &Camera, offset: Vec2) -> Visible {
+        let size = self.target.size().map(|side| side as f32);
+        let forward = (camera.target - camera.eye).normalize();
+        let uniforms = [("eye", Uniform::Vec3(camera.eye)), ("forward", Uniform::Vec3(forward))];
+        self.target.clear([0.0; 4], 1.0);
+        let shift = (Vec2::splat(1.0) - 2.0 * offset) / Vec2::from(size);
+        let to_clip = Mat4::from_translation(shift.extend(0.0)) * projection(camera, geometry, size[0] / size[1]);
+        geometry.draw(
+            gpu,
+            SurfacePass {
+                target: &self.target,
+                region: None,
+                program: &self.program,
+                to_clip,
+                depth: DepthTest::Less,
+                uniforms: &uniforms,
+            },
+        );
+        let normal: Vec<Vec4> = self.target.color(1).read();
+        let count = normal.iter().filter(|normal| normal.truncate() != Vec3::ZERO).count() as u32;
+        Visible {
+            position: self.target.color(0).read(),
+            normal,
+            albedo: self.target.color(2).read(),
+            emission: self.target.color(3).read(),
+            count,
+        }
+    }
+
+    /// The points seen last, as gather points.
+    pub fn points(&self, visible: &Visible) -> Points<'_> {
+        Points { position: self.target.color(0), normal: self.target.color(1), count: visible.count }
+    }
+}
+
+/// World to clip space. The near and far planes enclose the scene, so that depth is as precise as it can be.
+fn projection(camera: &Camera, geometry: &Geometry, aspect: f32) -> Mat4 {
+    let view = Mat4::look_at_rh(camera.eye, camera.target, camera.up);
+    let depths = || geometry.positions.iter().map(|&position| -view.transform_point3(position).z);
+    let far = depths().fold(0.0, f32::max).max(1e-3) * 1.001;
+    // A scene around the eye leaves nothing to enclose; 1/5000 of the way is near enough for eyes inside rooms.
+    let near = (depths().fold(f32::INFINITY, f32::min) * 0.999).max(far * 2e-4);
+    Mat4::perspective_rh_gl(camera.fov_y_degrees.to_radians(), aspect, near, far) * view
+}

@@ -1,0 +1,275 @@
+//! A picture of a scene, from photons to pixels: the job that the tool, the tests and the figures run.
+//!
+//! [`Render::new`] makes the photon map; each [`Render::step`] gathers along one more direction; [`Render::picture`] is the mean so far.
+//!
+//! Directions come in blocks of a power of two. A block has its own sub-pixel offset and its own samples on the lights, which makes
+//! anti-aliasing and soft shadows free of extra gather work, and its sums are independent of all other blocks.
+
+use std::time::Instant;
+
+use serde::Serialize;
+
+use crate::direct::Direct;
+use crate::direction::Directions;
+use crate::error::Result;
+use crate::film::{Film, PairwiseSum};
+use crate::gather::{Bundle, Gather};
+use crate::geometry::Geometry;
+use crate::gpu::Gpu;
+use crate::image::Image;
+use crate::photon::{PhotonCounts, PhotonGrid, PhotonTexture, PhotonTracer};
+use crate::points::{CameraPoints, Sums, Visible};
+use crate::random::Recurrence;
+use crate::scene::{Bvh, Lights, Scene, UnitSpace};
+use crate::settings::Settings;
+
+/// A render in progress.
+pub struct Render {
+    gpu: Gpu,
+    settings: Settings,
+    /// In unit space.
+    scene: Scene,
+    space: UnitSpace,
+    lights: Lights,
+    geometry: Geometry,
+    photons: PhotonTexture,
+    camera: CameraPoints,
+    direct: Direct,
+    gather: Gather,
+    directions: Directions,
+    offsets: Recurrence<2>,
+    direct_sums: Sums,
+    gather_sums: Sums,
+    /// The block in progress.
+    block: Option<Block>,
+    /// Directions gathered so far.
+    done: u32,
+    film: PairwiseSum,
+    statistics: Statistics,
+}
+
+/// What the points of a block have before any direction is gathered.
+struct Block {
+    visible: Visible,
+    directions: u32,
+    light_samples: u32,
+}
+
+/// Counts and times of a render. Times of GL stages are of finished work.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct Statistics {
+    pub scene: SceneCounts,
+    pub seconds: StageSeconds,
+    pub gather: GatherCounts,
+    pub photons: PhotonCounts,
+}
+
+#[derive(Clone, Copy, Debug, Default, Serialize)]
+pub struct SceneCounts {
+    pub triangles: usize,
+    /// Emissive triangles.
+    pub lights: usize,
+}
+
+/// Wall-clock seconds.
+#[derive(Clone, Copy, Debug, Default, Serialize)]
+pub struct StageSeconds {
+    pub photons: f64,
+    pub visible_points: f64,
+    pub direct: f64,
+    pub gather: f64,
+}
+
+#[derive(Clone, Copy, Debug, Default, Serialize)]
+pub struct GatherCounts {
+    /// Points of one block: pixels that see a surface.
+    pub points: u32,
+    pub directions: u32,
+    pub layer_size: u32,
+    pub layers_mean: f64,
+    pub layers_max: u32,
+    pub ms_per_direction: f64,
+    /// Points × directions over the seconds of the gather.
+    pub samples_per_second: f64,
+    #[serde(skip)]
+    layers_sum: u64,
+    #[serde(skip)]
+    samples: u64,
+}
+
+/// Directions in a block: an N-th of them so that a picture has about sixteen sub-pixel offsets, and no more than 64, so that a
+/// long render keeps refining its edges and shadows.
+fn directions_per_block(directions: u32) -> u32 {
+    directions.div_ceil(16).next_power_of_two().min(64)
+}
+
+impl Render {
+    /// Traces the photons and prepares the GL side.
+    ///
+    /// # Errors
+    /// [`crate::Error::Usage`] when a setting is out of range or beyond the device's limits; [`crate::Error::Gl`] when the device
+    /// fails.
+    pub fn new(gpu: &Gpu, scene: &Scene, settings: &Settings) -> Result<Self> {
+        settings.validate()?;
+        let (scene, space) = UnitSpace::enter(scene);
+        let points = settings.size;
+        let geometry = Geometry::upload(gpu, &scene)?;
+        let camera = CameraPoints::new(gpu, points)?;
+        let direct = Direct::new(gpu, settings.shadow_size, settings.seed)?;
+        let gather = Gather::new(gpu, settings.layer_size, points, settings.stop_fraction)?;
+        let (direct_sums, gather_sums) = (Sums::new(gpu, points)?, Sums::new(gpu, points)?);
+
+        let start = Instant::now();
+        let lights = Lights::new(&scene);
+        let bvh = Bvh::new(&scene.mesh);
+        let mut grid = PhotonGrid::new(&scene.mesh, settings.grid_cells);
+        let tracer = PhotonTracer::new(&scene, &bvh, &lights, settings.seed, settings.bounces);
+        let photon_counts = tracer.trace(settings.photons, &mut grid);
+        let photons = PhotonTexture::upload(gpu, grid)?;
+
+        let mut statistics = Statistics {
+            scene: SceneCounts { triangles: scene.mesh.triangles.len(), lights: lights.len() },
+            photons: photon_counts,
+            ..Statistics::default()
+        };
+        statistics.seconds.photons = start.elapsed().as_secs_f64();
+        statistics.gather.layer_size = settings.layer_size;
+        gpu.finish();
+        gpu.check("preparing a render")?;
+        Ok(Self {
+            gpu: gpu.clone(),
+            directions: Directions::new(settings.sequence, settings.seed),
+            offsets: Recurrence::new(settings.seed ^ 0x0ff5e7),
+            settings: settings.clone(),
+            scene,
+            space,
+            lights,
+            geometry,
+            photons,
+            camera,
+            direct,
+            gather,
+            direct_sums,
+            gather_sums,
+            block: None,
+            done: 0,
+            film: PairwiseSum::default(),
+            statistics,
+        })
+    }
+
+    /// Directions gathered so far.
+    pub fn directions_done(&self) -> u32 {
+        self.done
+    }
+
+    pub fn is_done(&self) -> bool {
+        self.done == self.settings.directions
+    }
+
+    pub fn statistics(&self) -> &Statistics {
+        &self.statistics
+    }
+
+    /// Gathers along the next direction, if one is left.
+    ///
+    /// # Errors
+    /// [`crate::Error::Gl`] when the device fails; what was done before stays.
+    pub fn step(&mut self) -> Result<()> {
+        if self.is_done() {
+            return Ok(());
+        }
+        let mut block = match self.block.take() {
+            Some(block) => block,
+            None => self.begin_block()?,
+        };
+        self.gather_direction(&block.visible)?;
+        block.directions += 1;
+        self.done += 1;
+        if self.done.is_multiple_of(directions_per_block(self.settings.directions)) || self.is_done() {
+            let film = self.film_of(&block);
+            self.film.push(film);
+        } else {
+            self.block = Some(block);
+        }
+        Ok(())
+    }
+
+    /// The mean of what is gathered so far, with the channels of [`Film::image`]; black before the first direction.
+    pub fn picture(&self) -> Image {
+        let mut sum = self.film.clone();
+        if let Some(block) = &self.block {
+            sum.push(self.film_of(block));
+        }
+        match sum.total() {
+            Some(film) => film.image(&self.space),
+            None => Film::empty(self.settings.size).image(&self.space),
+        }
+    }
+
+    /// Visible points and direct light under the next sub-pixel offset.
+    fn begin_block(&mut self) -> Result<Block> {
+        let per_block = directions_per_block(self.settings.directions);
+        let index = u64::from(self.done / per_block);
+        let blocks = u64::from(self.settings.directions.div_ceil(per_block));
+
+        let start = Instant::now();
+        let offset = self.offsets.point(index);
+        let visible = self.camera.see(&self.gpu, &self.geometry, &self.scene.camera, offset.into());
+        self.statistics.seconds.visible_points += self.finish("finding visible points", start)?;
+
+        // Each block takes its share of one sequence of light samples, so that together they cover the lights evenly.
+        let start = Instant::now();
+        let light_samples = u64::from(self.settings.light_samples).div_ceil(blocks);
+        self.direct_sums.clear();
+        let points = self.camera.points(&visible);
+        for sample in index * light_samples..(index + 1) * light_samples {
+            self.direct.add(&self.gpu, &self.scene, &self.lights, &self.geometry, points, sample, &self.direct_sums);
+        }
+        self.statistics.seconds.direct += self.finish("direct light", start)?;
+
+        self.gather_sums.clear();
+        self.statistics.gather.points = visible.count;
+        Ok(Block { visible, directions: 0, light_samples: light_samples as u32 })
+    }
+
+    fn gather_direction(&mut self, visible: &Visible) -> Result<()> {
+        let start = Instant::now();
+        let direction = self.directions.get(self.done);
+        let bundle = Bundle::new(&direction, &self.geometry.positions, self.settings.layer_size);
+        let points = self.camera.points(visible);
+        let layers = self.gather.direction(&self.gpu, &self.geometry, &self.photons, points, &bundle, &self.gather_sums);
+        self.statistics.seconds.gather += self.finish("final gathering", start)?;
+        self.statistics.gather.add(visible.count, layers, self.statistics.seconds.gather);
+        Ok(())
+    }
+
+    fn film_of(&self, block: &Block) -> Film {
+        let (direct, gathered) = (self.direct_sums.read(), self.gather_sums.read());
+        Film::of_block(
+            self.settings.size,
+            &block.visible,
+            (&direct, block.light_samples),
+            (&gathered, block.directions),
+        )
+    }
+
+    /// Waits for the device and returns the seconds since `start`.
+    fn finish(&self, stage: &str, start: Instant) -> Result<f64> {
+        self.gpu.finish();
+        self.gpu.check(stage)?;
+        Ok(start.elapsed().as_secs_f64())
+    }
+}
+
+impl GatherCounts {
+    fn add(&mut self, points: u32, layers: u32, seconds: f64) {
+        self.directions += 1;
+        self.layers_sum += u64::from(layers);
+        self.samples += u64::from(points);
+        self.layers_max = self.layers_max.max(layers);
+        self.layers_mean = self.layers_sum as f64 / f64::from(self.directions);
+        self.ms_per_direction = 1e3 * seconds / f64::from(self.directions);
+        self.samples_per_second = self.samples as f64 / seconds;
+    }
+}

@@ -1,0 +1,48 @@
+//! Unit space: the scene moved and scaled so that its bounding box is centred on the origin and its corners lie on the unit sphere.
+//!
+//! All stages work there. A box one millimetre wide and one ten kilometres wide are then the same numbers, and one set of
+//! tolerances, derived from float precision at 1, serves every scene. Radiance and irradiance do not change with scale.
+
+use glam::{DVec3, Vec3};
+
+use super::{Camera, Scene};
+use crate::math::Aabb;
+
+/// The way back from unit space.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct UnitSpace {
+    /// World position of the origin.
+    center: DVec3,
+    /// World length of one unit.
+    scale: f64,
+}
+
+impl UnitSpace {
+    /// `scene` in unit space, and the way back.
+    pub fn enter(scene: &Scene) -> (Scene, Self) {
+        let bounds = Aabb::from_points(scene.mesh.positions.iter().copied());
+        let (min, max) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
+        let space = Self { center: 0.5 * (min + max), scale: 0.5 * (max - min).length() };
+        let mut scene = scene.clone();
+        for position in &mut scene.mesh.positions {
+            *position = space.from_world(*position);
+        }
+        let Camera { eye, target, up, fov_y_degrees } = scene.camera;
+        scene.camera = Camera { eye: space.from_world(eye), target: space.from_world(target), up, fov_y_degrees };
+        (scene, space)
+    }
+
+    fn from_world(self, position: Vec3) -> Vec3 {
+        ((position.as_dvec3() - self.center) / self.scale).as_vec3()
+    }
+
+    /// World position of a point in unit space.
+    pub fn to_world(self, position: Vec3) -> Vec3 {
+        (position.as_dvec3() * self.scale + self.center).as_vec3()
+    }
+
+    /// World length of a length in unit space.
+    pub fn length_to_world(self, length: f32) -> f32 {
+        (f64::from(length) * self.scale) as f32
+    }
+}

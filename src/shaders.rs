@@ -1,0 +1,30 @@
+//! Every shader program of the crate, from the sources in `glsl/`. Tests compile all of [`ALL`].
+
+use crate::gpu::ShaderSource;
+
+const INCLUDES: &[(&str, &str)] = &[
+    ("surface.glsl", include_str!("../glsl/include/surface.glsl")),
+    ("points.glsl", include_str!("../glsl/include/points.glsl")),
+    ("photon_grid.glsl", include_str!("../glsl/include/photon_grid.glsl")),
+];
+
+macro_rules! shader {
+    ($vertex:literal, $fragment:literal) => {
+        ShaderSource {
+            name: $fragment,
+            vertex: include_str!(concat!("../glsl/", $vertex, ".vert")),
+            fragment: include_str!(concat!("../glsl/", $fragment, ".frag")),
+            includes: INCLUDES,
+        }
+    };
+}
+
+pub static VISIBLE_POINTS: ShaderSource = shader!("surface", "visible_points");
+pub static SHADOW: ShaderSource = shader!("surface", "shadow");
+pub static DIRECT: ShaderSource = shader!("fullscreen", "direct");
+pub static PEEL: ShaderSource = shader!("surface", "peel");
+pub static KILL: ShaderSource = shader!("fullscreen", "kill");
+pub static ACCUMULATE: ShaderSource = shader!("fullscreen", "accumulate");
+
+/// All of the above.
+pub static ALL: [&ShaderSource; 6] = [&VISIBLE_POINTS, &SHADOW, &DIRECT, &PEEL, &KILL, &ACCUMULATE];
