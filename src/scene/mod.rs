@@ -8,10 +8,15 @@
 
 use glam::{Vec2, Vec3};
 
+use crate::math::Aabb;
 use crate::settings::Settings;
 
+mod camera;
 mod load;
+mod mtl;
 mod obj;
+mod polygon;
+mod scan;
 mod texture;
 
 /// Everything that is rendered.
@@ -27,6 +32,17 @@ pub struct Scene {
     pub warnings: Vec<String>,
 }
 
+impl Scene {
+    /// Linear reflectance at a point of a triangle, by the weights of its three corners.
+    pub fn albedo(&self, triangle: usize, barycentric: Vec3) -> Vec3 {
+        let Triangle { vertices: [a, b, c], material } = self.mesh.triangles[triangle];
+        let Material { albedo, albedo_texture, .. } = self.materials[material as usize];
+        let Some(texture) = albedo_texture else { return albedo };
+        let [a, b, c] = [a, b, c].map(|vertex| self.mesh.uvs[vertex as usize]);
+        albedo * self.textures[texture].sample_linear(a * barycentric.x + b * barycentric.y + c * barycentric.z)
+    }
+}
+
 /// Triangles with shared vertices.
 #[derive(Clone, Debug, Default)]
 pub struct Mesh {
@@ -36,6 +52,23 @@ pub struct Mesh {
     /// Texture coordinates, one a vertex, v up; zero where the file has none.
     pub uvs: Vec<Vec2>,
     pub triangles: Vec<Triangle>,
+}
+
+impl Mesh {
+    pub fn bounds(&self) -> Aabb {
+        Aabb::from_points(self.positions.iter().copied())
+    }
+
+    /// The corners' positions.
+    pub fn corners(&self, triangle: usize) -> [Vec3; 3] {
+        self.triangles[triangle].vertices.map(|vertex| self.positions[vertex as usize])
+    }
+
+    /// The unit normal of the face, on its front side; in f64, as thin triangles need.
+    pub fn geometric_normal(&self, triangle: usize) -> Vec3 {
+        let [a, b, c] = self.corners(triangle).map(|corner| corner.as_dvec3());
+        (b - a).cross(c - a).normalize().as_vec3()
+    }
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -56,6 +89,12 @@ pub struct Material {
     pub emission: Vec3,
     /// Into [`Scene::textures`].
     pub albedo_texture: Option<usize>,
+}
+
+impl Material {
+    pub fn is_emissive(&self) -> bool {
+        self.emission != Vec3::ZERO
+    }
 }
 
 /// An sRGB-encoded picture, repeated in both directions.
