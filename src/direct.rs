@@ -6,6 +6,7 @@
 
 use std::f32::consts::TAU;
 
+use glam::camera::rh::proj::opengl::frustum;
 use glam::{Mat3, Mat4, Vec3};
 
 use crate::error::Result;
@@ -67,10 +68,10 @@ impl Direct {
         let to_light = Mat4::from_mat3(axes.transpose()) * Mat4::from_translation(-light.position);
         let size = self.map.size()[0] as i32;
         self.map.clear([0.0; 4], 1.0);
-        let mut face = |right: Vec3, up: Vec3, outward: Vec3, region: [i32; 4]| {
+        let face = |right: Vec3, up: Vec3, outward: Vec3, region: [i32; 4]| {
             let lowest = if outward == Vec3::Z { -1.0 } else { 0.0 };
             // glam's frustum looks along -z.
-            let project = Mat4::frustum_rh_gl(-NEAR, NEAR, lowest * NEAR, NEAR, NEAR, FAR);
+            let project = frustum(-NEAR, NEAR, lowest * NEAR, NEAR, NEAR, FAR);
             let turn = Mat4::from_mat3(Mat3::from_cols(right, up, -outward).transpose());
             geometry.draw(
                 gpu,

@@ -7,7 +7,9 @@ use bytemuck::cast_slice;
 use glam::{Mat4, Vec3};
 
 use crate::error::Result;
-use crate::gpu::{Blend, DepthTest, Draw, Filter, Format, Geometry as Shape, Gpu, Program, Target, Texture, Uniform, VertexArray, Wrap};
+use crate::gpu::{
+    Blend, DepthTest, Draw, Filter, Format, Geometry as Shape, Gpu, Program, Target, Texture, Uniform, VertexArray, Wrap,
+};
 use crate::math::dominant_axis;
 use crate::scene::Scene;
 
@@ -61,7 +63,14 @@ impl Geometry {
         let mut textures = Vec::with_capacity(white + 1);
         for texture in &scene.textures {
             let size = [texture.width, texture.height];
-            textures.push(Texture::from_texels(gpu, Format::Srgb8Alpha8, size, Filter::Mipmapped, Wrap::Repeat, &texture.texels)?);
+            textures.push(Texture::from_texels(
+                gpu,
+                Format::Srgb8Alpha8,
+                size,
+                Filter::Mipmapped,
+                Wrap::Repeat,
+                &texture.texels,
+            )?);
         }
         textures.push(Texture::from_texels(gpu, Format::Srgb8Alpha8, [1, 1], Filter::Nearest, Wrap::Repeat, &[[255u8; 4]])?);
 

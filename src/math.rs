@@ -2,7 +2,7 @@
 
 use glam::{Mat3, Vec3};
 
-/// An axis-aligned bounding box.
+/// An axis-aligned box. [`Aabb::EMPTY`] holds no point, and any box joined with it stays as it is.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Aabb {
     pub min: Vec3,
@@ -10,18 +10,25 @@ pub struct Aabb {
 }
 
 impl Aabb {
-    /// The smallest box around `points`; of no points, an empty one with min above max.
+    pub const EMPTY: Self = Self { min: Vec3::INFINITY, max: Vec3::NEG_INFINITY };
+
     pub fn from_points(points: impl IntoIterator<Item = Vec3>) -> Self {
-        let empty = Self { min: Vec3::INFINITY, max: Vec3::NEG_INFINITY };
-        points.into_iter().fold(empty, |b, p| Self { min: b.min.min(p), max: b.max.max(p) })
+        let grow = |bounds: Self, point| Self { min: bounds.min.min(point), max: bounds.max.max(point) };
+        points.into_iter().fold(Self::EMPTY, grow)
     }
 
     pub fn center(&self) -> Vec3 {
-        0.5 * (self.min + self.max)
+        (self.min + self.max) * 0.5
     }
 
+    /// Lengths of the sides.
     pub fn extent(&self) -> Vec3 {
         self.max - self.min
+    }
+
+    /// Length from corner to corner: the diameter of the sphere around the box.
+    pub fn diagonal(&self) -> f32 {
+        self.extent().length()
     }
 }
 

@@ -246,12 +246,7 @@ impl Render {
 
     fn film_of(&self, block: &Block) -> Film {
         let (direct, gathered) = (self.direct_sums.read(), self.gather_sums.read());
-        Film::of_block(
-            self.settings.size,
-            &block.visible,
-            (&direct, block.light_samples),
-            (&gathered, block.directions),
-        )
+        Film::of_block(self.settings.size, &block.visible, (&direct, block.light_samples), (&gathered, block.directions))
     }
 
     /// Waits for the device and returns the seconds since `start`.

@@ -36,8 +36,8 @@ impl Bundle {
         let origin = corner.extend(bounds.min.z - 0.5 * (depth - bounds.extent().z));
         let unit = texel.extend(depth);
         let to_layer = Mat4::from_scale(unit.recip()) * Mat4::from_translation(-origin) * Mat4::from_mat3(to_axes);
-        let from_window = Mat4::from_translation(Vec3::splat(-1.0))
-            * Mat4::from_scale(Vec3::new(2.0 / size as f32, 2.0 / size as f32, 2.0));
+        let from_window =
+            Mat4::from_translation(Vec3::splat(-1.0)) * Mat4::from_scale(Vec3::new(2.0 / size as f32, 2.0 / size as f32, 2.0));
         Self {
             direction: direction.vector,
             to_layer,

@@ -8,7 +8,6 @@ use glutin::api::egl::{context::PossiblyCurrentContext, device::Device, display:
 use glutin::config::{ConfigSurfaceTypes, ConfigTemplateBuilder};
 use glutin::context::{ContextApi, ContextAttributesBuilder, GlProfile, Version};
 use glutin::display::GlDisplay;
-use glutin::prelude::NotCurrentGlContext;
 
 use super::osmesa::OsMesa;
 use crate::error::{Error, Result};

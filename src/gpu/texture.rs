@@ -36,7 +36,6 @@ pub struct Texture {
     kind: u32,
     format: Format,
     size: [u32; 3],
-    filter: Filter,
 }
 
 impl Format {
@@ -147,7 +146,7 @@ impl Texture {
             }
         }
         gpu.check("making a texture")?;
-        Ok(Self { resource, kind, format, size, filter })
+        Ok(Self { resource, kind, format, size })
     }
 
     pub fn width(&self) -> u32 {
@@ -178,13 +177,5 @@ impl Texture {
 
     pub(super) fn kind(&self) -> u32 {
         self.kind
-    }
-
-    pub(super) fn is_depth(&self) -> bool {
-        self.format == Format::Depth32F
-    }
-
-    pub(super) fn filter(&self) -> Filter {
-        self.filter
     }
 }

@@ -34,8 +34,7 @@ impl PhotonGrid {
         // Half a cell of margin on each side: surfaces on the bounds lie inside cells, not between two.
         let cells = (bounds.extent() / cell_size).ceil().as_uvec3() + 1;
         let origin = bounds.center() - 0.5 * cell_size * cells.as_vec3();
-        let mut grid =
-            Self { origin, cells, cell_size, sums: vec![[0.0; 4]; BINS * cells.element_product() as usize] };
+        let mut grid = Self { origin, cells, cell_size, sums: vec![[0.0; 4]; BINS * cells.element_product() as usize] };
         grid.add_area(mesh);
         grid
     }

@@ -84,7 +84,7 @@ impl<'a> PhotonTracer<'a> {
             let side = if normal.dot(direction) < 0.0 { normal } else { -normal };
             hits.push((grid.index(origin, dominant_axis(normal), side), flux));
 
-            let reflected = flux * self.scene.albedo_at(triangle, origin);
+            let reflected = flux * self.scene.albedo(triangle, self.scene.mesh.barycentric(triangle, origin));
             let survival = reflected.max_element() / flux.max_element();
             if random.uniform() >= survival {
                 return;

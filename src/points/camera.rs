@@ -1,5 +1,6 @@
 //! The points that a pinhole camera sees, one a pixel, by rasterisation. Mirrors `glsl/visible_points.frag`.
 
+use glam::camera::rh::{proj, view};
 use glam::{Mat4, Vec2, Vec3, Vec4};
 
 use super::Points;
@@ -74,10 +75,10 @@ impl CameraPoints {
 
 /// World to clip space. The near and far planes enclose the scene, so that depth is as precise as it can be.
 fn projection(camera: &Camera, geometry: &Geometry, aspect: f32) -> Mat4 {
-    let view = Mat4::look_at_rh(camera.eye, camera.target, camera.up);
+    let view = view::look_at_mat4(camera.eye, camera.target, camera.up);
     let depths = || geometry.positions.iter().map(|&position| -view.transform_point3(position).z);
     let far = depths().fold(0.0, f32::max).max(1e-3) * 1.001;
     // A scene around the eye leaves nothing to enclose; 1/5000 of the way is near enough for eyes inside rooms.
     let near = (depths().fold(f32::INFINITY, f32::min) * 0.999).max(far * 2e-4);
-    Mat4::perspective_rh_gl(camera.fov_y_degrees.to_radians(), aspect, near, far) * view
+    proj::opengl::perspective(camera.fov_y_degrees.to_radians(), aspect, near, far) * view
 }

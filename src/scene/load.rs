@@ -1,1 +1,176 @@
+//! Scene files (TOML) and bare models (OBJ) into a checked [`Scene`].
+//!
+//! A scene file names the model and overrides what the model says or cannot say:
+//!
+//! ```toml
+//! mesh = "room.obj"            # beside this file, as all file names here
+//!
+//! [camera]                     # without it: the whole model from the front
+//! eye = [278, 273, -800]
+//! target = [278, 273, 0]
+//! up = [0, 1, 0]               # the default
+//! fov_y_degrees = 39.3         # 40 by default
+//!
+//! [settings]                   # any field of `Settings`
+//! directions = 1000
+//!
+//! [materials.floor]            # a material of the model
+//! albedo = [0.5, 0.5, 0.5]
+//! emission = [0, 0, 0]
+//! albedo_texture = "tiles.png"
+//! ```
 
+use std::collections::BTreeMap;
+use std::fs;
+use std::ops::Range;
+use std::path::Path;
+
+use glam::{Vec2, Vec3};
+use serde::Deserialize;
+use toml::Spanned;
+
+use super::camera::DEFAULT_FOV_Y;
+use super::mtl::beside;
+use super::obj::{self, names};
+use super::texture::Textures;
+use super::{Camera, Material, Scene};
+use crate::error::{Error, Result};
+use crate::settings::Settings;
+
+impl Scene {
+    /// Reads a scene file (`.toml`) or a model (`.obj`), with everything that it names.
+    pub fn load(path: &Path) -> Result<Self> {
+        let extension = path.extension().unwrap_or_default();
+        if extension.eq_ignore_ascii_case("toml") {
+            return load_toml(path);
+        }
+        if extension.eq_ignore_ascii_case("obj") {
+            return build(path, Settings::default(), None, |_, _| Ok(()));
+        }
+        Err(Error::input(path, None, "not a kind of scene that can be read", "give a scene file (.toml) or a model (.obj)"))
+    }
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SceneFile {
+    mesh: Spanned<String>,
+    camera: Option<Spanned<CameraTable>>,
+    settings: Option<Spanned<Settings>>,
+    #[serde(default)]
+    materials: BTreeMap<Spanned<String>, MaterialTable>,
+}
+
+#[derive(Clone, Copy, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct CameraTable {
+    eye: [f32; 3],
+    target: [f32; 3],
+    #[serde(default = "upright")]
+    up: [f32; 3],
+    #[serde(default = "default_fov_y")]
+    fov_y_degrees: f32,
+}
+
+fn upright() -> [f32; 3] {
+    Vec3::Y.to_array()
+}
+
+fn default_fov_y() -> f32 {
+    DEFAULT_FOV_Y
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct MaterialTable {
+    albedo: Option<Spanned<[f32; 3]>>,
+    emission: Option<Spanned<[f32; 3]>>,
+    albedo_texture: Option<Spanned<String>>,
+}
+
+fn load_toml(path: &Path) -> Result<Scene> {
+    let text = fs::read_to_string(path).map_err(|error| {
+        Error::input(path, None, format!("cannot read this scene file: {error}"), "name an existing TOML file, in UTF-8")
+    })?;
+    let line = |span: Range<usize>| text[..span.start].matches('\n').count() + 1;
+    let error = |span, problem: String, cure: &str| Error::input(path, Some(line(span)), problem, cure);
+    let file: SceneFile = toml::from_str(&text).map_err(|fault| {
+        let cure = "a scene file has mesh, [camera], [settings] and [materials.NAME]; see the examples in scenes/";
+        Error::input(path, fault.span().map(line), fault.message().trim_end(), cure)
+    })?;
+
+    let settings = file.settings.map_or_else(Default::default, Spanned::into_inner);
+    settings.validate().map_err(|fault| match fault {
+        Error::Usage { problem, cure } => {
+            // The problem starts with the setting's name.
+            let name = problem.split_whitespace().next().unwrap_or_default().replace('-', "_");
+            let named = |line: &str| line.split('=').next().is_some_and(|key| key.trim() == name);
+            let line = text.lines().position(named).map(|index| index + 1);
+            Error::input(path, line, problem, cure)
+        }
+        other => other,
+    })?;
+
+    let camera = file.camera.map(|table| {
+        let CameraTable { eye, target, up, fov_y_degrees } = *table.get_ref();
+        let camera = Camera { eye: eye.into(), target: target.into(), up: up.into(), fov_y_degrees };
+        camera.check().map_err(|(problem, cure)| error(table.span(), problem, cure))
+    });
+
+    build(&beside(path, file.mesh.get_ref()), settings, camera.transpose()?, |materials, textures| {
+        for (name, table) in file.materials {
+            let known = names(materials);
+            let Some(material) = materials.iter_mut().find(|material| material.name == *name.get_ref()) else {
+                let problem = format!("the model has no material \"{}\"", name.get_ref());
+                return Err(error(name.span(), problem, &format!("name one that it has: {known}")));
+            };
+            if let Some(albedo) = table.albedo {
+                material.albedo = Vec3::from(*albedo.get_ref());
+                if !albedo.get_ref().iter().all(|value| (0.0..=1.0).contains(value)) {
+                    let problem = format!("albedo is {}", material.albedo);
+                    return Err(error(albedo.span(), problem, "give a reflectance from 0 to 1 for each of red, green and blue"));
+                }
+            }
+            if let Some(emission) = table.emission {
+                material.emission = Vec3::from(*emission.get_ref());
+                if !emission.get_ref().iter().all(|value| (0.0..=f32::MAX).contains(value)) {
+                    let problem = format!("emission is {}", material.emission);
+                    let cure = "give a finite radiance of 0 or more for each of red, green and blue";
+                    return Err(error(emission.span(), problem, cure));
+                }
+            }
+            if let Some(texture) = table.albedo_texture {
+                let named_at = format!("{}:{}", path.display(), line(texture.span()));
+                material.albedo_texture = Some(textures.load(&beside(path, texture.get_ref()), &named_at)?);
+            }
+        }
+        Ok(())
+    })
+}
+
+/// Loads a model, has `adjust` change its materials, and completes the scene.
+fn build(
+    model: &Path,
+    settings: Settings,
+    camera: Option<Camera>,
+    adjust: impl FnOnce(&mut [Material], &mut Textures) -> Result<()>,
+) -> Result<Scene> {
+    let mut textures = Textures::default();
+    let mut warnings = Vec::new();
+    let (mesh, mut materials) = obj::load(model, &mut textures, &mut warnings)?;
+    adjust(&mut materials, &mut textures)?;
+    if !mesh.triangles.iter().any(|triangle| materials[triangle.material as usize].is_emissive()) {
+        let cure = "give a material that the model uses Ke in the MTL file, or emission under [materials.NAME] in a scene file";
+        return Err(Error::input(model, None, "no light: no material in use has Ke above 0", cure));
+    }
+    let untextured = mesh.triangles.iter().filter(|triangle| {
+        let textured = materials[triangle.material as usize].albedo_texture.is_some();
+        textured && triangle.vertices.iter().all(|&vertex| mesh.uvs[vertex as usize] == Vec2::ZERO)
+    });
+    match untextured.count() {
+        0 => {}
+        count => warnings.push(format!("{count} triangles with a texture have no texture coordinates: each shows one colour")),
+    }
+    let camera = camera.unwrap_or_else(|| Camera::framing(mesh.bounds(), settings.size));
+    Ok(Scene { mesh, materials, textures: textures.list, camera, settings, warnings })
+}

@@ -8,11 +8,23 @@
 
 use glam::{Vec2, Vec3};
 
+use crate::math::Aabb;
 use crate::settings::Settings;
 
+mod bvh;
+mod camera;
+mod light;
 mod load;
+mod mtl;
 mod obj;
+mod polygon;
+mod scan;
 mod texture;
+mod unit_space;
+
+pub use bvh::{Bvh, Hit};
+pub use light::{LightPoint, Lights};
+pub use unit_space::UnitSpace;
 
 /// Everything that is rendered.
 #[derive(Clone, Debug)]
@@ -27,6 +39,21 @@ pub struct Scene {
     pub warnings: Vec<String>,
 }
 
+impl Scene {
+    /// The material of a triangle.
+    pub fn material(&self, triangle: usize) -> &Material {
+        &self.materials[self.mesh.triangles[triangle].material as usize]
+    }
+
+    /// Linear reflectance at a point of a triangle, by the weights of its three corners.
+    pub fn albedo(&self, triangle: usize, barycentric: Vec3) -> Vec3 {
+        let &Material { albedo, albedo_texture, .. } = self.material(triangle);
+        let Some(texture) = albedo_texture else { return albedo };
+        let [a, b, c] = self.mesh.triangles[triangle].vertices.map(|vertex| self.mesh.uvs[vertex as usize]);
+        albedo * self.textures[texture].sample_linear(a * barycentric.x + b * barycentric.y + c * barycentric.z)
+    }
+}
+
 /// Triangles with shared vertices.
 #[derive(Clone, Debug, Default)]
 pub struct Mesh {
@@ -36,6 +63,37 @@ pub struct Mesh {
     /// Texture coordinates, one a vertex, v up; zero where the file has none.
     pub uvs: Vec<Vec2>,
     pub triangles: Vec<Triangle>,
+}
+
+impl Mesh {
+    pub fn bounds(&self) -> Aabb {
+        Aabb::from_points(self.positions.iter().copied())
+    }
+
+    /// The corners' positions.
+    pub fn corners(&self, triangle: usize) -> [Vec3; 3] {
+        self.triangles[triangle].vertices.map(|vertex| self.positions[vertex as usize])
+    }
+
+    /// The unit normal of the face, on its front side; in f64, as thin triangles need.
+    pub fn geometric_normal(&self, triangle: usize) -> Vec3 {
+        let [a, b, c] = self.corners(triangle).map(|corner| corner.as_dvec3());
+        (b - a).cross(c - a).normalize().as_vec3()
+    }
+
+    pub fn area(&self, triangle: usize) -> f32 {
+        let [a, b, c] = self.corners(triangle);
+        0.5 * (b - a).cross(c - a).length()
+    }
+
+    /// Weights of the corners at a point of the triangle.
+    pub fn barycentric(&self, triangle: usize, position: Vec3) -> Vec3 {
+        let [a, b, c] = self.corners(triangle);
+        let normal = (b - a).cross(c - a);
+        let weight = |from: Vec3, to: Vec3| (to - from).cross(position - from).dot(normal) / normal.length_squared();
+        let (u, v) = (weight(c, a), weight(a, b));
+        Vec3::new(1.0 - u - v, u, v)
+    }
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -56,6 +114,12 @@ pub struct Material {
     pub emission: Vec3,
     /// Into [`Scene::textures`].
     pub albedo_texture: Option<usize>,
+}
+
+impl Material {
+    pub fn is_emissive(&self) -> bool {
+        self.emission != Vec3::ZERO
+    }
 }
 
 /// An sRGB-encoded picture, repeated in both directions.

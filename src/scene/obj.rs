@@ -1,1 +1,148 @@
+//! Wavefront OBJ and MTL into a mesh and its materials. [`load`] is the entry point.
+//!
+//! Polygons become triangles, corners with the same position, normal and texture coordinate share a vertex, and triangles
+//! without an area are left out. Shading is smooth only where the file has normals (`vn`); smoothing groups are not read.
 
+use std::collections::HashMap;
+use std::fs;
+use std::path::Path;
+
+use glam::{Vec2, Vec3};
+
+use super::mtl::{self, beside};
+use super::polygon::triangulate;
+use super::scan::{Named, scan};
+use super::texture::Textures;
+use super::{Material, Mesh, Triangle};
+use crate::error::{Error, Result};
+
+pub fn load(path: &Path, textures: &mut Textures, warnings: &mut Vec<String>) -> Result<(Mesh, Vec<Material>)> {
+    let bytes = fs::read(path).map_err(|error| {
+        Error::input(path, None, format!("cannot read this model: {error}"), "name an existing OBJ file that you may read")
+    })?;
+    let scan = scan(path, &bytes)?;
+    let mut materials = Vec::new();
+    for library in &scan.libraries {
+        load_library(path, library, &mut materials, textures, warnings)?;
+    }
+    let by_name: HashMap<_, _> = materials.iter().enumerate().map(|(index, m)| (m.name.clone(), index)).collect();
+    if let Some(unknown) = scan.materials.iter().find(|used| !by_name.contains_key(&used.name)) {
+        let problem = format!("no material library defines material \"{}\"", unknown.name);
+        let known = names(&materials);
+        let cure = format!("define it in a file that mtllib names, or use a defined one: {known}");
+        return Err(Error::input(path, Some(unknown.line), problem, cure));
+    }
+    // Only the names matter to tobj; the materials themselves are read already.
+    let (models, _) =
+        tobj::load_obj_buf(&mut scan.text.as_bytes(), &tobj::LoadOptions::default(), |_| Ok((Vec::new(), by_name.clone())))
+            .map_err(|error| Error::input(path, None, format!("this is not a valid OBJ: {error}"), "export the model again"))?;
+    let mesh = assemble(path, &models, &mut materials, warnings)?;
+    Ok((mesh, materials))
+}
+
+/// For messages: the names of all materials.
+pub fn names(materials: &[Material]) -> String {
+    match materials {
+        [] => "(there are none)".to_owned(),
+        _ => materials.iter().map(|material| material.name.as_str()).collect::<Vec<_>>().join(", "),
+    }
+}
+
+/// Adds the materials of the library, or libraries, that a `mtllib` names. A name defined again means the later definition.
+fn load_library(
+    obj: &Path,
+    library: &Named,
+    materials: &mut Vec<Material>,
+    textures: &mut Textures,
+    warnings: &mut Vec<String>,
+) -> Result<()> {
+    // The statement lists files, but exporters also write single names with spaces.
+    let files = if beside(obj, &library.name).is_file() {
+        vec![library.name.as_str()]
+    } else {
+        library.name.split_whitespace().collect()
+    };
+    for file in files {
+        let path = beside(obj, file);
+        let bytes = fs::read(&path).map_err(|error| {
+            let problem = format!("cannot read material library {}: {error}", path.display());
+            Error::input(obj, Some(library.line), problem, "put it there, or correct or remove the mtllib line")
+        })?;
+        for material in mtl::load(&path, &bytes, textures, warnings)? {
+            match materials.iter_mut().find(|known| known.name == material.name) {
+                Some(known) => *known = material,
+                None => materials.push(material),
+            }
+        }
+    }
+    Ok(())
+}
+
+fn assemble(path: &Path, models: &[tobj::Model], materials: &mut Vec<Material>, warnings: &mut Vec<String>) -> Result<Mesh> {
+    let mut mesh = Mesh::default();
+    let mut skipped = 0;
+    for model in models.iter().map(|model| &model.mesh).filter(|model| !model.indices.is_empty()) {
+        let material = model.material_id.unwrap_or_else(|| {
+            let default = Material { name: "default".into(), albedo: mtl::GREY, emission: Vec3::ZERO, albedo_texture: None };
+            materials.push(default);
+            materials.len() - 1
+        });
+        skipped += add_model(&mut mesh, model, material as u32);
+    }
+    let total = skipped + mesh.triangles.len();
+    match skipped {
+        0 => {}
+        _ if skipped == total => {
+            let cure = "check the export's scale, and that vertices differ";
+            return Err(Error::input(path, None, format!("none of the {total} triangles has an area"), cure));
+        }
+        1 => warnings.push(format!("1 of {total} triangles has no area and was skipped")),
+        _ => warnings.push(format!("{skipped} of {total} triangles have no area and were skipped")),
+    }
+    Ok(mesh)
+}
+
+/// Adds the faces of one tobj model, which all have the same material. Returns how many triangles have no area.
+fn add_model(mesh: &mut Mesh, model: &tobj::Mesh, material: u32) -> usize {
+    let vec3 = |values: &[f32], index: u32| Vec3::from_slice(&values[3 * index as usize..]);
+    let mut shared: HashMap<[u32; 3], u32> = HashMap::new();
+    let mut skipped = 0;
+    let mut first = 0;
+    // tobj leaves the arities out when there are only triangles.
+    let triangles = vec![3; model.indices.len() / 3];
+    for &arity in if model.face_arities.is_empty() { &triangles } else { &model.face_arities } {
+        let face = first..first + arity as usize;
+        first = face.end;
+        let corners: Vec<Vec3> = model.indices[face.clone()].iter().map(|&index| vec3(&model.positions, index)).collect();
+        let triangles = triangulate(&corners);
+        if triangles.is_empty() {
+            skipped += corners.len() - 2;
+        }
+        for triangle in triangles {
+            if !has_area(triangle.map(|corner| corners[corner])) {
+                skipped += 1;
+                continue;
+            }
+            let vertices = triangle.map(|corner| {
+                let at = face.start + corner;
+                let key = [model.indices[at], model.texcoord_indices[at], model.normal_indices[at]];
+                *shared.entry(key).or_insert_with(|| {
+                    mesh.positions.push(vec3(&model.positions, key[0]));
+                    mesh.uvs.push(Vec2::from_slice(&model.texcoords[2 * key[1] as usize..]));
+                    mesh.normals.push(vec3(&model.normals, key[2]));
+                    mesh.positions.len() as u32 - 1
+                })
+            });
+            mesh.triangles.push(Triangle { vertices, material });
+        }
+    }
+    skipped
+}
+
+/// Whether a normal can be computed in f32, on the GPU for one: the cross product of the edges must stand out from the
+/// rounding of its terms, and its square must not underflow.
+fn has_area(corners: [Vec3; 3]) -> bool {
+    let [a, b, c] = corners.map(|corner| corner.as_dvec3());
+    let longest = (b - a).length_squared().max((c - b).length_squared()).max((a - c).length_squared());
+    (b - a).cross(c - a).length() > (longest * 1e-6).max(1e-18)
+}

@@ -1,1 +1,94 @@
+//! Picture files into textures, and texels into linear reflectance.
+//!
+//! [`Textures::load`] reads each file once; [`Texture::sample_linear`] samples as the GPU does.
 
+use std::collections::HashMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::LazyLock;
+
+use glam::{Vec2, Vec3};
+use image::{ImageError, ImageReader, Limits};
+
+use super::Texture;
+use crate::error::{Error, Result};
+
+/// OpenGL 3.3 devices of today sample up to here.
+const LARGEST_SIDE: u32 = 16384;
+const MOST_MEMORY: u64 = 1 << 30;
+
+/// The textures loaded so far.
+#[derive(Default)]
+pub struct Textures {
+    pub list: Vec<Texture>,
+    by_file: HashMap<PathBuf, usize>,
+}
+
+impl Textures {
+    /// The index of the texture in `path`, a file that the statement at `named_at` asks for.
+    pub fn load(&mut self, path: &Path, named_at: &str) -> Result<usize> {
+        let file = fs::canonicalize(path).map_err(|error| {
+            let cure = format!("put the picture there, or correct its name at {named_at}");
+            Error::input(path, None, format!("cannot read this texture: {error}"), cure)
+        })?;
+        if let Some(&index) = self.by_file.get(&file) {
+            return Ok(index);
+        }
+        let texture = decode(&file).map_err(|error| {
+            let (problem, cure) = match error {
+                ImageError::Limits(_) => {
+                    ("is too large", format!("shrink it to at most {LARGEST_SIDE} pixels on a side and 1 GiB"))
+                }
+                _ => ("cannot be decoded", "save it again as 8-bit PNG, JPEG, TGA or BMP".to_owned()),
+            };
+            Error::input(path, None, format!("this texture, named at {named_at}, {problem}: {error}"), cure)
+        })?;
+        self.by_file.insert(file, self.list.len());
+        self.list.push(texture);
+        Ok(self.list.len() - 1)
+    }
+}
+
+fn decode(path: &Path) -> Result<Texture, ImageError> {
+    let mut reader = ImageReader::open(path)?.with_guessed_format()?;
+    let mut limits = Limits::default();
+    limits.max_image_width = Some(LARGEST_SIDE);
+    limits.max_image_height = Some(LARGEST_SIDE);
+    limits.max_alloc = Some(MOST_MEMORY);
+    reader.limits(limits);
+    let picture = reader.decode()?.into_rgba8();
+    let (width, height) = picture.dimensions();
+    Ok(Texture { width, height, texels: picture.into_raw().as_chunks().0.to_vec() })
+}
+
+/// sRGB decoding of a byte (IEC 61966-2-1).
+static LINEAR: LazyLock<[f32; 256]> = LazyLock::new(|| {
+    std::array::from_fn(|byte| match byte as f64 / 255.0 {
+        low @ ..=0.04045 => (low / 12.92) as f32,
+        high => ((high + 0.055) / 1.055).powf(2.4) as f32,
+    })
+});
+
+impl Texture {
+    /// Linear reflectance at `uv`: texels are decoded, then interpolated, and repeat in both directions. Equals GL_LINEAR with
+    /// GL_REPEAT on an sRGB texture that holds these rows and is sampled at (u, 1 - v).
+    pub fn sample_linear(&self, uv: Vec2) -> Vec3 {
+        let (left, right, x) = neighbours(uv.x, self.width);
+        let (above, below, y) = neighbours(1.0 - uv.y, self.height);
+        let row = |row| self.texel(left, row).lerp(self.texel(right, row), x);
+        row(above).lerp(row(below), y)
+    }
+
+    fn texel(&self, x: u32, y: u32) -> Vec3 {
+        let [r, g, b, _] = self.texels[y as usize * self.width as usize + x as usize];
+        Vec3::from([r, g, b].map(|byte| LINEAR[usize::from(byte)]))
+    }
+}
+
+/// The two texels on either side of a coordinate, whose centres lie at (i + 0.5) / `size`, and the weight of the second.
+fn neighbours(coordinate: f32, size: u32) -> (u32, u32, f32) {
+    let position = (coordinate - coordinate.floor()) * size as f32 - 0.5;
+    let first = position.floor();
+    let wrap = |index: i64| index.rem_euclid(size.into()) as u32;
+    (wrap(first as i64), wrap(first as i64 + 1), position - first)
+}

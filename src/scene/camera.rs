@@ -1,0 +1,45 @@
+//! Cameras that work: [`Camera::check`] for one that a person gave, [`Camera::framing`] for a scene without.
+
+use glam::Vec3;
+
+use super::Camera;
+use crate::math::Aabb;
+
+/// Angle of view where none is given, in degrees.
+pub const DEFAULT_FOV_Y: f32 = 40.0;
+
+impl Camera {
+    /// Sees all of `bounds` from the front (+z), a little above and to the right.
+    pub fn framing(bounds: Aabb, size: [u32; 2]) -> Self {
+        let half_height = (DEFAULT_FOV_Y / 2.0).to_radians();
+        let half_width = (half_height.tan() * size[0] as f32 / size[1] as f32).atan();
+        let distance = bounds.diagonal() / 2.0 / half_height.min(half_width).sin();
+        let target = bounds.center();
+        let eye = target + Vec3::new(0.35, 0.25, 1.0).normalize() * distance;
+        Self { eye, target, up: Vec3::Y, fov_y_degrees: DEFAULT_FOV_Y }
+    }
+
+    /// The camera with `up` of unit length, or what is wrong with it and the cure.
+    pub fn check(self) -> Result<Self, (String, &'static str)> {
+        for (name, value) in [("eye", self.eye), ("target", self.target), ("up", self.up)] {
+            if !value.is_finite() || value.abs().max_element() > 1e9 {
+                return Err((format!("camera {name} is {value}"), "give three finite numbers, none beyond 1e9"));
+            }
+        }
+        let Some(forward) = (self.target - self.eye).try_normalize() else {
+            return Err((format!("camera eye and target are both {}", self.eye), "move target to where the camera looks"));
+        };
+        let Some(up) = self.up.as_dvec3().try_normalize() else {
+            return Err(("camera up is zero".into(), "give a direction, such as [0, 1, 0]"));
+        };
+        if forward.as_dvec3().cross(up).length() < 1e-4 {
+            let problem = format!("camera up {} is parallel to the direction of view", self.up);
+            return Err((problem, "give an up direction across the view, such as [0, 0, 1] for a view straight down"));
+        }
+        if !(self.fov_y_degrees > 0.0 && self.fov_y_degrees < 180.0) {
+            let problem = format!("camera fov_y_degrees is {}", self.fov_y_degrees);
+            return Err((problem, "give an angle between 0 and 180 degrees"));
+        }
+        Ok(Self { up: up.as_vec3(), ..self })
+    }
+}
