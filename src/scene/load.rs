@@ -169,7 +169,8 @@ fn build(
     });
     match untextured.count() {
         0 => {}
-        count => warnings.push(format!("{count} triangles with a texture have no texture coordinates: each shows one colour")),
+        1 => warnings.push("1 triangle with a texture has no texture coordinates and shows one colour".to_owned()),
+        count => warnings.push(format!("{count} triangles with a texture have no texture coordinates and show one colour")),
     }
     let camera = camera.unwrap_or_else(|| Camera::framing(mesh.bounds(), settings.size));
     Ok(Scene { mesh, materials, textures: textures.list, camera, settings, warnings })
