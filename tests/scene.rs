@@ -181,9 +181,9 @@ fn triangles_without_area_are_skipped_and_counted() {
 #[test]
 fn text_of_other_encodings_and_systems_loads() {
     // UTF-8 with its mark, Windows line ends, Latin-1 in a comment and in a group, a material name with a space and a `#`.
-    let obj = b"\xEF\xBB\xBF# \xE9\r\nmtllib my lib.mtl\r\nmtllib m.mtl\r\nv 0 0 0\r\nv 1 0 0\r\nv 0 1 0\r\ng caf\xE9\r\n\
+    let obj = b"\xEF\xBB\xBFmtllib my lib.mtl\r\n# \xE9\r\nmtllib m.mtl\r\nv 0 0 0\r\nv 1 0 0\r\nv 0 1 0\r\ng caf\xE9\r\n\
                 usemtl\tbig #1\r\nf 1 2 3\r\n";
-    let mtl = b"newmtl big #1\r\n\tKd 0.5 # grey\r\n\tKs spectral gold.rfl\r\n\tKa 1\r\n\tKe 1 2 3\r\n";
+    let mtl = b"\xEF\xBB\xBFnewmtl big #1\r\n\tKd 0.5 # grey\r\n\tKs spectral gold.rfl\r\n\tKa 1\r\n\tKe 1 2 3\r\n";
     let scene = Folder::new(&[("m.obj", obj), ("my lib.mtl", mtl), ("m.mtl", MTL.as_bytes())]).load("m.obj");
     assert_eq!(scene.materials[0].name, "big #1");
     assert_eq!(scene.materials[0].albedo, Vec3::splat(0.5));
