@@ -156,9 +156,10 @@ fn scene_files() {
     for (toml, place, fragment) in &owned {
         check("s.toml", "s.toml", toml.as_bytes(), place, fragment);
     }
-    let cases: [(&[u8], &str, &str); 15] = [
+    let cases: [(&[u8], &str, &str); 16] = [
         (b"", "s.toml:1", "mesh"),
         (b"mesh = \n", "s.toml:1", ""),
+        ("mesh = 'm.obj'\n# \u{e9}\u{1f4a1}\n\u{e9} = 1".as_bytes(), "s.toml:3", ""),
         (b"mesh = 'm.obj'\nmash = 1", "s.toml:2", "mash"),
         (b"mesh = 'none.obj'\n", "none.obj", "cannot read this model"),
         (b"mesh = '\xff'", "s.toml", "UTF-8"),
