@@ -54,9 +54,10 @@ impl Scene {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct SceneFile {
-    mesh: Spanned<String>,
+    mesh: String,
     camera: Option<Spanned<CameraTable>>,
-    settings: Option<Spanned<Settings>>,
+    #[serde(default)]
+    settings: Settings,
     #[serde(default)]
     materials: BTreeMap<Spanned<String>, MaterialTable>,
 }
@@ -92,15 +93,14 @@ fn load_toml(path: &Path) -> Result<Scene> {
     let text = fs::read_to_string(path).map_err(|error| {
         Error::input(path, None, format!("cannot read this scene file: {error}"), "name an existing TOML file, in UTF-8")
     })?;
-    let line = |span: Range<usize>| text[..span.start].matches('\n').count() + 1;
+    let line = |span: Range<usize>| text.bytes().take(span.start).filter(|&byte| byte == b'\n').count() + 1;
     let error = |span, problem: String, cure: &str| Error::input(path, Some(line(span)), problem, cure);
     let file: SceneFile = toml::from_str(&text).map_err(|fault| {
         let cure = "a scene file has mesh, [camera], [settings] and [materials.NAME]; see the examples in scenes/";
         Error::input(path, fault.span().map(line), fault.message().trim_end(), cure)
     })?;
 
-    let settings = file.settings.map_or_else(Default::default, Spanned::into_inner);
-    settings.validate().map_err(|fault| match fault {
+    file.settings.validate().map_err(|fault| match fault {
         Error::Usage { problem, cure } => {
             // The problem starts with the setting's name.
             let name = problem.split_whitespace().next().unwrap_or_default().replace('-', "_");
@@ -117,7 +117,7 @@ fn load_toml(path: &Path) -> Result<Scene> {
         camera.check().map_err(|(problem, cure)| error(table.span(), problem, cure))
     });
 
-    build(&beside(path, file.mesh.get_ref()), settings, camera.transpose()?, |materials, textures| {
+    build(&beside(path, &file.mesh), file.settings, camera.transpose()?, |materials, textures| {
         for (name, table) in file.materials {
             let known = names(materials);
             let Some(material) = materials.iter_mut().find(|material| material.name == *name.get_ref()) else {
@@ -169,7 +169,8 @@ fn build(
     });
     match untextured.count() {
         0 => {}
-        count => warnings.push(format!("{count} triangles with a texture have no texture coordinates: each shows one colour")),
+        1 => warnings.push("1 triangle with a texture has no texture coordinates and shows one colour".to_owned()),
+        count => warnings.push(format!("{count} triangles with a texture have no texture coordinates and show one colour")),
     }
     let camera = camera.unwrap_or_else(|| Camera::framing(mesh.bounds(), settings.size));
     Ok(Scene { mesh, materials, textures: textures.list, camera, settings, warnings })

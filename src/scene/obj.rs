@@ -3,9 +3,9 @@
 //! Polygons become triangles, corners with the same position, normal and texture coordinate share a vertex, and triangles
 //! without an area are left out. Shading is smooth only where the file has normals (`vn`); smoothing groups are not read.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use glam::{Vec2, Vec3};
 
@@ -22,8 +22,22 @@ pub fn load(path: &Path, textures: &mut Textures, warnings: &mut Vec<String>) ->
     })?;
     let scan = scan(path, &bytes)?;
     let mut materials = Vec::new();
-    for library in &scan.libraries {
-        load_library(path, library, &mut materials, textures, warnings)?;
+    let mut read = HashSet::new();
+    for (library, line) in scan.libraries.iter().flat_map(|statement| library_files(path, statement)) {
+        if !read.insert(library.clone()) {
+            continue;
+        }
+        let bytes = fs::read(&library).map_err(|error| {
+            let problem = format!("cannot read material library {}: {error}", library.display());
+            Error::input(path, Some(line), problem, "put it there, or correct or remove the mtllib line")
+        })?;
+        // A name defined again means the later definition.
+        for material in mtl::load(&library, &bytes, textures, warnings)? {
+            match materials.iter_mut().find(|known: &&mut Material| known.name == material.name) {
+                Some(known) => *known = material,
+                None => materials.push(material),
+            }
+        }
     }
     let by_name: HashMap<_, _> = materials.iter().enumerate().map(|(index, m)| (m.name.clone(), index)).collect();
     if let Some(unknown) = scan.materials.iter().find(|used| !by_name.contains_key(&used.name)) {
@@ -48,34 +62,14 @@ pub fn names(materials: &[Material]) -> String {
     }
 }
 
-/// Adds the materials of the library, or libraries, that a `mtllib` names. A name defined again means the later definition.
-fn load_library(
-    obj: &Path,
-    library: &Named,
-    materials: &mut Vec<Material>,
-    textures: &mut Textures,
-    warnings: &mut Vec<String>,
-) -> Result<()> {
+/// The files that a `mtllib` names, each with the statement's line.
+fn library_files(obj: &Path, statement: &Named) -> Vec<(PathBuf, usize)> {
     // The statement lists files, but exporters also write single names with spaces.
-    let files = if beside(obj, &library.name).is_file() {
-        vec![library.name.as_str()]
-    } else {
-        library.name.split_whitespace().collect()
-    };
-    for file in files {
-        let path = beside(obj, file);
-        let bytes = fs::read(&path).map_err(|error| {
-            let problem = format!("cannot read material library {}: {error}", path.display());
-            Error::input(obj, Some(library.line), problem, "put it there, or correct or remove the mtllib line")
-        })?;
-        for material in mtl::load(&path, &bytes, textures, warnings)? {
-            match materials.iter_mut().find(|known| known.name == material.name) {
-                Some(known) => *known = material,
-                None => materials.push(material),
-            }
-        }
+    let whole = beside(obj, &statement.name);
+    if whole.is_file() {
+        return vec![(whole, statement.line)];
     }
-    Ok(())
+    statement.name.split_whitespace().map(|name| (beside(obj, name), statement.line)).collect()
 }
 
 fn assemble(path: &Path, models: &[tobj::Model], materials: &mut Vec<Material>, warnings: &mut Vec<String>) -> Result<Mesh> {

@@ -25,12 +25,12 @@ pub fn triangulate(corners: &[Vec3]) -> Vec<[usize; 3]> {
 }
 
 /// The corners in the polygon's own plane, counter-clockwise. The plane's normal is Newell's, which also serves polygons that
-/// are not quite flat; f64 and a local origin keep small polygons far from the origin apart.
+/// are not quite flat; f64 holds the products of f32 coordinates exactly, so small polygons may lie far from the origin.
 fn project(corners: &[Vec3]) -> Option<Vec<DVec2>> {
-    let local: Vec<DVec3> = corners.iter().map(|&corner| corner.as_dvec3() - corners[0].as_dvec3()).collect();
-    let next = local.iter().cycle().skip(1);
-    let normal = local.iter().zip(next).map(|(a, b)| a.cross(*b)).sum::<DVec3>().try_normalize()?;
+    let corners: Vec<DVec3> = corners.iter().map(|corner| corner.as_dvec3()).collect();
+    let next = corners.iter().cycle().skip(1);
+    let normal = corners.iter().zip(next).map(|(a, b)| a.cross(*b)).sum::<DVec3>().try_normalize()?;
     let x = normal.any_orthonormal_vector();
     let y = normal.cross(x);
-    Some(local.iter().map(|p| DVec2::new(p.dot(x), p.dot(y))).collect())
+    Some(corners.iter().map(|p| DVec2::new(p.dot(x), p.dot(y))).collect())
 }

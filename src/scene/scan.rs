@@ -18,13 +18,13 @@ const FARTHEST: f32 = 1e9;
 /// What [`scan`] found. `text` refers to all material libraries by one `mtllib` line at its top.
 pub struct Scan {
     pub text: String,
-    /// The `mtllib` statements, each once.
+    /// The `mtllib` statements.
     pub libraries: Vec<Named>,
-    /// The `usemtl` statements, each material once.
+    /// The `usemtl` statements, the first of each material.
     pub materials: Vec<Named>,
 }
 
-/// A name and the line that uses it first.
+/// A name and the line that uses it.
 pub struct Named {
     pub name: String,
     pub line: usize,
@@ -68,6 +68,7 @@ struct Scanner<'a> {
     faces: String,
     libraries: Vec<Named>,
     materials: Vec<Named>,
+    /// Names of `materials`.
     seen: HashSet<String>,
 }
 
@@ -114,13 +115,11 @@ impl<'a> Scanner<'a> {
             }
             "usemtl" => {
                 _ = writeln!(self.faces, "usemtl {rest}");
-                if self.seen.insert(format!("usemtl {rest}")) {
+                if self.seen.insert(rest.to_owned()) {
                     self.materials.push(Named { name: rest.to_owned(), line: self.line });
                 }
             }
-            "mtllib" if self.seen.insert(format!("mtllib {rest}")) => {
-                self.libraries.push(Named { name: rest.to_owned(), line: self.line });
-            }
+            "mtllib" => self.libraries.push(Named { name: rest.to_owned(), line: self.line }),
             _ => {}
         }
         Ok(())
@@ -164,7 +163,8 @@ impl<'a> Scanner<'a> {
             _ => match count.checked_add_signed(index as isize) {
                 Some(before) => before + 1,
                 None => {
-                    let problem = format!("face corner {corner} refers {} {statement} back, but there are {count}", -index);
+                    let problem =
+                        format!("face corner {corner} refers {} {statement} back, but there are {count}", index.unsigned_abs());
                     return self.error(problem, "correct the index, or export the model again");
                 }
             },
@@ -200,7 +200,7 @@ impl<'a> Scanner<'a> {
         let mut values = [0.0; 3];
         for (found, value) in values[..count].iter_mut().enumerate() {
             let Some(word) = words.next() else {
-                return self.error(format!("{keyword} has {found} numbers"), format!("give {count}"));
+                return self.error(format!("{keyword} has {found} of {count} numbers"), "give the missing ones");
             };
             let Ok(number) = word.parse() else {
                 return self.error(format!("{keyword} has \"{word}\" for a number"), "give finite numbers");

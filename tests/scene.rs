@@ -1,0 +1,301 @@
+//! Loading scenes: what the data means, and that each malformed input is reported at its place.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use finalgather::scene::{Mesh, Scene, Texture};
+use finalgather::settings::Settings;
+use glam::{Vec2, Vec3, vec2, vec3};
+use tempfile::TempDir;
+
+/// Files in a folder of their own.
+struct Folder(TempDir);
+
+impl Folder {
+    fn new(files: &[(&str, &[u8])]) -> Self {
+        let folder = Self(tempfile::tempdir().unwrap());
+        for (name, contents) in files {
+            fs::write(folder.path(name), contents).unwrap();
+        }
+        folder
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    fn load(&self, name: &str) -> Scene {
+        Scene::load(&self.path(name)).unwrap_or_else(|error| panic!("{error}"))
+    }
+}
+
+const MTL: &str = "newmtl lamp\nKe 5 5 5\nnewmtl wall\nKd 0.2 0.4 0.6\n";
+
+/// A lit triangle; statements that are added after it use material `wall`. The added text starts at line 7.
+const LIT: &str = "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl lamp\nf 1 2 3\n";
+
+fn load_lit(more: &str) -> Scene {
+    let obj = format!("{LIT}usemtl wall\n{more}");
+    Folder::new(&[("m.obj", obj.as_bytes()), ("m.mtl", MTL.as_bytes())]).load("m.obj")
+}
+
+fn area(mesh: &Mesh, triangles: std::ops::Range<usize>) -> f32 {
+    triangles
+        .map(|triangle| {
+            let [a, b, c] = mesh.corners(triangle);
+            (b - a).cross(c - a).length() / 2.0
+        })
+        .sum()
+}
+
+/// A one-colour PNG, 24 bits a pixel.
+fn png(width: u32, height: u32, color: [u8; 3]) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    let picture = image::RgbImage::from_pixel(width, height, image::Rgb(color));
+    picture.write_to(&mut std::io::Cursor::new(&mut bytes), image::ImageFormat::Png).unwrap();
+    bytes
+}
+
+#[test]
+fn cornell_box_loads_exactly() {
+    let scene = Scene::load(Path::new("scenes/cornell.toml")).unwrap();
+    assert_eq!(scene.mesh.triangles.len(), 32);
+    let names: Vec<_> = scene.materials.iter().map(|material| material.name.as_str()).collect();
+    assert_eq!(names, ["white", "red", "green", "light"]);
+    assert_eq!(scene.materials[1].albedo, vec3(0.63, 0.065, 0.05));
+    assert_eq!(scene.camera.eye, vec3(278.0, 273.0, -800.0));
+    assert_eq!(scene.camera.fov_y_degrees, 39.3077);
+    assert_eq!(scene.settings, Settings::default());
+    assert_eq!(scene.warnings, [""; 0]);
+
+    let lights: Vec<_> = (0..32).filter(|&t| scene.materials[scene.mesh.triangles[t].material as usize].is_emissive()).collect();
+    assert_eq!(lights, [30, 31]);
+    assert_eq!(scene.materials[3].emission, vec3(17.0, 12.0, 4.0));
+    assert_eq!(area(&scene.mesh, 30..32), 130.0 * 105.0);
+    for light in lights {
+        assert_eq!(scene.mesh.geometric_normal(light), Vec3::NEG_Y);
+        assert!(scene.mesh.corners(light).iter().all(|corner| corner.y == 548.7));
+    }
+    assert_eq!(scene.mesh.bounds().max, vec3(556.0, 548.8, 559.2));
+    assert!(scene.mesh.normals.iter().all(|normal| *normal == Vec3::ZERO));
+    // Each material's corners are shared: the floor has 4, not 6.
+    assert_eq!(scene.mesh.triangles[0].vertices, [0, 1, 2]);
+    assert_eq!(scene.mesh.triangles[1].vertices, [0, 2, 3]);
+}
+
+#[test]
+fn textured_demo_multiplies_colour_and_tile() {
+    let scene = Scene::load(Path::new("scenes/cornell_textured.toml")).unwrap();
+    assert_eq!((scene.settings.directions, scene.textures.len()), (2000, 1));
+    assert_eq!(scene.warnings, [""; 0]);
+    // The second tile from the left, nearest to the viewer, in front of the short block: red, (226, 52, 36) in sRGB. The
+    // floor's first triangle runs along the front edge: from corner 2 at the origin, 3/8 of the way to corner 1, 1/8 to
+    // corner 3.
+    let corner_1 = 0.375 / 0.994245;
+    let corner_3 = 0.125 / 1.00576;
+    let albedo = scene.albedo(0, vec3(corner_1, 1.0 - corner_1 - corner_3, corner_3));
+    assert!((albedo - vec3(0.7605, 0.0343, 0.0176)).abs().max_element() < 1e-4, "{albedo}");
+    // White walls have no texture.
+    assert_eq!(scene.albedo(2, Vec3::X), vec3(0.725, 0.71, 0.68));
+}
+
+#[test]
+fn polygons_of_any_shape_keep_area_and_winding() {
+    // Each with its doubled area about its normal, times the normal.
+    let cases = [
+        // An arrowhead whose reflex corner is the third, so that a fan from the first turns over; facing +z, then -z.
+        ("v 0 0 5\nv 4 0 5\nv 1 1 5\nv 0 4 5\nf -4 -3 -2 -1", vec3(0.0, 0.0, 8.0)),
+        ("v 4 0 5\nv 1 1 5\nv 0 4 5\nv 0 0 5\nf -4 -3 -2 -1", vec3(0.0, 0.0, 8.0)),
+        ("v 4 0 5\nv 1 1 5\nv 0 4 5\nv 0 0 5\nf -1 -2 -3 -4", vec3(0.0, 0.0, -8.0)),
+        // A U of eight corners in the plane x = 2, and the same seen from behind.
+        (
+            "v 2 0 0\nv 2 3 0\nv 2 3 3\nv 2 2 3\nv 2 2 1\nv 2 1 1\nv 2 1 3\nv 2 0 3\nf -8 -7 -6 -5 -4 -3 -2 -1",
+            vec3(14.0, 0.0, 0.0),
+        ),
+        (
+            "v 2 0 0\nv 2 3 0\nv 2 3 3\nv 2 2 3\nv 2 2 1\nv 2 1 1\nv 2 1 3\nv 2 0 3\nf -1 -2 -3 -4 -5 -6 -7 -8",
+            vec3(-14.0, 0.0, 0.0),
+        ),
+        // A straight corner.
+        ("v 0 0 1\nv 1 0 1\nv 2 0 1\nv 2 2 1\nv 0 2 1\nf -5 -4 -3 -2 -1", vec3(0.0, 0.0, 8.0)),
+        // Small and far away.
+        ("v 1e6 1e6 0\nv 1000001 1e6 0\nv 1000001 1000001 0\nv 1e6 1000001 0\nf -4 -3 -2 -1", vec3(0.0, 0.0, 2.0)),
+    ];
+    for (polygon, expected) in cases {
+        let Scene { mesh, warnings, .. } = load_lit(polygon);
+        assert_eq!(warnings, [""; 0], "{polygon}");
+        let mut sum = Vec3::ZERO;
+        for triangle in 1..mesh.triangles.len() {
+            assert!(
+                mesh.geometric_normal(triangle).dot(expected.normalize()) > 0.999,
+                "{polygon}: triangle {triangle} turned over"
+            );
+            let [a, b, c] = mesh.corners(triangle);
+            sum += (b - a).cross(c - a);
+        }
+        assert!((sum - expected).length() < 1e-4, "{polygon}: {sum}");
+    }
+}
+
+#[test]
+fn faces_refer_back_forward_and_absolutely() {
+    // The middle face comes before its vertices; polylines of three points are not faces; numbers may precede a comment.
+    let more = "g a\nv 0 0 7\nv 1 0 7 # comment\nv 0 1 7\nf -3 -2 -1\no b\nf 7 8 9 # comment\nv 0 0 8\nv 1 0 8\nv 0 1 8\n\
+                g c\nl 1 2 3\nf 4 5 6 \n";
+    let Scene { mesh, .. } = load_lit(more);
+    let heights: Vec<_> = (0..mesh.triangles.len()).map(|triangle| mesh.corners(triangle).map(|corner| corner.z)).collect();
+    assert_eq!(heights, [[0.0; 3], [7.0; 3], [8.0; 3], [7.0; 3]]);
+    // The last face repeats the second, and shares its vertices though it is in another group.
+    assert_eq!(mesh.triangles[1], mesh.triangles[3]);
+    assert_eq!(mesh.positions.len(), 9);
+}
+
+#[test]
+fn normals_and_texture_coordinates_stay_with_their_corners() {
+    let more = "vn 0 0 3\nvn 0 0 0\nvn nan 0 0\nvn 0 1e30 0\nvt 0.25 0.5\nvt 0.75\ns 1\n\
+                f 1/1/1 2/2/2 3//3\nf 1//4 2/2 3\nf 1//1 2//1 3//1";
+    let Scene { mesh, .. } = load_lit(more);
+    let normals = |triangle: usize| mesh.triangles[triangle].vertices.map(|vertex| mesh.normals[vertex as usize]);
+    let uvs = |triangle: usize| mesh.triangles[triangle].vertices.map(|vertex| mesh.uvs[vertex as usize]);
+    assert_eq!(normals(0), [Vec3::ZERO; 3]);
+    assert_eq!(normals(1), [Vec3::Z, Vec3::ZERO, Vec3::ZERO]);
+    assert_eq!(normals(2), [Vec3::Y, Vec3::ZERO, Vec3::ZERO]);
+    assert_eq!(normals(3), [Vec3::Z; 3]);
+    assert_eq!(uvs(1), [vec2(0.25, 0.5), vec2(0.75, 0.0), Vec2::ZERO]);
+    assert_eq!(uvs(2), [Vec2::ZERO, vec2(0.75, 0.0), Vec2::ZERO]);
+    // The lamp has 3 vertices. Of the wall's 9 corners, two meet: 2/2 with the first face's 2/2/2 does not, as the normals'
+    // indices differ.
+    assert_eq!(mesh.positions.len(), 12);
+}
+
+#[test]
+fn triangles_without_area_are_skipped_and_counted() {
+    let degenerate = "v 5 5 5\nv 6 6 6\nv 7 7 7\nv 7 7 7.0000005\nf 4 5 7\nf 1 1 2\nf 4 6 5 4\nf 1 2 4\n";
+    let Scene { mesh, warnings, .. } = load_lit(degenerate);
+    assert_eq!(warnings, ["4 of 6 triangles have no area and were skipped"]);
+    assert_eq!(mesh.triangles.len(), 2);
+    assert_eq!(load_lit("f 1 1 1").warnings, ["1 of 2 triangles has no area and was skipped"]);
+    assert!(mesh.bounds().max.max_element() == 5.0, "vertices of skipped triangles stay out");
+}
+
+#[test]
+fn text_of_other_encodings_and_systems_loads() {
+    // UTF-8 with its mark, Windows line ends, Latin-1 in a comment and in a group, a material name with a space and a `#`.
+    let obj = b"\xEF\xBB\xBFmtllib my lib.mtl\r\n# \xE9\r\nmtllib m.mtl\r\nv 0 0 0\r\nv 1 0 0\r\nv 0 1 0\r\ng caf\xE9\r\n\
+                usemtl\tbig #1\r\nf 1 2 3\r\n";
+    let mtl = b"\xEF\xBB\xBFnewmtl big #1\r\n\tKd 0.5 # grey\r\n\tKs spectral gold.rfl\r\n\tKa 1\r\n\tKe 1 2 3\r\n";
+    let scene = Folder::new(&[("m.obj", obj), ("my lib.mtl", mtl), ("m.mtl", MTL.as_bytes())]).load("m.obj");
+    assert_eq!(scene.materials[0].name, "big #1");
+    assert_eq!(scene.materials[0].albedo, Vec3::splat(0.5));
+    assert_eq!(scene.materials[0].emission, vec3(1.0, 2.0, 3.0));
+}
+
+#[test]
+fn several_libraries_and_the_default_material() {
+    let obj = b"mtllib a.mtl b.mtl\nmtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\nusemtl lamp\nf 1 2 3\n";
+    let scene = Folder::new(&[
+        ("m.obj", obj),
+        ("a.mtl", b"newmtl lamp\nKd 1 1 1\nnewmtl twice\nKd 0 0 0"),
+        ("b.mtl", b"newmtl twice\nKd 1 0 1\nnewmtl lamp\nKe 2 2 2"),
+    ])
+    .load("m.obj");
+    let materials: Vec<_> = scene.materials.iter().map(|m| (m.name.as_str(), m.albedo, m.emission)).collect();
+    // The repeated library is read once, so that b.mtl's definitions are the later ones, and hold.
+    let grey = Vec3::splat(0.5);
+    let (purple, light) = (vec3(1.0, 0.0, 1.0), Vec3::splat(2.0));
+    assert_eq!(materials, [("lamp", grey, light), ("twice", purple, Vec3::ZERO), ("default", grey, Vec3::ZERO)]);
+    assert_eq!(scene.mesh.triangles.iter().map(|triangle| triangle.material).collect::<Vec<_>>(), [2, 0]);
+}
+
+#[test]
+fn textures_decode_srgb_and_interpolate_linearly() {
+    // Top row black and white, bottom row mid-grey and red.
+    let texels = vec![[0, 0, 0, 255], [255, 255, 255, 0], [188, 188, 188, 255], [255, 0, 10, 255]];
+    let texture = Texture { width: 2, height: 2, texels };
+    let grey = Vec3::splat(0.502_886_5);
+    let red = vec3(1.0, 0.0, 0.003_035_27);
+    for (uv, expected) in [
+        // Texel centres, v up.
+        (vec2(0.25, 0.75), Vec3::ZERO),
+        (vec2(0.75, 0.75), Vec3::ONE),
+        (vec2(0.25, 0.25), grey),
+        (vec2(0.75, 0.25), red),
+        // Between them, on linear values.
+        (vec2(0.5, 0.75), Vec3::splat(0.5)),
+        (vec2(0.375, 0.25), grey.lerp(red, 0.25)),
+        (vec2(0.5, 0.5), (Vec3::ONE + grey + red) / 4.0),
+        // Over the edges, to the opposite side.
+        (vec2(0.0, 0.75), Vec3::splat(0.5)),
+        (vec2(0.75, 1.0), (Vec3::ONE + red) / 2.0),
+        (vec2(-2.75, 7.25), grey),
+        (vec2(1e30, -1e30), (Vec3::ONE + grey + red) / 4.0),
+    ] {
+        let sample = texture.sample_linear(uv);
+        assert!((sample - expected).abs().max_element() < 1e-6, "{uv}: {sample}, not {expected}");
+    }
+}
+
+#[test]
+fn texture_files_of_any_depth_are_loaded_once() {
+    let mtl = "newmtl a\nmap_Kd -clamp on -s 1 1 -o 0.5 my tiles\\red one.png\nKe 1 1 1\n\
+               newmtl b\nmap_Kd my tiles/red one.png\nKd 0.5 0.5 0.5\nnewmtl c\nmap_Kd grey.png\nmap_Ke glow.png\n";
+    let obj = "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nusemtl a\nf 1/1 2/2 3/3\nusemtl b\nf 1 2 3\n";
+    let folder = Folder::new(&[("m.obj", obj.as_bytes()), ("m.mtl", mtl.as_bytes())]);
+    fs::create_dir(folder.path("my tiles")).unwrap();
+    fs::write(folder.path("my tiles/red one.png"), png(3, 2, [255, 0, 0])).unwrap();
+    image::ImageBuffer::from_pixel(1, 1, image::Luma([0x8000_u16])).save(folder.path("grey.png")).unwrap();
+
+    let scene = folder.load("m.obj");
+    let used: Vec<_> = scene.materials.iter().map(|material| (material.albedo, material.albedo_texture)).collect();
+    assert_eq!(used, [(Vec3::ONE, Some(0)), (Vec3::splat(0.5), Some(0)), (Vec3::ONE, Some(1))]);
+    assert_eq!(scene.textures.len(), 2);
+    assert_eq!(scene.textures[0], Texture { width: 3, height: 2, texels: vec![[255, 0, 0, 255]; 6] });
+    assert_eq!(scene.textures[1].texels, [[128, 128, 128, 255]]);
+    assert_eq!(scene.albedo(1, Vec3::X), vec3(0.5, 0.0, 0.0));
+    let warnings = scene.warnings.join("\n");
+    for part in ["m.mtl:2: options of map_Kd are ignored", "m.mtl:9: map_Ke is ignored", "1 triangle with a texture has no"] {
+        assert!(warnings.contains(part), "{warnings}");
+    }
+    assert_eq!(scene.warnings.len(), 3);
+}
+
+#[test]
+fn scene_files_override_the_model() {
+    let obj = format!("{LIT}usemtl wall\nf 1 2 3");
+    let toml = b"mesh = 'm.obj'\n[materials.lamp]\nemission = [0, 0, 0]\nalbedo = [0.1, 0.2, 0.3]\n\
+                 [materials.wall]\nemission = [7, 8, 9]\nalbedo_texture = 'red.png'\n[settings]\nseed = 4\npipeline = 'kill'\n";
+    let red = png(1, 1, [255, 0, 0]);
+    let files: [(&str, &[u8]); 4] = [("m.obj", obj.as_bytes()), ("m.mtl", MTL.as_bytes()), ("s.TOML", toml), ("red.png", &red)];
+    let scene = Folder::new(&files).load("s.TOML");
+    assert_eq!(scene.settings, Settings { seed: 4, ..Settings::default() });
+    assert_eq!((scene.materials[0].albedo, scene.materials[0].emission), (vec3(0.1, 0.2, 0.3), Vec3::ZERO));
+    assert_eq!((scene.materials[1].albedo, scene.materials[1].emission), (vec3(0.2, 0.4, 0.6), vec3(7.0, 8.0, 9.0)));
+    assert_eq!(scene.albedo(1, Vec3::X), vec3(0.2, 0.0, 0.0));
+}
+
+#[test]
+fn missing_cameras_frame_the_model_and_partial_ones_are_completed() {
+    let obj = format!("{LIT}v -8 3 900\nf 1 2 -1");
+    let folder = Folder::new(&[
+        ("m.obj", obj.as_bytes()),
+        ("m.mtl", MTL.as_bytes()),
+        ("tall.toml", b"mesh = 'm.obj'\nsettings.size = [100, 300]"),
+        ("own.toml", b"mesh = 'm.obj'\ncamera = { eye = [0, 0, 5], target = [0, 0, 0], up = [0, 1e-30, 0] }"),
+    ]);
+    for (name, aspect) in [("m.obj", 1.0), ("tall.toml", 1.0 / 3.0)] {
+        let Scene { camera, mesh, .. } = folder.load(name);
+        let forward = (camera.target - camera.eye).normalize();
+        let right = forward.cross(camera.up).normalize();
+        let up = right.cross(forward);
+        let tan = (camera.fov_y_degrees / 2.0).to_radians().tan();
+        assert!(forward.z < -0.8 && forward.y < 0.0 && forward.x < 0.0, "{camera:?}");
+        let inside = |point: &Vec3| {
+            let d = *point - camera.eye;
+            let depth = d.dot(forward);
+            d.dot(right).abs() < depth * tan * aspect && d.dot(up).abs() < depth * tan
+        };
+        assert!(mesh.positions.iter().all(inside), "{name}: {camera:?}");
+    }
+    let camera = folder.load("own.toml").camera;
+    assert_eq!((camera.up, camera.fov_y_degrees), (Vec3::Y, 40.0));
+}
