@@ -15,14 +15,22 @@ fn main() {
             "shadow" => s.shadow_size = v.parse().unwrap(),
             "stop" => s.stop_fraction = v.parse().unwrap(),
             "seed" => s.seed = v.parse().unwrap(),
-            "seq" => s.sequence = match v { "random" => settings::Sequence::Random, "sobol" => settings::Sequence::Sobol, _ => settings::Sequence::R2 },
+            "seq" => {
+                s.sequence = match v {
+                    "random" => settings::Sequence::Random,
+                    "sobol" => settings::Sequence::Sobol,
+                    _ => settings::Sequence::R2,
+                }
+            }
             _ => panic!("{k}"),
         }
     }
     scene.settings = s.clone();
     let gpu = gpu::Gpu::headless(gpu::Backend::Auto, gpu::DeviceChoice::Auto).unwrap();
     let mut r = render::Render::new(&gpu, &scene, &s).unwrap();
-    while !r.is_done() { r.step().unwrap(); }
+    while !r.is_done() {
+        r.step().unwrap();
+    }
     let im = r.picture();
     println!("{:?}", r.statistics());
     let o = image::WriteOptions { exposure: s.exposure, metadata: None };

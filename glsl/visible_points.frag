@@ -4,6 +4,9 @@
 #include "surface.glsl"
 #include "points.glsl"
 
+in vec3 surface_position;
+in vec3 surface_normal;
+
 uniform vec3 eye;
 uniform vec3 forward;
 
@@ -14,7 +17,7 @@ layout(location = 3) out vec4 emission_out;     // w: distance along the view ax
 
 void main()
 {
-    Surface surface = fetch_surface();
+    Surface surface = fetch_surface(first_triangle + gl_PrimitiveID);
     vec3 to_eye = eye - surface_position;
     bool front = dot(surface.normal, to_eye) > 0.0;
     vec3 geometric = front ? surface.normal : -surface.normal;
@@ -25,6 +28,7 @@ void main()
     vec2 code = octahedral_encode(geometric);
     position_out = vec4(surface_position, code.x);
     normal_out = vec4(shading, code.y);
-    albedo_out = vec4(surface_albedo(surface.material, dFdx(surface_uv), dFdy(surface_uv)), 1.0);
-    emission_out = vec4(front ? surface_emission(surface.material) : vec3(0.0), -dot(forward, to_eye));
+    vec3 texel = texture(albedo_texture, texture_coordinates(surface, surface_position)).rgb;
+    albedo_out = vec4(plain_albedo(surface) * texel, 1.0);
+    emission_out = vec4(front ? emission(surface) : vec3(0.0), -dot(forward, to_eye));
 }

@@ -11,7 +11,7 @@ use glam::{Mat3, Mat4, Vec3};
 
 use crate::error::Result;
 use crate::geometry::{Geometry, SurfacePass};
-use crate::gpu::{DepthTest, Gpu, Program, Target, Uniform};
+use crate::gpu::{DepthTest, Format, Gpu, Program, Target, Uniform};
 use crate::math::frame;
 use crate::points::{Points, Sums};
 use crate::random::Recurrence;
@@ -40,7 +40,7 @@ impl Direct {
         Ok(Self {
             shadow: Program::new(gpu, &shaders::SHADOW)?,
             direct: Program::new(gpu, &shaders::DIRECT)?,
-            map: Target::new(gpu, [size, 3 * size], 1, true)?,
+            map: Target::new(gpu, [size, 3 * size], &[Format::Rgba32F], true)?,
             samples: Recurrence::new(seed ^ 0xd1ec7),
         })
     }

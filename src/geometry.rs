@@ -11,10 +11,11 @@ use crate::gpu::{
     Blend, DepthTest, Draw, Filter, Format, Geometry as Shape, Gpu, Program, Target, Texture, Uniform, VertexArray, Wrap,
 };
 use crate::math::dominant_axis;
-use crate::scene::Scene;
+use crate::scene::{Mesh, Scene};
 
-/// Width of the tables: within the least that 3.3 promises for textures, and tall enough for 16 million triangles on today's devices.
-const TABLE_WIDTH: usize = 1024;
+/// Width of the tables: a multiple of each row's 2 or 3 texels, within the least that 3.3 promises for textures, and wide enough for 5 million
+/// triangles on today's devices.
+const TABLE_WIDTH: usize = 1020;
 
 /// Everything that shaders read of a scene's surfaces.
 pub struct Geometry {
@@ -55,6 +56,7 @@ impl Geometry {
             let normal = mesh.geometric_normal(triangle);
             let code = mesh.triangles[triangle].material as usize * 4 + dominant_axis(normal);
             table.push(normal.extend(code as f32).to_array());
+            table.extend(texture_planes(mesh, triangle));
             indices.extend(mesh.triangles[triangle].vertices);
         }
         let colors: Vec<[f32; 4]> =
@@ -74,8 +76,7 @@ impl Geometry {
         }
         textures.push(Texture::from_texels(gpu, Format::Srgb8Alpha8, [1, 1], Filter::Nearest, Wrap::Repeat, &[[255u8; 4]])?);
 
-        let attributes: [(i32, &[u8]); 3] =
-            [(3, cast_slice(&mesh.positions)), (3, cast_slice(&mesh.normals)), (2, cast_slice(&mesh.uvs))];
+        let attributes: [(i32, &[u8]); 2] = [(3, cast_slice(&mesh.positions)), (3, cast_slice(&mesh.normals))];
         Ok(Self {
             vertices: VertexArray::new(gpu, &attributes, &indices)?,
             triangles: upload_table(gpu, table)?,
@@ -86,17 +87,23 @@ impl Geometry {
         })
     }
 
-    /// Draws all surfaces into `region` of `target` under `to_clip`.
-    pub fn draw(&self, gpu: &Gpu, pass: SurfacePass) {
-        for batch in &self.batches {
-            let mut uniforms = vec![
-                ("to_clip", Uniform::Mat4(pass.to_clip)),
+    /// The uniforms that shaders of triangles read, for each batch of triangles that share a texture.
+    pub fn batches(&self) -> impl Iterator<Item = (Range<u32>, [(&'static str, Uniform<'_>); 4])> {
+        self.batches.iter().map(|batch| {
+            let uniforms = [
                 ("triangles", Uniform::Texture(&self.triangles)),
                 ("materials", Uniform::Texture(&self.materials)),
                 ("albedo_texture", Uniform::Texture(&self.textures[batch.texture])),
                 ("first_triangle", Uniform::Int(batch.triangles.start as i32)),
             ];
-            uniforms.extend(pass.uniforms);
+            (batch.triangles.clone(), uniforms)
+        })
+    }
+
+    /// Draws all surfaces.
+    pub fn draw(&self, gpu: &Gpu, pass: SurfacePass) {
+        for (triangles, surfaces) in self.batches() {
+            let uniforms = [&[("to_clip", Uniform::Mat4(pass.to_clip))], &surfaces[..], pass.uniforms].concat();
             gpu.draw(&Draw {
                 target: pass.target,
                 region: pass.region,
@@ -104,7 +111,7 @@ impl Geometry {
                 uniforms: &uniforms,
                 depth: pass.depth,
                 blend: Blend::Replace,
-                geometry: Shape::Triangles(&self.vertices, batch.triangles.clone()),
+                geometry: Shape::Triangles(&self.vertices, triangles),
             });
         }
     }
@@ -120,6 +127,21 @@ pub struct SurfacePass<'a> {
     pub depth: DepthTest,
     /// Beside those of the surfaces.
     pub uniforms: &'a [(&'static str, Uniform<'a>)],
+}
+
+/// Texture coordinates as functions of the position on the triangle: (gradient, offset) of u and of v. They need no corners, so
+/// that a hit knows its own from its position alone.
+fn texture_planes(mesh: &Mesh, triangle: usize) -> [[f32; 4]; 2] {
+    let [a, b, c] = mesh.corners(triangle).map(|corner| corner.as_dvec3());
+    let [ta, tb, tc] = mesh.triangles[triangle].vertices.map(|vertex| mesh.uvs[vertex as usize].as_dvec2());
+    let normal = (b - a).cross(c - a);
+    // Gradients of the weights of the corners b and c.
+    let to_b = (c - a).cross(normal) / normal.length_squared();
+    let to_c = normal.cross(b - a) / normal.length_squared();
+    [0, 1].map(|k| {
+        let gradient = to_b * (tb[k] - ta[k]) + to_c * (tc[k] - ta[k]);
+        gradient.extend(ta[k] - gradient.dot(a)).as_vec4().to_array()
+    })
 }
 
 /// A list as a texture, row by row.

@@ -1,44 +1,49 @@
-// What a fragment of the scene is made of. Mirrors `Geometry` in src/geometry.rs.
+// What the scene's triangles are made of. Mirrors `Geometry` in src/geometry.rs.
 
-in vec3 surface_position;
-in vec3 surface_normal;
-in vec2 surface_uv;
-
-uniform sampler2D triangles;        // a texel each: unit geometric normal; material * 4 + dominant axis of the normal
+uniform sampler2D triangles;        // three texels each, see Surface
 uniform sampler2D materials;        // two texels each: albedo, emission
-uniform sampler2D albedo_texture;   // of all triangles in this draw
-uniform int first_triangle;         // of this draw
+uniform sampler2D albedo_texture;   // of all triangles in this batch
+uniform int first_triangle;         // of this batch
 
 struct Surface
 {
     vec3 normal;                    // geometric, on the side the triangle winds counter-clockwise
     int axis;                       // 0, 1, 2: the largest component of that normal
     int material;
+    vec4 u;                         // texture coordinates as functions of the position: u = dot(u.xyz, position) + u.w
+    vec4 v;
 };
 
-Surface fetch_surface()
+Surface fetch_surface(int triangle)
 {
-    int id = first_triangle + gl_PrimitiveID;
-    int width = textureSize(triangles, 0).x;
-    vec4 texel = texelFetch(triangles, ivec2(id % width, id / width), 0);
-    int code = int(texel.w);
-    return Surface(texel.xyz, code & 3, code >> 2);
+    int per_row = textureSize(triangles, 0).x / 3;
+    ivec2 texel = ivec2(triangle % per_row * 3, triangle / per_row);
+    vec4 first = texelFetch(triangles, texel, 0);
+    int code = int(first.w);        // material * 4 + axis
+    return Surface(first.xyz, code & 3, code >> 2, texelFetch(triangles, texel + ivec2(1, 0), 0),
+                   texelFetch(triangles, texel + ivec2(2, 0), 0));
 }
 
-vec3 fetch_material(int material, int column)
+ivec2 material_texel(int material)
 {
     int per_row = textureSize(materials, 0).x / 2;
-    return texelFetch(materials, ivec2(material % per_row * 2 + column, material / per_row), 0).rgb;
+    return ivec2(material % per_row * 2, material / per_row);
 }
 
-// The derivatives of surface_uv are taken by the caller, before any fragment of the quad is discarded.
-vec3 surface_albedo(int material, vec2 uv_dx, vec2 uv_dy)
+// What the material itself reflects; its texture multiplies it.
+vec3 plain_albedo(Surface surface)
 {
-    vec2 flip = vec2(1.0, -1.0);    // v runs up, texture rows run down
-    return fetch_material(material, 0) * textureGrad(albedo_texture, surface_uv * flip, uv_dx * flip, uv_dy * flip).rgb;
+    return texelFetch(materials, material_texel(surface.material), 0).rgb;
 }
 
-vec3 surface_emission(int material)
+vec3 emission(Surface surface)
 {
-    return fetch_material(material, 1);
+    return texelFetch(materials, material_texel(surface.material) + ivec2(1, 0), 0).rgb;
 }
+
+vec2 texture_coordinates(Surface surface, vec3 position)
+{
+    // v runs up, texture rows run down.
+    return vec2(dot(surface.u.xyz, position) + surface.u.w, -dot(surface.v.xyz, position) - surface.v.w);
+}
+

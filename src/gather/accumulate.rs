@@ -1,12 +1,15 @@
-//! The end of a direction: its samples, cosine-weighted, and the weights themselves are added to the sums. Mirrors `glsl/accumulate.frag`.
+//! The end of a direction: the radiance of each hit is looked up in the photon map and added, cosine-weighted, to the sums.
+//! Mirrors `glsl/accumulate.frag`.
 
 use super::bundle::Bundle;
 use crate::error::Result;
+use crate::geometry::Geometry;
 use crate::gpu::{Gpu, Program, Texture, Uniform};
+use crate::photon::PhotonTexture;
 use crate::points::{Points, Sums};
 use crate::shaders;
 
-/// Adds samples to sums.
+/// Adds hits to sums.
 pub struct Accumulate {
     program: Program,
 }
@@ -16,10 +19,25 @@ impl Accumulate {
         Ok(Self { program: Program::new(gpu, &shaders::ACCUMULATE)? })
     }
 
-    /// Adds one direction's `samples`, cosine-weighted.
-    pub fn add(&self, gpu: &Gpu, points: Points, bundle: &Bundle, samples: &Texture, sums: &Sums) {
-        let mut uniforms = vec![("samples", Uniform::Texture(samples)), ("direction", Uniform::Vec3(bundle.direction))];
-        uniforms.extend(points.uniforms());
-        sums.add(gpu, &self.program, &uniforms);
+    /// Adds what the points see at `hits` to `sums`: rgb radiance × weight, a weight.
+    pub fn add(
+        &self,
+        gpu: &Gpu,
+        geometry: &Geometry,
+        photons: &PhotonTexture,
+        points: Points,
+        bundle: &Bundle,
+        hits: &Texture,
+        sums: &Sums,
+    ) {
+        for (triangles, surfaces) in geometry.batches() {
+            let own = [
+                ("hits", Uniform::Texture(hits)),
+                ("direction", Uniform::Vec3(bundle.direction)),
+                ("last_triangle", Uniform::Int(triangles.end as i32 - 1)),
+            ];
+            let uniforms = [&own[..], &surfaces, &points.uniforms(), &photons.uniforms()].concat();
+            sums.add(gpu, &self.program, &uniforms);
+        }
     }
 }

@@ -2,16 +2,15 @@
 //! the others overwrite its sample. Mirrors `glsl/kill.frag`.
 
 use super::bundle::Bundle;
-use super::peel::Layer;
 use crate::error::Result;
-use crate::gpu::{Blend, DepthTest, Draw, Geometry, Gpu, Program, SampleQuery, Target, Texture, Uniform};
+use crate::gpu::{Blend, DepthTest, Draw, Format, Geometry, Gpu, Program, SampleQuery, Target, Texture, Uniform};
 use crate::points::Points;
 use crate::shaders;
 
-/// Holds the nearest sample of each point so far.
+/// Holds the nearest hit of each point so far.
 pub struct Kill {
     program: Program,
-    samples: Target,
+    hits: Target,
     survivors: SampleQuery,
 }
 
@@ -19,25 +18,22 @@ impl Kill {
     pub fn new(gpu: &Gpu, points: [u32; 2]) -> Result<Self> {
         Ok(Self {
             program: Program::new(gpu, &shaders::KILL)?,
-            samples: Target::new(gpu, points, 1, false)?,
+            hits: Target::new(gpu, points, &[Format::Rg32F], false)?,
             survivors: SampleQuery::new(gpu)?,
         })
     }
 
-    /// Begins a bundle: every ray misses, and sees nothing.
+    /// Begins a bundle: every ray misses.
     pub fn start(&self) {
-        self.samples.clear([0.0; 4], 0.0);
+        self.hits.clear([0.0; 4], 0.0);
     }
 
     /// Lets each point sample `layer`. Returns how many did.
-    pub fn sample(&self, gpu: &Gpu, points: Points, bundle: &Bundle, layer: Layer) -> u32 {
-        let mut uniforms =
-            vec![("layer_plane", Uniform::Texture(layer.plane)), ("layer_radiance", Uniform::Texture(layer.radiance))];
-        uniforms.extend(points.uniforms());
-        uniforms.extend(bundle.uniforms());
+    pub fn sample(&self, gpu: &Gpu, points: Points, bundle: &Bundle, layer: &Texture) -> u32 {
+        let uniforms = [&[("layer", Uniform::Texture(layer))], &points.uniforms()[..], &bundle.uniforms()].concat();
         self.survivors.count(|| {
             gpu.draw(&Draw {
-                target: &self.samples,
+                target: &self.hits,
                 region: None,
                 program: &self.program,
                 uniforms: &uniforms,
@@ -48,8 +44,8 @@ impl Kill {
         })
     }
 
-    /// Radiance that each point saw along the direction.
-    pub fn samples(&self) -> &Texture {
-        self.samples.color(0)
+    /// What each point saw along the direction, as `glsl/kill.frag` writes it.
+    pub fn hits(&self) -> &Texture {
+        self.hits.color(0)
     }
 }

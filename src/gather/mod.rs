@@ -64,14 +64,14 @@ impl Gather {
         self.peel.start();
         self.kill.start();
         loop {
-            let layer = self.peel.next(gpu, geometry, photons, bundle);
+            let layer = self.peel.next(gpu, geometry, bundle);
             let sampled = self.kill.sample(gpu, points, bundle, layer);
             layers += 1;
             if (sampled as f32) < enough {
                 break;
             }
         }
-        self.accumulate.add(gpu, points, bundle, self.kill.samples(), sums);
+        self.accumulate.add(gpu, geometry, photons, points, bundle, self.kill.hits(), sums);
         layers
     }
 }

@@ -2,13 +2,13 @@
 //! Mirrors `glsl/peel.frag`.
 //!
 //! Each pass draws the scene with the depth test GREATER and discards what is not nearer than the layer before; what remains is the
-//! farthest of the rest. Depth is a 32-bit float, so the strict comparison needs no epsilon and peeling ends.
+//! farthest of the rest. A layer says which triangle is there and where; what light it sends is looked up once a ray has found its hit.
+//! Depth is a 32-bit float, so the strict comparison needs no epsilon and peeling ends.
 
 use super::bundle::Bundle;
 use crate::error::Result;
 use crate::geometry::{Geometry, SurfacePass};
-use crate::gpu::{DepthTest, Gpu, Program, Target, Texture, Uniform};
-use crate::photon::PhotonTexture;
+use crate::gpu::{DepthTest, Format, Gpu, Program, Target, Texture, Uniform};
 use crate::shaders;
 
 /// Depth of texels that see nothing: before all surfaces, so that every point lies beyond.
@@ -24,18 +24,9 @@ pub struct Peel {
     current: usize,
 }
 
-/// A layer: textures of `layer_size` squared.
-#[derive(Clone, Copy)]
-pub struct Layer<'a> {
-    /// Window depth and its change to the next texel in x and in y.
-    pub plane: &'a Texture,
-    /// Radiance sent back along the direction.
-    pub radiance: &'a Texture,
-}
-
 impl Peel {
     pub fn new(gpu: &Gpu, layer_size: u32) -> Result<Self> {
-        let layer = || Target::new(gpu, [layer_size; 2], 2, true);
+        let layer = || Target::new(gpu, [layer_size; 2], &[Format::Rgba32F], true);
         Ok(Self { program: Program::new(gpu, &shaders::PEEL)?, layers: [layer()?, layer()?], current: 0 })
     }
 
@@ -44,17 +35,12 @@ impl Peel {
         self.layers[self.current].clear(BEYOND, 0.0);
     }
 
-    /// The farthest layer not yet peeled; empty when there is none.
-    pub fn next(&mut self, gpu: &Gpu, geometry: &Geometry, photons: &PhotonTexture, bundle: &Bundle) -> Layer<'_> {
+    /// The farthest layer not yet peeled, as `glsl/peel.frag` writes it; empty when there is none.
+    pub fn next(&mut self, gpu: &Gpu, geometry: &Geometry, bundle: &Bundle) -> &Texture {
         let previous = self.current;
         self.current = 1 - previous;
         let target = &self.layers[self.current];
         target.clear(EMPTY, 0.0);
-        let mut uniforms = vec![
-            ("previous_plane", Uniform::Texture(self.layers[previous].color(0))),
-            ("direction", Uniform::Vec3(bundle.direction)),
-        ];
-        uniforms.extend(photons.uniforms());
         geometry.draw(
             gpu,
             SurfacePass {
@@ -63,9 +49,9 @@ impl Peel {
                 program: &self.program,
                 to_clip: bundle.to_clip,
                 depth: DepthTest::Greater,
-                uniforms: &uniforms,
+                uniforms: &[("previous_layer", Uniform::Texture(self.layers[previous].color(0)))],
             },
         );
-        Layer { plane: target.color(0), radiance: target.color(1) }
+        target.color(0)
     }
 }

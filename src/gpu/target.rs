@@ -16,13 +16,13 @@ pub struct Target {
 }
 
 impl Target {
-    /// `colors` RGBA32F textures, and a 32-bit float depth texture if `depth`.
+    /// Colour textures in the formats `colors`, and a 32-bit float depth texture if `depth`.
     ///
     /// # Errors
     /// [`Error::Usage`] when the size is beyond the device's limit, [`Error::Gl`] when it refuses the target.
-    pub fn new(gpu: &Gpu, [width, height]: [u32; 2], colors: usize, depth: bool) -> Result<Self> {
+    pub fn new(gpu: &Gpu, [width, height]: [u32; 2], colors: &[Format], depth: bool) -> Result<Self> {
         let texture = |format| Texture::empty(gpu, format, width, height);
-        let colors = (0..colors).map(|_| texture(Format::Rgba32F)).collect::<Result<Vec<_>>>()?;
+        let colors = colors.iter().map(|&format| texture(format)).collect::<Result<Vec<_>>>()?;
         let depth = depth.then(|| texture(Format::Depth32F)).transpose()?;
         let gl = gpu.gl();
         let framebuffer = Resource::own(gpu, unsafe { gl.create_framebuffer() })?;

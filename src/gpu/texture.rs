@@ -11,6 +11,7 @@ use crate::error::{Error, Result};
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Format {
     Rgba32F,
+    Rg32F,
     /// Four bytes, decoded from sRGB when sampled.
     Srgb8Alpha8,
     Depth32F,
@@ -43,6 +44,7 @@ impl Format {
     fn gl(self) -> (u32, u32, u32) {
         match self {
             Self::Rgba32F => (glow::RGBA32F, glow::RGBA, glow::FLOAT),
+            Self::Rg32F => (glow::RG32F, glow::RG, glow::FLOAT),
             Self::Srgb8Alpha8 => (glow::SRGB8_ALPHA8, glow::RGBA, glow::UNSIGNED_BYTE),
             Self::Depth32F => (glow::DEPTH_COMPONENT32F, glow::DEPTH_COMPONENT, glow::FLOAT),
         }
@@ -51,6 +53,7 @@ impl Format {
     fn bytes(self) -> usize {
         match self {
             Self::Rgba32F => 16,
+            Self::Rg32F => 8,
             Self::Srgb8Alpha8 | Self::Depth32F => 4,
         }
     }

@@ -6,7 +6,7 @@ use glam::{Mat4, Vec2, Vec3, Vec4};
 use super::Points;
 use crate::error::Result;
 use crate::geometry::{Geometry, SurfacePass};
-use crate::gpu::{DepthTest, Gpu, Program, Target, Uniform};
+use crate::gpu::{DepthTest, Format, Gpu, Program, Target, Uniform};
 use crate::scene::Camera;
 use crate::shaders;
 
@@ -34,7 +34,10 @@ impl CameraPoints {
     /// # Errors
     /// When the picture is beyond the device's limits.
     pub fn new(gpu: &Gpu, size: [u32; 2]) -> Result<Self> {
-        Ok(Self { program: Program::new(gpu, &shaders::VISIBLE_POINTS)?, target: Target::new(gpu, size, 4, true)? })
+        Ok(Self {
+            program: Program::new(gpu, &shaders::VISIBLE_POINTS)?,
+            target: Target::new(gpu, size, &[Format::Rgba32F; 4], true)?,
+        })
     }
 
     /// Looks through every pixel at `offset`, in [0, 1)², from its lower left corner.

@@ -3,7 +3,7 @@
 use glam::Vec4;
 
 use crate::error::Result;
-use crate::gpu::{Blend, DepthTest, Draw, Geometry, Gpu, Program, Target, Uniform};
+use crate::gpu::{Blend, DepthTest, Draw, Format, Geometry, Gpu, Program, Target, Uniform};
 
 /// An RGBA sum for each point.
 pub struct Sums {
@@ -14,7 +14,7 @@ impl Sums {
     /// # Errors
     /// When the size is beyond the device's limits.
     pub fn new(gpu: &Gpu, points: [u32; 2]) -> Result<Self> {
-        Ok(Self { target: Target::new(gpu, points, 1, false)? })
+        Ok(Self { target: Target::new(gpu, points, &[Format::Rgba32F], false)? })
     }
 
     pub fn clear(&self) {
