@@ -1,1 +1,123 @@
+//! OpenEXR: every channel as it is, without loss, in bytes that depend on nothing but the picture.
 
+use std::io::Cursor;
+use std::path::Path;
+
+use ::exr::image::{self, AnyChannel, AnyChannels, Encoding, FlatSamples, Layer};
+use ::exr::math::Vec2;
+use ::exr::meta::attribute::{AttributeValue, Chromaticities, Text};
+use ::exr::meta::header::LayerAttributes;
+use ::exr::prelude::{ReadChannels, ReadLayers, WritableImage};
+
+use super::{Channel, Image};
+use crate::error::{Error, Result};
+
+/// Rec. 709 primaries and the D65 white, which sRGB shares.
+const CHROMATICITIES: Chromaticities =
+    Chromaticities { red: Vec2(0.64, 0.33), green: Vec2(0.30, 0.60), blue: Vec2(0.15, 0.06), white: Vec2(0.3127, 0.3290) };
+
+/// The name of the one attribute that OpenEXR does not define itself. The crate keeps such attributes in a hash map and
+/// writes them in its order, so that with a second one the bytes would vary between runs.
+const METADATA: &str = "finalgather";
+
+impl Image {
+    /// One flat part with 32-bit float channels, ZIP-compressed in blocks of 16 lines; `metadata` is JSON.
+    pub(super) fn to_exr(&self, metadata: Option<&str>) -> Result<Vec<u8>> {
+        self.check()?;
+        // UTF-8 as it is: the format asks for no more than bytes, and what Text checks is Latin-1.
+        let text = |utf8: &str| Text::from_slice_unchecked(utf8.as_bytes());
+        let channels = self
+            .channels
+            .iter()
+            .map(|channel| AnyChannel::new(text(&channel.name), FlatSamples::F32(channel.samples.clone())))
+            .collect();
+        let layer = Layer::new(
+            (self.width, self.height),
+            LayerAttributes::default(),
+            // Its line order is `Increasing`, which makes the parallel compressor write blocks in order.
+            Encoding::SMALL_LOSSLESS,
+            AnyChannels::sort(channels),
+        );
+        let mut image = image::Image::from_layer(layer);
+        image.attributes.chromaticities = Some(CHROMATICITIES);
+        image.attributes.other.extend(metadata.map(|json| (text(METADATA), AttributeValue::Text(text(json)))));
+
+        let mut bytes = Cursor::new(Vec::new());
+        image.write().to_buffered(&mut bytes).map_err(|error| {
+            Error::usage(format!("OpenEXR cannot hold this picture: {error}"), "check its size and channel names")
+        })?;
+        Ok(bytes.into_inner())
+    }
+
+    /// The first flat part, at full resolution, whatever its sample types, channels in the file's (alphabetical) order.
+    /// `path` is where `bytes` came from.
+    pub(super) fn from_exr(path: &Path, bytes: &[u8]) -> Result<Self> {
+        let bad = |problem: String| Error::input(path, None, problem, "give a flat OpenEXR picture");
+        let layer = image::read::read()
+            .no_deep_data()
+            .largest_resolution_level()
+            .all_channels()
+            .first_valid_layer()
+            .all_attributes()
+            .from_buffered(Cursor::new(bytes))
+            .map_err(|error| bad(format!("not readable as OpenEXR: {error}")))?
+            .layer_data;
+
+        let subsampled = layer.channel_data.list.iter().find(|channel| channel.sampling != Vec2(1, 1));
+        if let Some(channel) = subsampled {
+            return Err(bad(format!("channel {} is subsampled", channel.name)));
+        }
+        let channels = layer.channel_data.list.into_iter().map(|channel| Channel {
+            name: String::from_utf8_lossy(channel.name.as_slice()).into_owned(),
+            samples: match channel.sample_data {
+                FlatSamples::F32(samples) => samples,
+                other => other.values_as_f32().collect(),
+            },
+        });
+        Ok(Self { width: layer.size.x(), height: layer.size.y(), channels: channels.collect() })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use ::exr::prelude::f16;
+
+    use super::*;
+
+    /// Another writer's file: half, float and unsigned channels in a named part.
+    #[test]
+    fn reads_every_sample_type() {
+        let list = [
+            AnyChannel::new("Direct.R", FlatSamples::F16(vec![f16::from_f32(0.5), f16::from_f32(-2.0)])),
+            AnyChannel::new("R", FlatSamples::F32(vec![0.1, f32::INFINITY])),
+            AnyChannel::new("id", FlatSamples::U32(vec![7, 70_000])),
+        ];
+        let layer = Layer::new(
+            (2, 1),
+            LayerAttributes::named("beauty"),
+            Encoding::FAST_LOSSLESS,
+            AnyChannels::sort(list.into_iter().collect()),
+        );
+        let mut bytes = Cursor::new(Vec::new());
+        image::Image::from_layer(layer).write().to_buffered(&mut bytes).unwrap();
+
+        let image = Image::from_exr(Path::new("other.exr"), &bytes.into_inner()).unwrap();
+        assert_eq!((image.width, image.height), (2, 1));
+        assert_eq!(image.channel("Direct.R"), Some([0.5, -2.0].as_slice()));
+        assert_eq!(image.channel("R"), Some([0.1, f32::INFINITY].as_slice()));
+        assert_eq!(image.channel("id"), Some([7.0, 70_000.0].as_slice()));
+    }
+
+    #[test]
+    fn states_colour_space_and_metadata() {
+        let image = Image { width: 1, height: 1, channels: vec![Channel { name: "R".into(), samples: vec![1.0] }] };
+        let bytes = image.to_exr(Some("{\"scene\":\"Bär\"}")).unwrap();
+        let meta = ::exr::meta::MetaData::read_from_buffered(Cursor::new(bytes), true).unwrap();
+        let (shared, own) = (&meta.headers[0].shared_attributes, &meta.headers[0].own_attributes);
+        assert_eq!(shared.chromaticities, Some(CHROMATICITIES));
+        // Read as the part's own, though written as the file's: with one part that is the same.
+        assert_eq!((shared.other.len(), own.other.len()), (0, 1));
+        let Some(AttributeValue::Text(json)) = own.other.get(METADATA.as_bytes()) else { panic!("no metadata") };
+        assert_eq!(json.as_slice(), "{\"scene\":\"Bär\"}".as_bytes());
+    }
+}

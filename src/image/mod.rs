@@ -1,9 +1,13 @@
 //! Pictures in memory: named channels of linear 32-bit floats, and what is done to them outside the renderer.
 
+use crate::error::{Error, Result};
+
 pub mod compare;
 mod exr;
 mod file;
 mod png;
+
+pub use file::{WriteOptions, check_writable};
 
 /// A picture: channels of equal size, rows from the top, linear values.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -20,4 +24,41 @@ pub struct Channel {
     pub name: String,
     /// `width * height` values, row by row from the top left.
     pub samples: Vec<f32>,
+}
+
+impl Image {
+    /// The samples of the channel with this name.
+    pub fn channel(&self, name: &str) -> Option<&[f32]> {
+        self.channels.iter().find(|channel| channel.name == name).map(|channel| channel.samples.as_slice())
+    }
+
+    /// The samples of the picture itself, or which of its channels is missing.
+    pub fn rgb(&self) -> Result<[&[f32]; 3]> {
+        self.check()?;
+        let find = |name| {
+            self.channel(name).ok_or_else(|| {
+                let names: Vec<_> = self.channels.iter().map(|channel| channel.name.as_str()).collect();
+                Error::usage(
+                    format!("the picture has no channel {name}, only {}", names.join(", ")),
+                    "use a picture with channels R, G and B",
+                )
+            })
+        };
+        Ok([find("R")?, find("G")?, find("B")?])
+    }
+
+    /// The fields are public; this is what the encoders rely on.
+    fn check(&self) -> Result<()> {
+        let pixels = self.width.checked_mul(self.height).filter(|&pixels| pixels > 0);
+        let Some(pixels) = pixels.filter(|_| !self.channels.is_empty()) else {
+            return Err(Error::usage("the picture has no pixels or no channels", "give it at least one of each"));
+        };
+        match self.channels.iter().find(|channel| channel.samples.len() != pixels) {
+            None => Ok(()),
+            Some(Channel { name, samples }) => Err(Error::usage(
+                format!("channel {name} has {} samples for {} x {} pixels", samples.len(), self.width, self.height),
+                "give every channel one sample a pixel",
+            )),
+        }
+    }
 }

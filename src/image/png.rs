@@ -1,1 +1,99 @@
+//! 8-bit PNG, for looking at: exposure, a tone curve that keeps highlights apart, sRGB.
 
+use std::io::Cursor;
+use std::path::Path;
+
+use ::image::codecs::png::PngEncoder;
+use ::image::{ExtendedColorType, ImageEncoder, ImageFormat};
+
+use super::{Channel, Image};
+use crate::error::{Error, Result};
+
+/// Where the tone curve's shoulder begins.
+const KNEE: f32 = 0.8;
+
+impl Image {
+    /// R, G and B times 2^`exposure`, through [`tone`] and [`encode_srgb`], opaque.
+    pub(super) fn to_png(&self, exposure: f32) -> Result<Vec<u8>> {
+        let rgb = self.rgb()?;
+        let scale = exposure.exp2();
+        let mut pixels = Vec::with_capacity(3 * self.width * self.height);
+        for pixel in 0..self.width * self.height {
+            pixels.extend(rgb.map(|samples| (encode_srgb(tone(samples[pixel] * scale)) * 255.0).round() as u8));
+        }
+
+        let refused = |problem: String| Error::usage(format!("PNG cannot hold this picture: {problem}"), "render it smaller");
+        let side = |length: usize| u32::try_from(length).map_err(|error| refused(error.to_string()));
+        let mut bytes = Vec::new();
+        PngEncoder::new(Cursor::new(&mut bytes))
+            .write_image(&pixels, side(self.width)?, side(self.height)?, ExtendedColorType::Rgb8)
+            .map_err(|error| refused(error.to_string()))?;
+        Ok(bytes)
+    }
+
+    /// R, G and B made linear; alpha, if any, is ignored, and so is the tone curve. `path` is where `bytes` came from.
+    pub(super) fn from_png(path: &Path, bytes: &[u8]) -> Result<Self> {
+        let picture = ::image::load_from_memory_with_format(bytes, ImageFormat::Png)
+            .map_err(|error| Error::input(path, None, format!("not readable as PNG: {error}"), "give a PNG picture"))?
+            .into_rgb32f();
+        let channels = ["R", "G", "B"].into_iter().enumerate().map(|(index, name)| Channel {
+            name: name.into(),
+            samples: picture.pixels().map(|pixel| decode_srgb(pixel[index])).collect(),
+        });
+        Ok(Self { width: picture.width() as usize, height: picture.height() as usize, channels: channels.collect() })
+    }
+}
+
+/// Maps radiance to [0, 1]: the identity up to [`KNEE`], then an exponential shoulder that starts with slope 1 and approaches 1.
+/// Negative values and NaN become black, infinity white.
+fn tone(x: f32) -> f32 {
+    let room = 1.0 - KNEE;
+    if x > KNEE { KNEE + room * (1.0 - ((KNEE - x) / room).exp()) } else { x.max(0.0) }
+}
+
+fn encode_srgb(x: f32) -> f32 {
+    if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 }
+}
+
+fn decode_srgb(x: f32) -> f32 {
+    if x <= 0.040_45 { x / 12.92 } else { ((x + 0.055) / 1.055).powf(2.4) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tone_curve() {
+        assert_eq!(tone(0.25), 0.25);
+        assert_eq!(tone(KNEE), KNEE);
+        // 0.8 + 0.2 (1 - 1/e)
+        assert!((tone(1.0) - 0.926_424_1).abs() < 1e-6);
+        let slope = (tone(KNEE + 1e-3) - KNEE) / 1e-3;
+        assert!((slope - 1.0).abs() < 5e-3, "slope above the knee is {slope}");
+        for (x, y) in [(f32::NAN, 0.0), (-1.0, 0.0), (f32::NEG_INFINITY, 0.0), (f32::INFINITY, 1.0), (1e30, 1.0)] {
+            assert_eq!(tone(x), y, "{x}");
+        }
+    }
+
+    #[test]
+    fn srgb_both_ways() {
+        assert!((encode_srgb(0.5) - 0.735_357).abs() < 1e-5);
+        for step in 0..=255_u8 {
+            let x = f32::from(step) / 255.0;
+            assert!((encode_srgb(decode_srgb(x)) - x).abs() < 1e-5, "{step}");
+        }
+    }
+
+    #[test]
+    fn exposure_is_in_stops() {
+        let channels = ["R", "G", "B"].map(|name| Channel { name: name.into(), samples: vec![0.05, f32::NAN] });
+        let image = Image { width: 2, height: 1, channels: channels.into() };
+        let bytes = image.to_png(2.0).unwrap();
+        let back = Image::from_png(Path::new("a.png"), &bytes).unwrap();
+        for samples in back.rgb().unwrap() {
+            assert!((samples[0] - 0.2).abs() < 2e-3, "{samples:?}");
+            assert_eq!(samples[1], 0.0);
+        }
+    }
+}
