@@ -15,14 +15,14 @@ pub enum Backend {
 }
 
 impl FromStr for Backend {
-    type Err = Error;
+    type Err = String;
 
-    fn from_str(text: &str) -> Result<Self> {
+    fn from_str(text: &str) -> Result<Self, String> {
         match text {
             "auto" => Ok(Self::Auto),
             "egl" => Ok(Self::Egl),
             "osmesa" => Ok(Self::OsMesa),
-            _ => Err(Error::usage("no backend", "auto")),
+            _ => Err("auto, egl or osmesa".into()),
         }
     }
 }
@@ -36,13 +36,13 @@ pub enum DeviceChoice {
 }
 
 impl FromStr for DeviceChoice {
-    type Err = Error;
+    type Err = String;
 
-    fn from_str(text: &str) -> Result<Self> {
+    fn from_str(text: &str) -> Result<Self, String> {
         match text {
             "auto" => Ok(Self::Auto),
             "sw" => Ok(Self::Software),
-            _ => text.parse().map(Self::Index).map_err(|_| Error::usage("no such device", "auto, sw or INDEX")),
+            _ => text.parse().map(Self::Index).map_err(|_| "auto, sw or the index of a device".into()),
         }
     }
 }

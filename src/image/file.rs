@@ -88,8 +88,9 @@ pub fn check_writable(path: &Path) -> Result<()> {
 
 fn write_atomically(path: &Path, bytes: &[u8]) -> io::Result<()> {
     // Dropping the temporary file removes it, so that every early return leaves nothing behind.
-    let mut file = temporary_in(folder_of(path))?;
-    file.write_all(bytes)?;
+    let file = temporary_in(folder_of(path))?;
+    // Through the file itself, whose errors do not speak of the temporary name.
+    file.as_file().write_all(bytes)?;
     // A name that outlives a power cut must not outlive its content.
     file.as_file().sync_all()?;
     file.persist(path)?;
