@@ -44,10 +44,8 @@ impl<'a> Render<'a> {
             state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
             (state >> 8) as f32 / 16_777_216.0
         };
-        let channels = ["R", "G", "B", "A", "Direct.R", "Z"].map(|name| Channel {
-            name: name.into(),
-            samples: (0..width * height).map(|_| noise()).collect(),
-        });
+        let channels = ["R", "G", "B", "A", "Direct.R", "Z"]
+            .map(|name| Channel { name: name.into(), samples: (0..width * height).map(|_| noise()).collect() });
         Ok(Image { width, height, channels: channels.into() })
     }
 
