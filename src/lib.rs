@@ -2,6 +2,7 @@
 pub mod error;
 pub mod gpu;
 pub mod image;
+pub mod photon;
 pub mod render;
 pub mod scene;
 pub mod settings;

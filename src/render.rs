@@ -5,6 +5,7 @@ use serde::Serialize;
 use crate::error::Result;
 use crate::gpu::Gpu;
 use crate::image::{Channel, Image};
+use crate::photon::PhotonCounts;
 use crate::scene::Scene;
 use crate::settings::Settings;
 
@@ -56,20 +57,20 @@ impl<'a> Render<'a> {
 
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Statistics {
-    pub scene: SceneStatistics,
-    pub seconds: Seconds,
-    pub gather: GatherStatistics,
-    pub photons: PhotonStatistics,
+    pub scene: SceneCounts,
+    pub seconds: StageSeconds,
+    pub gather: GatherCounts,
+    pub photons: PhotonCounts,
 }
 
 #[derive(Clone, Debug, Default, Serialize)]
-pub struct SceneStatistics {
+pub struct SceneCounts {
     pub triangles: usize,
     pub lights: usize,
 }
 
 #[derive(Clone, Debug, Default, Serialize)]
-pub struct Seconds {
+pub struct StageSeconds {
     pub photons: f64,
     pub visible_points: f64,
     pub direct: f64,
@@ -77,7 +78,7 @@ pub struct Seconds {
 }
 
 #[derive(Clone, Debug, Default, Serialize)]
-pub struct GatherStatistics {
+pub struct GatherCounts {
     pub points: u64,
     pub directions: u32,
     pub layer_size: u32,
@@ -85,10 +86,4 @@ pub struct GatherStatistics {
     pub layers_max: u32,
     pub ms_per_direction: f64,
     pub samples_per_second: f64,
-}
-
-#[derive(Clone, Debug, Default, Serialize)]
-pub struct PhotonStatistics {
-    pub emitted: u64,
-    pub stored: u64,
 }
