@@ -5,7 +5,8 @@ use std::io::{self, ErrorKind, Write};
 use std::path::Path;
 
 use finalgather::error::{Error, Result};
-use finalgather::render::{GatherStatistics, PhotonStatistics, SceneStatistics, Seconds as StageSeconds};
+use finalgather::photon::PhotonCounts;
+use finalgather::render::{GatherCounts, SceneCounts, StageSeconds};
 use finalgather::settings::Settings;
 use serde::Serialize;
 
@@ -13,11 +14,11 @@ use serde::Serialize;
 #[derive(Serialize)]
 pub struct Report<'a> {
     pub gl: Gl<'a>,
-    pub scene: &'a SceneStatistics,
+    pub scene: &'a SceneCounts,
     pub settings: &'a Settings,
     pub seconds: Seconds<'a>,
-    pub gather: &'a GatherStatistics,
-    pub photons: &'a PhotonStatistics,
+    pub gather: &'a GatherCounts,
+    pub photons: &'a PhotonCounts,
     /// Absent where the system does not tell.
     pub peak_memory_bytes: Option<u64>,
     pub outputs: &'a [String],
