@@ -38,7 +38,7 @@ impl<'a> Render<'a> {
         Ok(())
     }
 
-    pub fn picture(&mut self) -> Result<Image> {
+    pub fn picture(&mut self) -> Image {
         let [width, height] = self.settings.size.map(|side| side as usize);
         let mut state = 1_u32;
         let mut noise = || {
@@ -47,7 +47,7 @@ impl<'a> Render<'a> {
         };
         let channels = ["R", "G", "B", "A", "Direct.R", "Z"]
             .map(|name| Channel { name: name.into(), samples: (0..width * height).map(|_| noise()).collect() });
-        Ok(Image { width, height, channels: channels.into() })
+        Image { width, height, channels: channels.into() }
     }
 
     pub fn statistics(&self) -> &Statistics {
