@@ -50,7 +50,7 @@ fn render(args: &RenderArgs, outputs: &[PathBuf], progress: &Progress, started: 
         progress.directions_done(render.directions_done());
     }
     let stopped = interrupt.requested().filter(|_| !render.is_done());
-    let image = render.picture()?;
+    let image = render.picture();
     progress.clear();
 
     let writing = Instant::now();
