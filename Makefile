@@ -1,0 +1,23 @@
+# Everyday targets; each installs what it misses (scripts/setup.sh). CI runs .ci/run.
+SCENE ?= cornell
+CARGO ?= cargo
+TARGET_DIR := $(or $(CARGO_TARGET_DIR),target)
+
+.PHONY: help setup render test
+.DEFAULT_GOAL := help
+
+help: ## List the targets
+	@sed -n 's/^\([a-z]*\):.*## \(.*\)/make \1|\2/p' $(MAKEFILE_LIST) | while IFS='|' read -r name text; do printf '%-14s%s\n' "$$name" "$$text"; done
+
+setup: ## Install what a render needs and is missing
+	@scripts/setup.sh
+
+render: setup ## Render scenes/$(SCENE).toml to out/ as PNG and EXR; SCENE=cornell by default
+	$(CARGO) build --release --locked
+	mkdir -p out
+	$(TARGET_DIR)/release/finalgather render scenes/$(SCENE).toml -o out/$(SCENE).png -o out/$(SCENE).exr
+
+test: ## Run all tests, those of the GL part also on a driver that offers no more than OpenGL 3.3
+	@scripts/setup.sh --tests
+	$(CARGO) test --release --locked
+	GALLIUM_DRIVER=softpipe $(CARGO) test --release --locked --test 'gl_*'

@@ -1,0 +1,86 @@
+#!/usr/bin/env bash
+# Installs what building and rendering need and this machine misses: with apt on Debian and Ubuntu, elsewhere it says what
+# to install. Quick and silent when nothing is missing.
+#
+#   scripts/setup.sh            what `make render` needs
+#   scripts/setup.sh --tests    and what the tests need
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+case "${1-}" in
+    "" | --tests) tests=${1-} ;;
+    *) echo "usage: scripts/setup.sh [--tests]" >&2; exit 2 ;;
+esac
+
+# Rust does not come from the system's packages, which are often older than what Cargo.toml asks for.
+wanted=$(sed -n 's/^rust-version = "\(.*\)"/\1/p' Cargo.toml)
+found=$({ command -v cargo >/dev/null && rustc --version; } 2>/dev/null | cut -d' ' -f2) || found=
+if [[ -z $found ]]; then
+    echo "error: there is no Rust here" >&2
+    echo "  cure: install Rust $wanted or newer as https://rustup.rs says, then run this again" >&2
+    exit 1
+elif [[ $(printf '%s\n' "$wanted" "${found%%-*}" | sort -V | head -n1) != "$wanted" ]]; then
+    echo "error: Rust is $found, older than $wanted" >&2
+    echo "  cure: rustup update stable" >&2
+    exit 1
+fi
+
+library() { PATH=$PATH:/sbin:/usr/sbin ldconfig -p 2>/dev/null | grep -qF "$1"; }
+links() {
+    local program
+    program=$(mktemp)
+    trap 'rm -f "$program"' RETURN
+    echo 'int main(void) { return 0; }' | cc -x c -o "$program" - 2>/dev/null
+}
+# One file a driver in Mesa before 24, one for all since.
+software_gl() { compgen -G '/usr/lib*/dri/swrast_dri.so' || compgen -G '/usr/lib*/*/dri/swrast_dri.so' ||
+    compgen -G '/usr/lib*/libgallium-*.so' || compgen -G '/usr/lib*/*/libgallium-*.so'; } >/dev/null
+
+packaged() { apt-cache show "$1" >/dev/null 2>&1; }
+lists_there() { compgen -G '/var/lib/apt/lists/*Packages*' >/dev/null; }
+
+# Names of what is missing in words, and as Debian, Fedora and Arch package it.
+words=() debian=() fedora=() arch=()
+missing() { words+=("$1"); debian+=($2); fedora+=($3); arch+=($4); }
+
+links || missing "a C compiler and linker (cc)" "gcc libc6-dev" gcc gcc
+command -v make >/dev/null || missing make make make make
+library libEGL.so.1 || missing "libEGL.so.1 (GLVND)" libegl1 libglvnd-egl libglvnd
+library libEGL_mesa.so.0 || missing "Mesa's EGL" libegl-mesa0 mesa-libEGL mesa
+software_gl || missing "Mesa's software OpenGL driver" libgl1-mesa-dri mesa-dri-drivers mesa
+if [[ $tests ]]; then
+    command -v glslangValidator >/dev/null || missing glslangValidator glslang-tools glslang glslang
+    # Mesa 25.1 dropped OSMesa; where no package has it, the tests go without.
+    if command -v apt-get >/dev/null && ! library libOSMesa.so && { packaged libosmesa6 || ! lists_there; }; then
+        missing libOSMesa libosmesa6 "" ""
+    fi
+fi
+[[ ${#words[@]} -eq 0 ]] && exit 0
+
+if command -v apt-get >/dev/null; then
+    as_root=()
+    if [[ $EUID -ne 0 ]]; then
+        if ! command -v sudo >/dev/null; then
+            echo "error: missing, and neither root nor sudo to install it: $(printf '%s; ' "${words[@]}")" >&2
+            echo "  cure: as root, apt-get install ${debian[*]}" >&2
+            exit 1
+        fi
+        as_root=(sudo)
+    fi
+    "${as_root[@]}" apt-get update -qq
+    # Only the lists that have just come tell whether there still is one.
+    packaged libosmesa6 || debian=("${debian[@]/libosmesa6/}")
+    echo "installing" ${debian[*]} >&2
+    "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends ${debian[@]} >/dev/null
+    exit 0
+fi
+
+printf 'missing: %s\n' "${words[@]}" >&2
+if command -v dnf >/dev/null; then
+    echo "  cure: sudo dnf install ${fedora[*]}" >&2
+elif command -v pacman >/dev/null; then
+    echo "  cure: sudo pacman -S --needed ${arch[*]}" >&2
+else
+    echo "  cure: install these with the system's package manager (Debian calls them ${debian[*]})" >&2
+fi
+exit 1

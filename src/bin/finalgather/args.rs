@@ -1,0 +1,272 @@
+//! What can be asked on the command line. Whatever is not given stays `None`, so that the scene file can decide it.
+
+use std::fmt::Display;
+use std::path::PathBuf;
+
+use clap::builder::{PossibleValuesParser, TypedValueParser};
+use clap::{Parser, Subcommand};
+use finalgather::gpu::{Backend, DeviceChoice};
+use finalgather::settings::{Pipeline, Sequence, Settings};
+use serde::Deserialize;
+use serde::de::IntoDeserializer;
+use serde::de::value::Error as ValueError;
+
+const RENDER_EXAMPLES: &str = "\
+Examples:
+  finalgather render scenes/cornell.toml
+      writes cornell.png in the current folder
+  finalgather render scenes/cornell.toml -o out/cornell.png -o out/cornell.exr
+      one render, two files: 8 bit to look at, linear floats with all channels
+  finalgather render scenes/cornell.toml --size 128 --directions 64 --photons 1e5
+      a quick look
+  finalgather render scenes/cornell.toml --json | jq .gather.ms_per_direction";
+
+const EXIT_CODES: &str = "\
+Exit codes:
+    0  done
+    2  the request cannot be met: an option out of range, an output path that cannot be written
+   65  the scene cannot be rendered: a file is missing or says something wrong
+   69  no OpenGL 3.3 here, or its driver failed
+   75  a picture could not be written; trying again, elsewhere or later, may succeed
+  130  stopped by SIGINT (Ctrl-C), 143 by SIGTERM: the picture so far was written if at least
+       one direction was done; a second signal exits at once";
+
+/// Final gathering by rasterised ray bundles: renders global illumination on OpenGL 3.3, headless
+#[derive(Debug, Parser)]
+#[command(version, after_help = format!("{RENDER_EXAMPLES}\n  finalgather info\n\n{EXIT_CODES}"))]
+pub struct Args {
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    Render(RenderArgs),
+    Info(InfoArgs),
+}
+
+/// Render a scene to picture files
+///
+/// Settings come from these options, else from the scene file's [settings], else from the defaults shown here.
+#[derive(Debug, clap::Args)]
+#[command(after_help = format!("{RENDER_EXAMPLES}\n\n{EXIT_CODES}"), args_override_self = true, allow_negative_numbers = true)]
+pub struct RenderArgs {
+    /// Scene file (TOML)
+    pub scene: PathBuf,
+
+    /// Picture to write, .png or .exr; may be given several times [default: the scene's name with .png, in the current folder]
+    #[arg(short, long = "output", value_name = "FILE")]
+    outputs: Vec<PathBuf>,
+
+    /// Print one JSON object about the run on stdout
+    #[arg(long)]
+    pub json: bool,
+
+    #[command(flatten)]
+    overrides: Overrides,
+
+    /// Where the OpenGL context comes from
+    #[arg(long, default_value = "auto", value_parser = named_backend(), help_heading = "OpenGL")]
+    pub backend: Backend,
+
+    /// EGL device: auto, sw (a software renderer) or an index listed by `finalgather info`
+    #[arg(long, default_value = "auto", value_name = "auto|sw|INDEX", help_heading = "OpenGL")]
+    pub gl_device: DeviceChoice,
+}
+
+#[derive(Debug, clap::Args)]
+#[command(next_help_heading = "Settings")]
+struct Overrides {
+    #[arg(long, value_name = "WxH|N", value_parser = size, help = setting("Picture size in pixels; N is N by N", |s| format!("{}x{}", s.size[0], s.size[1])))]
+    size: Option<[u32; 2]>,
+
+    #[arg(long, value_name = "N", value_parser = count::<u32>, help = setting("Global directions, each shared by all points", |s| s.directions))]
+    directions: Option<u32>,
+
+    #[arg(long, value_name = "N", value_parser = count::<u32>, help = setting("Side of the depth layers in texels", |s| s.layer_size))]
+    layer_size: Option<u32>,
+
+    #[arg(long, value_parser = named::<Pipeline>(&["kill"]), help = setting("How the gather is computed", |s| name(s.pipeline)))]
+    pipeline: Option<Pipeline>,
+
+    #[arg(long, value_name = "N", value_parser = count::<u64>, help = setting("Photons emitted from the lights; 1e6 and 1_000_000 are numbers too", |s| s.photons))]
+    photons: Option<u64>,
+
+    #[arg(long, value_name = "N", value_parser = count::<u32>, help = setting("The most surfaces that one photon is stored at", |s| s.bounces))]
+    bounces: Option<u32>,
+
+    #[arg(long, value_parser = named::<Sequence>(&["random", "r2", "sobol"]), help = setting("Where directions come from", |s| name(s.sequence)))]
+    sequence: Option<Sequence>,
+
+    #[arg(long, value_name = "N", value_parser = count::<u64>, help = setting("Seed of everything random", |s| s.seed))]
+    seed: Option<u64>,
+
+    #[arg(long, value_name = "F", help = setting("A direction ends with the layer that fewer than this share of the points sample", |s| s.stop_fraction))]
+    stop_fraction: Option<f32>,
+
+    #[arg(long, value_name = "EV", help = setting("Exposure of .png in stops", |s| s.exposure))]
+    exposure: Option<f32>,
+}
+
+/// Show which OpenGL there is: backends that work, devices, renderer, limits
+#[derive(Debug, clap::Args)]
+pub struct InfoArgs {
+    /// Print one JSON object on stdout
+    #[arg(long)]
+    pub json: bool,
+}
+
+impl RenderArgs {
+    /// The files to write, at least one.
+    pub fn outputs(&self) -> Vec<PathBuf> {
+        match self.scene.file_stem() {
+            Some(stem) if self.outputs.is_empty() => {
+                // Appended, because the name may have further dots.
+                let mut name = stem.to_owned();
+                name.push(".png");
+                vec![name.into()]
+            }
+            _ => self.outputs.clone(),
+        }
+    }
+
+    /// `settings` with what was asked for here put over it.
+    pub fn override_settings(&self, mut settings: Settings) -> Settings {
+        fn put<T: Copy>(target: &mut T, source: Option<T>) {
+            if let Some(value) = source {
+                *target = value;
+            }
+        }
+        let from = &self.overrides;
+        put(&mut settings.size, from.size);
+        put(&mut settings.directions, from.directions);
+        put(&mut settings.layer_size, from.layer_size);
+        put(&mut settings.pipeline, from.pipeline);
+        put(&mut settings.photons, from.photons);
+        put(&mut settings.bounces, from.bounces);
+        put(&mut settings.sequence, from.sequence);
+        put(&mut settings.seed, from.seed);
+        put(&mut settings.stop_fraction, from.stop_fraction);
+        put(&mut settings.exposure, from.exposure);
+        settings
+    }
+}
+
+/// Help for an option that overrides a setting, with the default that the library gives it.
+fn setting<T: Display>(text: &str, default: impl Fn(Settings) -> T) -> String {
+    format!("{text} [default: {}]", default(Settings::default()))
+}
+
+/// The name that a scene file uses for this value.
+fn name(value: impl serde::Serialize) -> String {
+    serde_json::to_value(value).ok().and_then(|value| value.as_str().map(str::to_owned)).unwrap_or_default()
+}
+
+/// Parses one of these names as a scene file would.
+fn named<T>(names: &'static [&'static str]) -> impl TypedValueParser<Value = T>
+where
+    T: for<'de> Deserialize<'de> + Clone + Send + Sync + 'static,
+{
+    PossibleValuesParser::new(names).try_map(|name| -> Result<T, ValueError> { T::deserialize(name.into_deserializer()) })
+}
+
+fn named_backend() -> impl TypedValueParser<Value = Backend> {
+    PossibleValuesParser::new(["auto", "egl", "osmesa"]).try_map(|name| name.parse::<Backend>())
+}
+
+/// A whole number: digits, grouped by `_` or not, or in the notation of floats (`1e6`).
+fn count<T: TryFrom<u64>>(text: &str) -> Result<T, String> {
+    /// The first float with a neighbour that is not 1 away, 2^53: from there a float may not be the number that was meant.
+    const INEXACT: f64 = 9_007_199_254_740_992.0;
+    let digits = text.replace('_', "");
+    let number = digits.parse::<u64>().ok().or_else(|| {
+        let float = digits.parse::<f64>().ok()?;
+        ((0.0..INEXACT).contains(&float) && float.fract() == 0.0).then_some(float as u64)
+    });
+    let number = number.ok_or("not a whole number such as 1000, 1_000 or 1e3")?;
+    T::try_from(number).map_err(|_| "too large".into())
+}
+
+/// `WxH`, or `N` for a square.
+fn size(text: &str) -> Result<[u32; 2], String> {
+    let (width, height) = text.split_once(['x', 'X']).unwrap_or((text, text));
+    let side = |side: &str| count(side).map_err(|_| format!("{side:?} is not a number of pixels; give 640x480 or 512"));
+    Ok([side(width)?, side(height)?])
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory;
+
+    use super::*;
+
+    #[test]
+    fn clap_accepts_the_definition() {
+        Args::command().debug_assert();
+    }
+
+    #[test]
+    fn counts() {
+        for (text, number) in [("0", 0), ("1e6", 1_000_000), ("1_000_000", 1_000_000), ("2.5E2", 250)] {
+            assert_eq!(count::<u64>(text), Ok(number), "{text}");
+        }
+        assert_eq!(count::<u64>("18446744073709551615"), Ok(u64::MAX));
+        for text in ["", "_", "-1", "1.5", "1e40", "nan", "inf", "ten"] {
+            assert!(count::<u64>(text).is_err(), "{text}");
+        }
+        assert_eq!(count::<u32>("5e9"), Err("too large".into()));
+    }
+
+    #[test]
+    fn sizes() {
+        assert_eq!(size("64"), Ok([64, 64]));
+        assert_eq!(size("640x480"), Ok([640, 480]));
+        for text in ["", "x", "640x", "640x480x3", "-1x5"] {
+            assert!(size(text).is_err(), "{text}");
+        }
+    }
+
+    fn parse(line: &str) -> RenderArgs {
+        match Args::try_parse_from(line.split(' ')).unwrap().command {
+            Command::Render(args) => args,
+            Command::Info(_) => panic!("not a render"),
+        }
+    }
+
+    /// Every option overrides its own setting, and only that.
+    #[test]
+    fn options_override_settings() {
+        let scene = Settings { grid_cells: 7, seed: 3, ..Settings::default() };
+        assert_eq!(parse("finalgather render a.toml").override_settings(scene.clone()), scene);
+        let all = "finalgather render a.toml --size 3x4 --directions 5 --layer-size 6 --pipeline kill --photons 1e2 \
+                   --bounces 8 --sequence sobol --seed 9 --stop-fraction 0.5 --exposure -1.5";
+        let expected = Settings {
+            size: [3, 4],
+            directions: 5,
+            layer_size: 6,
+            pipeline: Pipeline::Kill,
+            photons: 100,
+            bounces: 8,
+            sequence: Sequence::Sobol,
+            seed: 9,
+            stop_fraction: 0.5,
+            exposure: -1.5,
+            ..scene.clone()
+        };
+        assert_eq!(parse(all).override_settings(scene), expected);
+    }
+
+    #[test]
+    fn output_beside_the_caller_by_default() {
+        assert_eq!(parse("finalgather render scenes/box.2.toml").outputs(), [PathBuf::from("box.2.png")]);
+        let two = parse("finalgather render a.toml -o b.png --output c.exr").outputs();
+        assert_eq!(two, [PathBuf::from("b.png"), PathBuf::from("c.exr")]);
+    }
+
+    /// As in scripts that pass further arguments on.
+    #[test]
+    fn the_last_of_an_option_counts() {
+        let twice = parse("finalgather render a.toml --seed 1 --seed 2");
+        assert_eq!(twice.override_settings(Settings::default()).seed, 2);
+    }
+}

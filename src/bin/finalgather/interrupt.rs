@@ -1,0 +1,67 @@
+//! SIGINT and SIGTERM: stop after the direction in progress, keep the picture so far, and tell the two apart at exit.
+//!
+//! A thread waits for signals, so that it may take locks and print. Until the first direction is done there is nothing to
+//! keep and the process ends at once, instead of after a photon trace that nobody wants any more.
+
+use std::io;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU8, Ordering::SeqCst};
+use std::thread;
+
+use signal_hook::consts::{SIGINT, SIGTERM, SIGXFSZ};
+use signal_hook::iterator::Signals;
+use signal_hook::{flag, low_level};
+
+use crate::progress::Progress;
+use crate::report;
+
+pub struct Interrupt {
+    state: Arc<State>,
+}
+
+#[derive(Default)]
+struct State {
+    /// Exit code of the signal that asked for a stop, 0 before.
+    code: AtomicU8,
+    has_picture: AtomicBool,
+}
+
+impl Interrupt {
+    /// Takes the signals over for the rest of the process.
+    pub fn watch(progress: Progress) -> io::Result<Self> {
+        // Its default action would end the process in the middle of a file; caught, the write fails like any other.
+        flag::register(SIGXFSZ, Arc::default())?;
+
+        let state = Arc::new(State::default());
+        let shared = Arc::clone(&state);
+        let mut signals = Signals::new([SIGINT, SIGTERM])?;
+        thread::spawn(move || {
+            for signal in signals.forever() {
+                // What a shell reports for a process that the signal has killed.
+                let code = u8::try_from(128 + signal).unwrap_or(u8::MAX);
+                let first = shared.code.swap(code, SeqCst) == 0;
+                let has_picture = shared.has_picture.load(SeqCst);
+                if first && has_picture {
+                    continue;
+                }
+                progress.clear();
+                if !has_picture {
+                    report::say("stopped before the first of the directions was done; nothing written");
+                }
+                // Not process::exit: its handlers would take the GL driver down under the thread that is using it.
+                low_level::exit(code.into());
+            }
+        });
+        Ok(Self { state })
+    }
+
+    /// From now on a signal leaves the time to write the picture.
+    pub fn picture_begun(&self) {
+        self.state.has_picture.store(true, SeqCst);
+    }
+
+    /// The exit code of the signal that asked for a stop.
+    pub fn requested(&self) -> Option<u8> {
+        Some(self.state.code.load(SeqCst)).filter(|&code| code != 0)
+    }
+}

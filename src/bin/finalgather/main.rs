@@ -1,0 +1,41 @@
+//! The command-line tool: data on stdout, everything said to a person on stderr, an exit code for each kind of failure.
+
+use std::process::ExitCode;
+use std::time::Instant;
+
+use clap::Parser;
+use finalgather::error::Error;
+
+mod args;
+mod info;
+mod interrupt;
+mod progress;
+mod render;
+mod report;
+
+use args::{Args, Command};
+
+fn main() -> ExitCode {
+    let started = Instant::now();
+    let outcome = match Args::parse().command {
+        Command::Render(args) => render::run(&args, started),
+        Command::Info(args) => info::run(&args),
+    };
+    match outcome {
+        Ok(code) => ExitCode::from(code),
+        Err(error) => {
+            report::say(&format!("error: {error}"));
+            ExitCode::from(exit_code(&error))
+        }
+    }
+}
+
+/// After sysexits.h: EX_DATAERR, EX_UNAVAILABLE and EX_TEMPFAIL; 2 is what clap uses. [`args`] lists them for --help.
+fn exit_code(error: &Error) -> u8 {
+    match error {
+        Error::Usage { .. } => 2,
+        Error::Input { .. } => 65,
+        Error::Gl { .. } => 69,
+        Error::Output { .. } => 75,
+    }
+}

@@ -1,0 +1,265 @@
+//! The command-line tool from outside: exit codes, what is said where, and which files there are afterwards.
+#![cfg(unix)]
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+use std::thread::sleep;
+use std::time::Duration;
+
+use finalgather::image::Image;
+use serde_json::Value;
+use tempfile::TempDir;
+
+const SMALL: [&str; 8] = ["--size", "32", "--directions", "16", "--layer-size", "64", "--photons", "1e4"];
+
+fn scene() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/cornell.toml")
+}
+
+fn tool(folder: &TempDir) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_finalgather"));
+    command.current_dir(folder);
+    command
+}
+
+/// A small render with these further arguments, in `folder`.
+fn small_render(folder: &TempDir, args: &[&str]) -> Command {
+    let mut command = tool(folder);
+    command.arg("render").arg(scene()).args(SMALL).args(args);
+    command
+}
+
+/// What it said on stderr, having ended with this code and kept stdout for data.
+fn refusal(command: &mut Command, code: i32) -> String {
+    let output = command.output().unwrap();
+    let stderr = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(code), "{command:?}: {stderr}");
+    assert!(output.stdout.is_empty(), "{command:?} wrote on stdout");
+    stderr
+}
+
+fn success(command: &mut Command) -> Output {
+    let output = command.output().unwrap();
+    assert!(output.status.success(), "{command:?}: {:?}: {}", output.status, text(&output.stderr));
+    output
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+fn names_in(folder: &TempDir) -> Vec<String> {
+    let name = |entry: std::io::Result<fs::DirEntry>| entry.unwrap().file_name().into_string().unwrap();
+    let mut names: Vec<_> = fs::read_dir(folder).unwrap().map(name).collect();
+    names.sort();
+    names
+}
+
+fn folder() -> TempDir {
+    tempfile::tempdir().unwrap()
+}
+
+#[test]
+fn wrong_arguments_are_usage_errors() {
+    let folder = folder();
+    for args in [
+        ["--size", "32x"],
+        ["--photons", "1.5"],
+        ["--directions", "-1"],
+        ["--sequence", "halton"],
+        ["--backend", "glx"],
+        ["--gl-device", "first"],
+        ["--no-such", "option"],
+    ] {
+        let said = refusal(tool(&folder).arg("render").arg(scene()).args(args), 2);
+        assert!(said.starts_with("error: ") && said.contains(args[0]), "{args:?}: {said}");
+    }
+    refusal(&mut tool(&folder), 2);
+    refusal(tool(&folder).arg("render"), 2);
+    assert!(names_in(&folder).is_empty());
+}
+
+#[test]
+fn settings_out_of_range_are_usage_errors() {
+    let folder = folder();
+    for (args, problem) in [
+        (["--size", "0"], "size (width) is 0"),
+        (["--size", "32x0"], "size (height) is 0"),
+        (["--directions", "0"], "directions is 0"),
+        (["--stop-fraction", "-0.5"], "stop-fraction is -0.5"),
+        (["--exposure", "nan"], "exposure is NaN"),
+    ] {
+        let said = refusal(tool(&folder).arg("render").arg(scene()).args(args), 2);
+        assert!(said.contains(problem) && said.contains("\n  cure: "), "{args:?}: {said}");
+    }
+    assert!(names_in(&folder).is_empty());
+}
+
+#[test]
+fn unusable_outputs_are_refused_before_anything_else() {
+    let folder = folder();
+    // The scene is absent too, which nothing gets to see.
+    let said = |path: &str| refusal(tool(&folder).args(["render", "absent.toml", "-o", path]), 2);
+    assert!(said("absent/a.png").contains("cure: make it first: mkdir -p absent"));
+    assert!(said("a.jpg").contains(".exr"));
+    assert!(said("a").contains(".png"));
+    // Refuses new files even to root, whom permissions do not bind.
+    if cfg!(target_os = "linux") {
+        assert!(said("/proc/a.png").contains("/proc"));
+    }
+    fs::create_dir(folder.path().join("folder.exr")).unwrap();
+    assert!(said("folder.exr").contains("is a folder"));
+    assert_eq!(names_in(&folder), ["folder.exr"]);
+}
+
+#[test]
+fn unusable_scenes_are_bad_data() {
+    let folder = folder();
+    let said = refusal(tool(&folder).args(["render", "absent.toml"]), 65);
+    assert!(said.starts_with("error: absent.toml:") && said.contains("\n  cure: "), "{said}");
+    fs::write(folder.path().join("bad.toml"), "mesh = [").unwrap();
+    let said = refusal(tool(&folder).args(["render", "bad.toml"]), 65);
+    assert!(said.starts_with("error: bad.toml:"), "{said}");
+    assert_eq!(names_in(&folder), ["bad.toml"]);
+}
+
+#[test]
+fn a_device_that_is_not_there_is_no_gl() {
+    let folder = folder();
+    let said = refusal(&mut small_render(&folder, &["--backend", "egl", "--gl-device", "99"]), 69);
+    assert!(said.contains("\n  cure: "), "{said}");
+    assert!(names_in(&folder).is_empty());
+}
+
+#[test]
+fn writes_a_png_beside_the_caller_and_says_nothing() {
+    let folder = folder();
+    let output = success(&mut small_render(&folder, &[]));
+    assert_eq!((text(&output.stdout), text(&output.stderr)), Default::default());
+    assert_eq!(names_in(&folder), ["cornell.png"]);
+    let image = Image::read(&folder.path().join("cornell.png")).unwrap();
+    assert_eq!((image.width, image.height), (32, 32));
+}
+
+#[test]
+fn json_tells_all_about_the_run() {
+    let folder = folder();
+    let arguments = ["-o", "a.png", "-o", "b.exr", "--seed", "7", "--size", "32x24", "--json"];
+    let mut command = tool(&folder);
+    command.arg("render").arg(scene()).args(&SMALL[2..]).args(arguments);
+    let report: Value = serde_json::from_slice(&success(&mut command).stdout).expect("stdout is one JSON value");
+
+    let keys = |value: &Value| value.as_object().unwrap().keys().cloned().collect::<Vec<_>>();
+    let top = "gl scene settings seconds gather photons peak_memory_bytes outputs interrupted";
+    assert_eq!(keys(&report).join(" "), top);
+    assert_eq!(keys(&report["gl"]).join(" "), "renderer version backend");
+    for (section, numbers) in [
+        ("scene", "triangles lights"),
+        ("seconds", "load photons visible_points direct gather write total"),
+        ("gather", "points directions layer_size layers_mean layers_max ms_per_direction samples_per_second"),
+        ("photons", "emitted stored"),
+    ] {
+        for key in numbers.split(' ') {
+            assert!(report[section][key].is_number(), "{section}.{key} is {}", report[section][key]);
+        }
+    }
+    assert_eq!(report["settings"]["size"], serde_json::json!([32, 24]));
+    assert_eq!(report["settings"]["seed"], 7);
+    assert_eq!(report["settings"]["directions"], 16);
+    assert_eq!(report["outputs"], serde_json::json!(["a.png", "b.exr"]));
+    assert_eq!(report["interrupted"], false);
+    if cfg!(target_os = "linux") {
+        assert!(report["peak_memory_bytes"].as_u64().unwrap() > 1 << 20);
+    }
+
+    assert_eq!(names_in(&folder), ["a.png", "b.exr"]);
+    let image = Image::read(&folder.path().join("b.exr")).unwrap();
+    assert_eq!((image.width, image.height), (32, 24));
+    image.rgb().unwrap();
+}
+
+#[test]
+fn info_lists_what_works() {
+    let folder = folder();
+    let info: Value = serde_json::from_slice(&success(tool(&folder).args(["info", "--json"])).stdout).unwrap();
+    let backends = info["backends"].as_array().unwrap();
+    let working = backends.iter().find(|backend| backend["works"] == true).expect("a backend that works");
+    assert!(working["gl"]["renderer"].is_string());
+    assert!(working["gl"]["limits"]["max_texture_size"].as_u64().is_some());
+    assert!(info["devices"].is_array());
+    let plain = text(&success(tool(&folder).arg("info")).stdout);
+    assert!(plain.contains("works") && plain.contains("renderer"), "{plain}");
+}
+
+#[test]
+fn a_reader_that_goes_away_is_no_failure() {
+    let folder = folder();
+    let mut child = small_render(&folder, &["--json"]).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    drop(child.stdout.take());
+    let output = child.wait_with_output().unwrap();
+    assert_eq!((output.status.code(), text(&output.stderr)), (Some(0), String::new()));
+    assert_eq!(names_in(&folder), ["cornell.png"]);
+}
+
+/// A limit on the size of files stands in for a full disk: the write fails half-way.
+#[test]
+fn a_write_that_fails_leaves_nothing_and_the_other_files() {
+    let folder = folder();
+    let mut command = Command::new("sh");
+    // Mesa would take the limit for its shader cache too.
+    command.current_dir(&folder).env("MESA_SHADER_CACHE_DISABLE", "true");
+    command.args(["-c", r#"ulimit -f 8; exec "$@""#, "sh", env!("CARGO_BIN_EXE_finalgather"), "render"]);
+    command.arg(scene()).args(SMALL).args(["-o", "a.exr", "-o", "b.png"]);
+    let said = refusal(&mut command, 75);
+    assert!(said.starts_with("error: a.exr: not written") && said.contains("\n  cure: "), "{said}");
+    assert_eq!(names_in(&folder), ["b.png"]);
+}
+
+#[test]
+fn interrupt_keeps_the_picture_so_far() {
+    stops_with("INT", 130);
+}
+
+#[test]
+fn termination_keeps_the_picture_so_far() {
+    stops_with("TERM", 143);
+}
+
+/// Nothing outside tells when the first direction is done, so the signal comes later and later until one was.
+fn stops_with(signal: &str, code: i32) {
+    let mut delay = Duration::from_millis(50);
+    loop {
+        assert!(delay < Duration::from_secs(120), "no direction was done after half of {delay:?}");
+        let folder = folder();
+        let child = small_render(&folder, &["--directions", "1e9", "--json"])
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        sleep(delay);
+        let kill = format!("kill -{signal} {}", child.id());
+        assert!(Command::new("sh").args(["-c", &kill]).status().unwrap().success());
+        let output = child.wait_with_output().unwrap();
+        let said = text(&output.stderr);
+        delay *= 2;
+        // Too early even for the handler.
+        if output.status.code().is_none() {
+            assert!(names_in(&folder).is_empty());
+            continue;
+        }
+        assert_eq!(output.status.code(), Some(code), "{said}");
+        if said.starts_with("stopped before the first") {
+            assert!(output.stdout.is_empty());
+            assert!(names_in(&folder).is_empty());
+            continue;
+        }
+        assert!(said.starts_with("stopped after ") && said.contains(" of 1000000000 directions"), "{said}");
+        assert!(said.ends_with("picture so far written to cornell.png\n"), "{said}");
+        let report: Value = serde_json::from_slice(&output.stdout).unwrap();
+        assert_eq!(report["interrupted"], true);
+        assert_eq!(names_in(&folder), ["cornell.png"]);
+        Image::read(&folder.path().join("cornell.png")).unwrap();
+        return;
+    }
+}
