@@ -51,7 +51,7 @@ pub enum Command {
 #[derive(Debug, clap::Args)]
 #[command(after_help = format!("{RENDER_EXAMPLES}\n\n{EXIT_CODES}"), args_override_self = true, allow_negative_numbers = true)]
 pub struct RenderArgs {
-    /// Scene file (TOML)
+    /// Scene file: .toml, or a bare .obj with its .mtl
     pub scene: PathBuf,
 
     /// Picture to write, .png or .exr; may be given several times [default: the scene's name with .png, in the current folder]
