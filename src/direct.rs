@@ -15,7 +15,7 @@ use crate::gpu::{DepthTest, Format, Gpu, Program, Target, Uniform};
 use crate::math::frame;
 use crate::points::{Points, Sums};
 use crate::random::Recurrence;
-use crate::scene::{LightPoint, Lights, Scene};
+use crate::scene::{LightPoint, Lights};
 use crate::shaders;
 
 /// Nearest distance at which a shadow map sees an occluder, in unit space; the farthest is the scene's diameter.
@@ -46,10 +46,10 @@ impl Direct {
     }
 
     /// Adds the irradiance from light sample `index` to `sums` (rgb).
-    pub fn add(&self, gpu: &Gpu, scene: &Scene, lights: &Lights, geometry: &Geometry, points: Points, index: u64, sums: &Sums) {
+    pub fn add(&self, geometry: &Geometry, lights: &Lights, index: u64, points: Points, sums: &Sums) {
         let [pick, u, v, turn] = self.samples.point(index);
-        let light = lights.point(scene, pick, [u, v]);
-        let to_light = self.shadow_map(gpu, geometry, &light, TAU * turn);
+        let light = lights.point(pick, [u, v]);
+        let to_light = self.shadow_map(geometry, &light, TAU * turn);
         // A texel of the map is 2/size wide at a distance of 1; see `Bundle::new` for the shares.
         let clearance = 2.0 / self.map.size()[0] as f32 / 256.0 + 4e-6;
         let mut uniforms = vec![
@@ -59,11 +59,11 @@ impl Direct {
             ("clearance", Uniform::Float(clearance)),
         ];
         uniforms.extend(points.uniforms());
-        sums.add(gpu, &self.direct, &uniforms);
+        sums.add(&self.direct, &uniforms);
     }
 
     /// Draws the hemicube of `light` and returns the way from unit space to the light's frame.
-    fn shadow_map(&self, gpu: &Gpu, geometry: &Geometry, light: &LightPoint, turn: f32) -> Mat4 {
+    fn shadow_map(&self, geometry: &Geometry, light: &LightPoint, turn: f32) -> Mat4 {
         let axes = frame(light.normal) * Mat3::from_rotation_z(turn);
         let to_light = Mat4::from_mat3(axes.transpose()) * Mat4::from_translation(-light.position);
         let size = self.map.size()[0] as i32;
@@ -73,17 +73,14 @@ impl Direct {
             // glam's frustum looks along -z.
             let project = frustum(-NEAR, NEAR, lowest * NEAR, NEAR, NEAR, FAR);
             let turn = Mat4::from_mat3(Mat3::from_cols(right, up, -outward).transpose());
-            geometry.draw(
-                gpu,
-                SurfacePass {
-                    target: &self.map,
-                    region: Some(region),
-                    program: &self.shadow,
-                    to_clip: project * turn * to_light,
-                    depth: DepthTest::Less,
-                    uniforms: &[],
-                },
-            );
+            geometry.draw(SurfacePass {
+                target: &self.map,
+                region: Some(region),
+                program: &self.shadow,
+                to_clip: project * turn * to_light,
+                depth: DepthTest::Less,
+                uniforms: &[],
+            });
         };
         let half = size / 2;
         face(Vec3::X, Vec3::Y, Vec3::Z, [0, 0, size, size]);

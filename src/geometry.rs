@@ -101,10 +101,10 @@ impl Geometry {
     }
 
     /// Draws all surfaces.
-    pub fn draw(&self, gpu: &Gpu, pass: SurfacePass) {
+    pub fn draw(&self, pass: SurfacePass) {
         for (triangles, surfaces) in self.batches() {
             let uniforms = [&[("to_clip", Uniform::Mat4(pass.to_clip))], &surfaces[..], pass.uniforms].concat();
-            gpu.draw(&Draw {
+            Draw {
                 target: pass.target,
                 region: pass.region,
                 program: pass.program,
@@ -112,7 +112,8 @@ impl Geometry {
                 depth: pass.depth,
                 blend: Blend::Replace,
                 geometry: Shape::Triangles(&self.vertices, triangles),
-            });
+            }
+            .run();
         }
     }
 }

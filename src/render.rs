@@ -128,7 +128,7 @@ impl Render {
         let photons = PhotonTexture::upload(gpu, grid)?;
 
         let mut statistics = Statistics {
-            scene: SceneCounts { triangles: scene.mesh.triangles.len(), lights: lights.len() },
+            scene: SceneCounts { triangles: scene.mesh.triangles.len(), lights: lights.count() },
             photons: photon_counts,
             ..Statistics::default()
         };
@@ -215,7 +215,7 @@ impl Render {
 
         let start = Instant::now();
         let offset = self.offsets.point(index);
-        let visible = self.camera.see(&self.gpu, &self.geometry, &self.scene.camera, offset.into());
+        let visible = self.camera.see(&self.geometry, &self.scene.camera, offset.into());
         self.statistics.seconds.visible_points += self.finish("finding visible points", start)?;
 
         // Each block takes its share of one sequence of light samples, so that together they cover the lights evenly.
@@ -224,7 +224,7 @@ impl Render {
         self.direct_sums.clear();
         let points = self.camera.points(&visible);
         for sample in index * light_samples..(index + 1) * light_samples {
-            self.direct.add(&self.gpu, &self.scene, &self.lights, &self.geometry, points, sample, &self.direct_sums);
+            self.direct.add(&self.geometry, &self.lights, sample, points, &self.direct_sums);
         }
         self.statistics.seconds.direct += self.finish("direct light", start)?;
 
@@ -238,7 +238,7 @@ impl Render {
         let direction = self.directions.get(self.done);
         let bundle = Bundle::new(&direction, &self.geometry.positions, self.settings.layer_size);
         let points = self.camera.points(visible);
-        let layers = self.gather.direction(&self.gpu, &self.geometry, &self.photons, points, &bundle, &self.gather_sums);
+        let layers = self.gather.direction(&self.geometry, &self.photons, points, &bundle, &self.gather_sums);
         self.statistics.seconds.gather += self.finish("final gathering", start)?;
         self.statistics.gather.add(visible.count, layers, self.statistics.seconds.gather);
         Ok(())

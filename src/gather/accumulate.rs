@@ -22,7 +22,6 @@ impl Accumulate {
     /// Adds what the points see at `hits` to `sums`: rgb radiance × weight, a weight.
     pub fn add(
         &self,
-        gpu: &Gpu,
         geometry: &Geometry,
         photons: &PhotonTexture,
         points: Points,
@@ -37,7 +36,7 @@ impl Accumulate {
                 ("last_triangle", Uniform::Int(triangles.end as i32 - 1)),
             ];
             let uniforms = [&own[..], &surfaces, &points.uniforms(), &photons.uniforms()].concat();
-            sums.add(gpu, &self.program, &uniforms);
+            sums.add(&self.program, &uniforms);
         }
     }
 }

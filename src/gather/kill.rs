@@ -29,10 +29,10 @@ impl Kill {
     }
 
     /// Lets each point sample `layer`. Returns how many did.
-    pub fn sample(&self, gpu: &Gpu, points: Points, bundle: &Bundle, layer: &Texture) -> u32 {
+    pub fn sample(&self, points: Points, bundle: &Bundle, layer: &Texture) -> u32 {
         let uniforms = [&[("layer", Uniform::Texture(layer))], &points.uniforms()[..], &bundle.uniforms()].concat();
         self.survivors.count(|| {
-            gpu.draw(&Draw {
+            Draw {
                 target: &self.hits,
                 region: None,
                 program: &self.program,
@@ -40,7 +40,8 @@ impl Kill {
                 depth: DepthTest::Off,
                 blend: Blend::Replace,
                 geometry: Geometry::FullScreen,
-            });
+            }
+            .run();
         })
     }
 

@@ -51,7 +51,6 @@ impl Gather {
     /// Gathers along one direction and adds to `sums`. Returns the number of layers peeled.
     pub fn direction(
         &mut self,
-        gpu: &Gpu,
         geometry: &Geometry,
         photons: &PhotonTexture,
         points: Points,
@@ -64,14 +63,14 @@ impl Gather {
         self.peel.start();
         self.kill.start();
         loop {
-            let layer = self.peel.next(gpu, geometry, bundle);
-            let sampled = self.kill.sample(gpu, points, bundle, layer);
+            let layer = self.peel.next(geometry, bundle);
+            let sampled = self.kill.sample(points, bundle, layer);
             layers += 1;
             if (sampled as f32) < enough {
                 break;
             }
         }
-        self.accumulate.add(gpu, geometry, photons, points, bundle, self.kill.hits(), sums);
+        self.accumulate.add(geometry, photons, points, bundle, self.kill.hits(), sums);
         layers
     }
 }

@@ -36,22 +36,19 @@ impl Peel {
     }
 
     /// The farthest layer not yet peeled, as `glsl/peel.frag` writes it; empty when there is none.
-    pub fn next(&mut self, gpu: &Gpu, geometry: &Geometry, bundle: &Bundle) -> &Texture {
+    pub fn next(&mut self, geometry: &Geometry, bundle: &Bundle) -> &Texture {
         let previous = self.current;
         self.current = 1 - previous;
         let target = &self.layers[self.current];
         target.clear(EMPTY, 0.0);
-        geometry.draw(
-            gpu,
-            SurfacePass {
-                target,
-                region: None,
-                program: &self.program,
-                to_clip: bundle.to_clip,
-                depth: DepthTest::Greater,
-                uniforms: &[("previous_layer", Uniform::Texture(self.layers[previous].color(0)))],
-            },
-        );
+        geometry.draw(SurfacePass {
+            target,
+            region: None,
+            program: &self.program,
+            to_clip: bundle.to_clip,
+            depth: DepthTest::Greater,
+            uniforms: &[("previous_layer", Uniform::Texture(self.layers[previous].color(0)))],
+        });
         target.color(0)
     }
 }

@@ -4,7 +4,6 @@ use std::ops::Range;
 
 use glow::HasContext;
 
-use super::context::Gpu;
 use super::program::{Program, Uniform};
 use super::target::Target;
 use super::vertices::VertexArray;
@@ -45,23 +44,24 @@ pub enum Geometry<'a> {
     Triangles(&'a VertexArray, Range<u32>),
 }
 
-impl Gpu {
-    pub fn draw(&self, draw: &Draw) {
-        let gl = draw.target.bind();
-        draw.program.bind(draw.uniforms);
+impl Draw<'_> {
+    /// Queues the draw.
+    pub fn run(&self) {
+        let gl = self.target.bind();
+        self.program.bind(self.uniforms);
         unsafe {
-            if let Some([x, y, width, height]) = draw.region {
+            if let Some([x, y, width, height]) = self.region {
                 gl.viewport(x, y, width, height);
             }
-            match draw.depth {
+            match self.depth {
                 DepthTest::Off => gl.disable(glow::DEPTH_TEST),
                 DepthTest::Less | DepthTest::Greater => {
                     gl.enable(glow::DEPTH_TEST);
                     gl.depth_mask(true);
-                    gl.depth_func(if draw.depth == DepthTest::Less { glow::LESS } else { glow::GREATER });
+                    gl.depth_func(if self.depth == DepthTest::Less { glow::LESS } else { glow::GREATER });
                 }
             }
-            match draw.blend {
+            match self.blend {
                 Blend::Replace => gl.disable(glow::BLEND),
                 Blend::Add => {
                     gl.enable(glow::BLEND);
@@ -69,9 +69,9 @@ impl Gpu {
                     gl.blend_func(glow::ONE, glow::ONE);
                 }
             }
-            match &draw.geometry {
+            match &self.geometry {
                 Geometry::FullScreen => {
-                    gl.bind_vertex_array(Some(self.context().no_vertices()));
+                    gl.bind_vertex_array(Some(self.target.context().no_vertices()));
                     gl.draw_arrays(glow::TRIANGLES, 0, 3);
                 }
                 Geometry::Triangles(vertices, range) => {

@@ -1,8 +1,8 @@
 //! OpenGL 3.3 core, headless: the only folder that names `glow` or needs `unsafe`; it knows neither scenes nor photons.
 //!
 //! [`Gpu::headless`] makes a context. Objects ([`Texture`], [`Target`], [`Program`], [`VertexArray`], [`SampleQuery`]) own their GL
-//! name and delete it when dropped. [`Gpu::draw`] takes a whole draw as one value ([`Draw`]), so no state is left behind from
-//! one draw to the next.
+//! name and delete it when dropped. A draw is one value ([`Draw`]) with
+//! all the state that shapes it, so none is left behind for the next.
 
 mod context;
 mod draw;

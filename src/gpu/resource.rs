@@ -30,6 +30,10 @@ impl<T: Name> Resource<T> {
         self.name
     }
 
+    pub fn context(&self) -> &Context {
+        &self.context
+    }
+
     pub fn gl(&self) -> &glow::Context {
         self.context.current()
     }

@@ -2,7 +2,7 @@
 
 use glow::HasContext;
 
-use super::context::Gpu;
+use super::context::{Context, Gpu};
 use super::resource::Resource;
 use super::texture::{Format, Texture};
 use crate::error::{Error, Result};
@@ -70,6 +70,10 @@ impl Target {
                 gl.clear_buffer_f32_slice(glow::DEPTH, 0, &[depth]);
             }
         }
+    }
+
+    pub(super) fn context(&self) -> &Context {
+        self.framebuffer.context()
     }
 
     /// Binds it for drawing, the viewport over all of it.

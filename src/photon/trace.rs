@@ -72,7 +72,7 @@ impl<'a> PhotonTracer<'a> {
     fn trace_one(&self, photon: u64, share: f32, grid: &PhotonGrid, hits: &mut Vec<(usize, Vec3)>) {
         let [pick, u, v, s, t] = self.starts.point(photon);
         let mut random = Random::new(self.seed, photon);
-        let start = self.lights.point(self.scene, pick, [u, v]);
+        let start = self.lights.point(pick, [u, v]);
         let (mut origin, mut triangle) = (start.position, start.triangle);
         let mut direction = cosine_direction(start.normal, s, t);
         // A diffuse emitter of radiance L sends out πL per unit of area.

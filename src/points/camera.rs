@@ -41,24 +41,21 @@ impl CameraPoints {
     }
 
     /// Looks through every pixel at `offset`, in [0, 1)², from its lower left corner.
-    pub fn see(&self, gpu: &Gpu, geometry: &Geometry, camera: &Camera, offset: Vec2) -> Visible {
+    pub fn see(&self, geometry: &Geometry, camera: &Camera, offset: Vec2) -> Visible {
         let size = self.target.size().map(|side| side as f32);
         let forward = (camera.target - camera.eye).normalize();
         let uniforms = [("eye", Uniform::Vec3(camera.eye)), ("forward", Uniform::Vec3(forward))];
         self.target.clear([0.0; 4], 1.0);
         let shift = (Vec2::splat(1.0) - 2.0 * offset) / Vec2::from(size);
         let to_clip = Mat4::from_translation(shift.extend(0.0)) * projection(camera, geometry, size[0] / size[1]);
-        geometry.draw(
-            gpu,
-            SurfacePass {
-                target: &self.target,
-                region: None,
-                program: &self.program,
-                to_clip,
-                depth: DepthTest::Less,
-                uniforms: &uniforms,
-            },
-        );
+        geometry.draw(SurfacePass {
+            target: &self.target,
+            region: None,
+            program: &self.program,
+            to_clip,
+            depth: DepthTest::Less,
+            uniforms: &uniforms,
+        });
         let normal: Vec<Vec4> = self.target.color(1).read();
         let count = normal.iter().filter(|normal| normal.truncate() != Vec3::ZERO).count() as u32;
         Visible {

@@ -27,8 +27,8 @@ impl Sums {
     }
 
     /// Adds a full-screen pass of `program` to the sums.
-    pub(crate) fn add(&self, gpu: &Gpu, program: &Program, uniforms: &[(&'static str, Uniform)]) {
-        gpu.draw(&Draw {
+    pub(crate) fn add(&self, program: &Program, uniforms: &[(&'static str, Uniform)]) {
+        Draw {
             target: &self.target,
             region: None,
             program,
@@ -36,6 +36,7 @@ impl Sums {
             depth: DepthTest::Off,
             blend: Blend::Add,
             geometry: Geometry::FullScreen,
-        });
+        }
+        .run();
     }
 }

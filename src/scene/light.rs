@@ -6,9 +6,18 @@ use super::Scene;
 
 /// All emissive triangles of a scene.
 pub struct Lights {
-    triangles: Vec<usize>,
-    /// Power up to and with each triangle, as a share of the total.
-    cumulative: Vec<f32>,
+    triangles: Vec<Light>,
+}
+
+struct Light {
+    /// Into [`super::Mesh::triangles`].
+    triangle: usize,
+    corners: [Vec3; 3],
+    normal: Vec3,
+    /// See [`LightPoint::radiance_area`].
+    radiance_area: Vec3,
+    /// Power of the lights up to and with this one, as a share of the total.
+    cumulative: f32,
 }
 
 /// A point on a light.
@@ -26,27 +35,28 @@ pub struct LightPoint {
 
 impl Lights {
     pub fn new(scene: &Scene) -> Self {
+        let power =
+            |triangle: usize| f64::from(scene.material(triangle).emission.element_sum()) * f64::from(scene.mesh.area(triangle));
+        let emissive = || (0..scene.mesh.triangles.len()).filter(|&triangle| power(triangle) > 0.0);
+        let total: f64 = emissive().map(power).sum();
         let mut sum = 0.0;
-        let (mut triangles, mut powers) = (Vec::new(), Vec::new());
-        for triangle in 0..scene.mesh.triangles.len() {
-            let power = scene.material(triangle).emission.element_sum() * scene.mesh.area(triangle);
-            if power > 0.0 {
-                sum += f64::from(power);
-                triangles.push(triangle);
-                powers.push(sum);
+        let light = |triangle: usize| {
+            sum += power(triangle) / total;
+            let probability = (power(triangle) / total) as f32;
+            Light {
+                triangle,
+                corners: scene.mesh.corners(triangle),
+                normal: scene.mesh.geometric_normal(triangle),
+                radiance_area: scene.material(triangle).emission * (scene.mesh.area(triangle) / probability),
+                cumulative: sum as f32,
             }
-        }
-        Self { triangles, cumulative: powers.iter().map(|part| (part / sum) as f32).collect() }
+        };
+        Self { triangles: emissive().map(light).collect() }
     }
 
     /// Number of emissive triangles.
-    pub fn len(&self) -> usize {
+    pub fn count(&self) -> usize {
         self.triangles.len()
-    }
-
-    /// Whether nothing emits.
-    pub fn is_empty(&self) -> bool {
-        self.triangles.is_empty()
     }
 
     /// Maps a uniform number and a uniform point of the unit square to a point on the lights, with a density proportional to
@@ -54,18 +64,11 @@ impl Lights {
     ///
     /// # Panics
     /// When nothing emits.
-    pub fn point(&self, scene: &Scene, pick: f32, [u, v]: [f32; 2]) -> LightPoint {
-        let slot = self.cumulative.partition_point(|&part| part <= pick).min(self.triangles.len() - 1);
-        let triangle = self.triangles[slot];
-        let probability = self.cumulative[slot] - if slot == 0 { 0.0 } else { self.cumulative[slot - 1] };
-        let [a, b, c] = scene.mesh.corners(triangle);
+    pub fn point(&self, pick: f32, [u, v]: [f32; 2]) -> LightPoint {
+        let slot = self.triangles.partition_point(|light| light.cumulative <= pick).min(self.triangles.len() - 1);
+        let &Light { triangle, corners: [a, b, c], normal, radiance_area, .. } = &self.triangles[slot];
         // The square folded along its diagonal, so that its neighbours stay neighbours in the triangle.
         let (u, v) = if u + v > 1.0 { (1.0 - u, 1.0 - v) } else { (u, v) };
-        LightPoint {
-            triangle,
-            position: a + u * (b - a) + v * (c - a),
-            normal: scene.mesh.geometric_normal(triangle),
-            radiance_area: scene.material(triangle).emission * (scene.mesh.area(triangle) / probability),
-        }
+        LightPoint { triangle, position: a + u * (b - a) + v * (c - a), normal, radiance_area }
     }
 }

@@ -25,14 +25,14 @@ impl UnitSpace {
         let space = Self { center: 0.5 * (min + max), scale: 0.5 * (max - min).length() };
         let mut scene = scene.clone();
         for position in &mut scene.mesh.positions {
-            *position = space.from_world(*position);
+            *position = space.enter_point(*position);
         }
         let Camera { eye, target, up, fov_y_degrees } = scene.camera;
-        scene.camera = Camera { eye: space.from_world(eye), target: space.from_world(target), up, fov_y_degrees };
+        scene.camera = Camera { eye: space.enter_point(eye), target: space.enter_point(target), up, fov_y_degrees };
         (scene, space)
     }
 
-    fn from_world(self, position: Vec3) -> Vec3 {
+    fn enter_point(self, position: Vec3) -> Vec3 {
         ((position.as_dvec3() - self.center) / self.scale).as_vec3()
     }
 
