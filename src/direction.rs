@@ -8,7 +8,7 @@ use std::f32::consts::TAU;
 
 use glam::{Vec2, Vec3};
 
-use crate::random::{Random, Recurrence, mix, unit};
+use crate::random::{Random, Recurrence, sobol};
 use crate::settings::Sequence;
 
 /// A seeded sequence of directions.
@@ -52,34 +52,6 @@ fn sphere(u: f32, v: f32) -> Vec3 {
     let radius = (1.0 - z * z).max(0.0).sqrt();
     let (sin, cos) = (TAU * v).sin_cos();
     Vec3::new(radius * cos, radius * sin, z)
-}
-
-/// Point `index` of the first two Sobol dimensions, each with its own Owen scrambling (the hash of Burley 2020, "Practical
-/// hash-based Owen scrambling").
-fn sobol(index: u32, seed: u64) -> [f32; 2] {
-    // The first dimension reverses the bits. The second has the direction numbers of the polynomial x + 1: each column is the
-    // one before, xor-ed with itself shifted by one.
-    let mut second = 0u32;
-    let mut column = 1u32 << 31;
-    for bit in 0..32 {
-        if index >> bit & 1 == 1 {
-            second ^= column;
-        }
-        column ^= column >> 1;
-    }
-    let keys = mix(seed ^ 0x0b5e_55ed);
-    // The hash works on reversed bits; the first dimension is the index reversed, so there the two reversals cancel.
-    let scramble = |reversed: u32, key: u32| unit(u64::from(owen_hash(reversed, key).reverse_bits()) << 32);
-    [scramble(index, keys as u32), scramble(second.reverse_bits(), (keys >> 32) as u32)]
-}
-
-/// Laine and Karras's permutation, improved by Vegdahl: scrambles each bit by the bits below it.
-fn owen_hash(mut x: u32, key: u32) -> u32 {
-    x = x.wrapping_add(key);
-    x ^= x.wrapping_mul(0x6c50_b47c);
-    x ^= x.wrapping_mul(0xb82f_1e52);
-    x ^= x.wrapping_mul(0xc7af_e638);
-    x ^ x.wrapping_mul(0x8d22_f6e6)
 }
 
 #[cfg(test)]

@@ -1,5 +1,7 @@
 //! Small geometry that several stages share.
 
+use std::f32::consts::TAU;
+
 use glam::{Mat3, Vec3};
 
 /// An axis-aligned box. [`Aabb::EMPTY`] holds no point, and any box joined with it stays as it is.
@@ -41,4 +43,11 @@ pub fn frame(z: Vec3) -> Mat3 {
 /// The axis of a vector's largest component by magnitude; the first of equals.
 pub fn dominant_axis(v: Vec3) -> usize {
     v.abs().max_position()
+}
+
+/// Maps a uniform point of the unit square to a direction with density cos θ / π about the unit vector `normal` (Malley's method).
+pub fn cosine_direction(normal: Vec3, u: f32, v: f32) -> Vec3 {
+    let radius = u.sqrt();
+    let (sin, cos) = (TAU * v).sin_cos();
+    frame(normal) * Vec3::new(radius * cos, radius * sin, (1.0 - u).sqrt())
 }

@@ -52,13 +52,41 @@ impl<const D: usize> Recurrence<D> {
     }
 }
 
+/// Point `index` of the first two Sobol dimensions, each with its own Owen scrambling (the hash of Burley 2020, "Practical
+/// hash-based Owen scrambling").
+pub fn sobol(index: u32, seed: u64) -> [f32; 2] {
+    // The first dimension reverses the bits. The second has the direction numbers of the polynomial x + 1: each column is the
+    // one before, xor-ed with itself shifted by one.
+    let mut second = 0u32;
+    let mut column = 1u32 << 31;
+    for bit in 0..32 {
+        if index >> bit & 1 == 1 {
+            second ^= column;
+        }
+        column ^= column >> 1;
+    }
+    let keys = mix(seed ^ 0x0b5e_55ed);
+    // The hash works on reversed bits; the first dimension is the index reversed, so there the two reversals cancel.
+    let scramble = |reversed: u32, key: u32| unit(u64::from(owen_hash(reversed, key).reverse_bits()) << 32);
+    [scramble(index, keys as u32), scramble(second.reverse_bits(), (keys >> 32) as u32)]
+}
+
+/// Laine and Karras's permutation, improved by Vegdahl: scrambles each bit by the bits below it.
+fn owen_hash(mut x: u32, key: u32) -> u32 {
+    x = x.wrapping_add(key);
+    x ^= x.wrapping_mul(0x6c50_b47c);
+    x ^= x.wrapping_mul(0xb82f_1e52);
+    x ^= x.wrapping_mul(0xc7af_e638);
+    x ^ x.wrapping_mul(0x8d22_f6e6)
+}
+
 /// The upper 24 bits as a number in [0, 1); all of them are representable in an f32.
-pub fn unit(bits: u64) -> f32 {
+fn unit(bits: u64) -> f32 {
     (bits >> 40) as f32 / (1u64 << 24) as f32
 }
 
 /// A bijection of 64-bit integers in which every input bit changes every output bit with probability near 1/2.
-pub fn mix(mut z: u64) -> u64 {
+fn mix(mut z: u64) -> u64 {
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
     z ^ (z >> 31)

@@ -19,7 +19,7 @@ use crate::gpu::Gpu;
 use crate::image::Image;
 use crate::photon::{PhotonCounts, PhotonGrid, PhotonTexture, PhotonTracer};
 use crate::points::{CameraPoints, Sums, Visible};
-use crate::random::Recurrence;
+use crate::random::sobol;
 use crate::scene::{Bvh, Lights, Scene, UnitSpace};
 use crate::settings::Settings;
 
@@ -37,7 +37,6 @@ pub struct Render {
     direct: Direct,
     gather: Gather,
     directions: Directions,
-    offsets: Recurrence<2>,
     direct_sums: Sums,
     gather_sums: Sums,
     /// The block in progress.
@@ -125,6 +124,7 @@ impl Render {
         let mut grid = PhotonGrid::new(&scene.mesh, settings.grid_cells);
         let tracer = PhotonTracer::new(&scene, &bvh, &lights, settings.seed, settings.bounces);
         let photon_counts = tracer.trace(settings.photons, &mut grid);
+        grid.add_area(&scene.mesh, &bvh, settings.seed);
         let photons = PhotonTexture::upload(gpu, grid)?;
 
         let mut statistics = Statistics {
@@ -139,7 +139,6 @@ impl Render {
         Ok(Self {
             gpu: gpu.clone(),
             directions: Directions::new(settings.sequence, settings.seed),
-            offsets: Recurrence::new(settings.seed ^ 0x0ff5e7),
             settings: settings.clone(),
             scene,
             space,
@@ -214,7 +213,7 @@ impl Render {
         let blocks = u64::from(self.settings.directions.div_ceil(per_block));
 
         let start = Instant::now();
-        let offset = self.offsets.point(index);
+        let offset = sobol(index as u32, self.settings.seed);
         let visible = self.camera.see(&self.geometry, &self.scene.camera, offset.into());
         self.statistics.seconds.visible_points += self.finish("finding visible points", start)?;
 

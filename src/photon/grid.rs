@@ -1,18 +1,25 @@
 //! Density estimation: E = flux / area for each grid cell and each of six orientations.
 //!
-//! A cell sums the photons' flux and the true area of the surfaces inside it, triangles clipped to the cell. A disc around a photon would
-//! reach beyond a corner and darken it; the clipped area does not. Each of the six dominant normal directions has a bin of its
-//! own, and every surface counts in two, one a side: light on one side of a wall never shows on the other.
-//! Readers interpolate flux and area between cells and divide last.
+//! A cell sums the photons' flux and the true area of the surfaces inside it, triangles clipped to the cell. A disc around a
+//! photon would reach beyond a corner and darken it; the clipped area does not. Each of the six dominant normal directions
+//! has a bin of its own, and every surface counts in two, one a side: light on one side of a wall never shows on the other.
+//! Of the area, only the share counts that light can reach: floor under a closed block receives no photon, and would darken the
+//! floor around the block that shares its cells. Readers interpolate flux and area between cells and divide last.
 
 use glam::{UVec3, Vec3};
 use rayon::prelude::*;
 
-use crate::math::{Aabb, dominant_axis};
-use crate::scene::Mesh;
+use crate::math::{Aabb, cosine_direction, dominant_axis};
+use crate::random::Random;
+use crate::scene::{Bvh, Mesh};
 
 /// Orientations told apart: the two signs of each axis.
 pub const BINS: usize = 6;
+
+/// Points on a cell's face of area that are probed for light.
+const PROBES: f32 = 16.0;
+/// Rays from each; a surface that light reaches sees some of it in almost all directions.
+const TRIES: u32 = 4;
 
 /// Flux and surface area of each cell and orientation.
 pub struct PhotonGrid {
@@ -27,27 +34,28 @@ pub struct PhotonGrid {
 }
 
 impl PhotonGrid {
-    /// A grid over `mesh` with `cells` cells along its longest side: area filled in, flux zero.
+    /// An empty grid over `mesh` with `cells` cells along its longest side.
     pub fn new(mesh: &Mesh, cells: u32) -> Self {
         let bounds = Aabb::from_points(mesh.positions.iter().copied());
         let cell_size = bounds.extent().max_element() / cells as f32;
         // Half a cell of margin on each side: surfaces on the bounds lie inside cells, not between two.
         let cells = (bounds.extent() / cell_size).ceil().as_uvec3() + 1;
         let origin = bounds.center() - 0.5 * cell_size * cells.as_vec3();
-        let mut grid = Self { origin, cells, cell_size, sums: vec![[0.0; 4]; BINS * cells.element_product() as usize] };
-        grid.add_area(mesh);
-        grid
+        Self { origin, cells, cell_size, sums: vec![[0.0; 4]; BINS * cells.element_product() as usize] }
     }
 
-    /// The bin of the side with unit normal `side` at `position`. The axis is that of the triangle's geometric normal, so that the CPU
-    /// and the shaders agree.
-    pub fn index(&self, position: Vec3, axis: usize, side: Vec3) -> usize {
+    /// The bin of the side that a ray along `direction` meets at `position` on a triangle.
+    pub fn index_of_hit(&self, mesh: &Mesh, triangle: usize, position: Vec3, direction: Vec3) -> usize {
+        let normal = mesh.geometric_normal(triangle);
+        let side = if normal.dot(direction) < 0.0 { normal } else { -normal };
+        let cell = ((position - self.origin) / self.cell_size).as_uvec3();
+        self.index_of(cell, dominant_axis(normal), side)
+    }
+
+    /// The axis is that of the triangle's geometric normal, so that the shaders, which are told it, agree.
+    fn index_of(&self, cell: UVec3, axis: usize, side: Vec3) -> usize {
         let bin = 2 * axis + usize::from(side[axis] <= 0.0);
-        self.index_of(((position - self.origin) / self.cell_size).as_uvec3().min(self.cells - 1), bin)
-    }
-
-    fn index_of(&self, cell: UVec3, bin: usize) -> usize {
-        let [x, y, z] = cell.to_array().map(|c| c as usize);
+        let [x, y, z] = cell.min(self.cells - 1).to_array().map(|c| c as usize);
         let [width, height] = [self.cells.x as usize, self.cells.y as usize];
         bin * self.cells.element_product() as usize + (z * height + y) * width + x
     }
@@ -59,30 +67,77 @@ impl PhotonGrid {
         }
     }
 
-    fn add_area(&mut self, mesh: &Mesh) {
-        // Clipped in parallel, summed in the order of triangles: the same sums for any number of threads.
-        let pieces: Vec<Vec<(UVec3, f32)>> =
-            (0..mesh.triangles.len()).into_par_iter().map(|triangle| self.clip(mesh.corners(triangle))).collect();
-        for (triangle, pieces) in pieces.into_iter().enumerate() {
-            let axis = dominant_axis(mesh.geometric_normal(triangle));
-            for (cell, area) in pieces {
-                for bin in [2 * axis, 2 * axis + 1] {
-                    let index = self.index_of(cell, bin);
-                    self.sums[index][3] += area;
-                }
+    /// Adds the area of `mesh` that light reaches; call once, after the flux.
+    pub fn add_area(&mut self, mesh: &Mesh, bvh: &Bvh, seed: u64) {
+        // Clipped and probed in parallel, summed in the order of triangles: the same sums for any number of threads.
+        let pieces: Vec<Vec<Piece>> = (0..mesh.triangles.len())
+            .into_par_iter()
+            .map(|triangle| {
+                let mut random = Random::new(seed, triangle as u64);
+                let normal = mesh.geometric_normal(triangle);
+                let clipped = self.clip(mesh.corners(triangle)).into_iter();
+                let sides = clipped.flat_map(|(cell, polygon)| [(cell, polygon.clone(), normal), (cell, polygon, -normal)]);
+                sides.map(|(cell, polygon, side)| self.probe(mesh, bvh, triangle, side, cell, &polygon, &mut random)).collect()
+            })
+            .collect();
+        let mut probes = vec![[0u32; 2]; self.sums.len()];
+        for piece in pieces.into_iter().flatten() {
+            self.sums[piece.index][3] += piece.area;
+            probes[piece.index][0] += piece.lit;
+            probes[piece.index][1] += piece.probes;
+        }
+        for (sums, [lit, probes]) in self.sums.iter_mut().zip(probes) {
+            if probes > 0 {
+                sums[3] *= lit as f32 / probes as f32;
             }
         }
     }
 
-    /// The cells that a triangle passes through and its area in each.
-    fn clip(&self, corners: [Vec3; 3]) -> Vec<(UVec3, f32)> {
+    /// Area of one side of a clipped triangle, with a number of points on it proportional to that area, and how many of those can see
+    /// a surface that received photons.
+    fn probe(
+        &self,
+        mesh: &Mesh,
+        bvh: &Bvh,
+        triangle: usize,
+        side: Vec3,
+        cell: UVec3,
+        polygon: &[Vec3],
+        random: &mut Random,
+    ) -> Piece {
+        let share = area(polygon);
+        let probes = (share * PROBES + random.uniform()) as u32;
+        let lit = (0..probes).filter(|_| {
+            let origin = self.origin + self.cell_size * point_in(polygon, random);
+            (0..TRIES).any(|_| {
+                let direction = cosine_direction(side, random.uniform(), random.uniform());
+                bvh.nearest(origin, direction, Some(triangle)).is_some_and(|hit| {
+                    let index = self.index_of_hit(mesh, hit.triangle, origin + hit.distance * direction, direction);
+                    self.sums[index][..3].iter().any(|&flux| flux > 0.0)
+                })
+            })
+        });
+        let lit = lit.count() as u32;
+        let axis = dominant_axis(side);
+        Piece { index: self.index_of(cell, axis, side), area: share * self.cell_size * self.cell_size, lit, probes }
+    }
+
+    /// The cells that a triangle passes through and its part in each, in lengths of cells from the origin.
+    fn clip(&self, corners: [Vec3; 3]) -> Vec<(UVec3, Vec<Vec3>)> {
         let mut pieces = vec![(UVec3::ZERO, corners.map(|corner| (corner - self.origin) / self.cell_size).to_vec())];
         for axis in 0..3 {
             pieces = pieces.into_iter().flat_map(|(cell, polygon)| slice(cell, polygon, axis)).collect();
         }
-        let square = self.cell_size * self.cell_size;
-        pieces.into_iter().map(|(cell, polygon)| (cell.min(self.cells - 1), square * area(&polygon))).collect()
+        pieces
     }
+}
+
+/// One side of a triangle's part in one cell.
+struct Piece {
+    index: usize,
+    area: f32,
+    lit: u32,
+    probes: u32,
 }
 
 /// Cuts a convex polygon into slabs of unit thickness along `axis`, each with its coordinate put into `cell`.
@@ -128,4 +183,21 @@ fn split(polygon: &[Vec3], axis: usize, plane: f32) -> (Vec<Vec3>, Vec<Vec3>) {
 fn area(polygon: &[Vec3]) -> f32 {
     let fan = polygon[1..].windows(2).map(|pair| (pair[0] - polygon[0]).cross(pair[1] - polygon[0]));
     0.5 * fan.sum::<Vec3>().length()
+}
+
+/// A uniformly distributed point of a convex polygon.
+fn point_in(polygon: &[Vec3], random: &mut Random) -> Vec3 {
+    let mut rest = random.uniform() * area(polygon);
+    let mut chosen = [polygon[0], polygon[1], polygon[2]];
+    for pair in polygon[1..].windows(2) {
+        chosen = [polygon[0], pair[0], pair[1]];
+        rest -= area(&chosen);
+        if rest <= 0.0 {
+            break;
+        }
+    }
+    let [a, b, c] = chosen;
+    let (u, v) = (random.uniform(), random.uniform());
+    let (u, v) = if u + v > 1.0 { (1.0 - u, 1.0 - v) } else { (u, v) };
+    a + u * (b - a) + v * (c - a)
 }

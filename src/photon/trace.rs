@@ -4,14 +4,14 @@
 //! it is stored; then Russian roulette reflects it with the share that its strongest channel keeps, so that the survivors
 //! carry about as much flux as was emitted with each.
 
-use std::f32::consts::{PI, TAU};
+use std::f32::consts::PI;
 
 use glam::Vec3;
 use rayon::prelude::*;
 use serde::Serialize;
 
 use super::grid::PhotonGrid;
-use crate::math::{dominant_axis, frame};
+use crate::math::cosine_direction;
 use crate::random::{Random, Recurrence};
 use crate::scene::{Bvh, Lights, Scene};
 
@@ -80,9 +80,7 @@ impl<'a> PhotonTracer<'a> {
         for _ in 0..self.bounces {
             let Some(hit) = self.bvh.nearest(origin, direction, Some(triangle)) else { return };
             (origin, triangle) = (origin + hit.distance * direction, hit.triangle);
-            let normal = self.scene.mesh.geometric_normal(triangle);
-            let side = if normal.dot(direction) < 0.0 { normal } else { -normal };
-            hits.push((grid.index(origin, dominant_axis(normal), side), flux));
+            hits.push((grid.index_of_hit(&self.scene.mesh, triangle, origin, direction), flux));
 
             let reflected = flux * self.scene.albedo(triangle, self.scene.mesh.barycentric(triangle, origin));
             let survival = reflected.max_element() / flux.max_element();
@@ -90,14 +88,9 @@ impl<'a> PhotonTracer<'a> {
                 return;
             }
             flux = reflected / survival;
+            let normal = self.scene.mesh.geometric_normal(triangle);
+            let side = if normal.dot(direction) < 0.0 { normal } else { -normal };
             direction = cosine_direction(side, random.uniform(), random.uniform());
         }
     }
-}
-
-/// Maps a uniform point of the unit square to a direction with density cos θ / π about the unit vector `normal` (Malley's method).
-fn cosine_direction(normal: Vec3, u: f32, v: f32) -> Vec3 {
-    let radius = u.sqrt();
-    let (sin, cos) = (TAU * v).sin_cos();
-    frame(normal) * Vec3::new(radius * cos, radius * sin, (1.0 - u).sqrt())
 }
