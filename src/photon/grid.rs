@@ -18,7 +18,7 @@ pub const BINS: usize = 6;
 
 /// Points on a cell's face of area that are probed for light.
 const PROBES: f32 = 16.0;
-/// Rays from each; a surface that light reaches sees some of it in almost all directions.
+/// Rays from each: a surface that light reaches sees some of it in almost all directions.
 const TRIES: u32 = 4;
 
 /// Flux and surface area of each cell and orientation.
@@ -95,24 +95,29 @@ impl PhotonGrid {
             *lit += piece.probes[0];
             *all += piece.probes[1];
         }
-        for (sums, [lit, probes]) in self.sums.iter_mut().zip(probes) {
+        for (index, [lit, probes]) in probes.into_iter().enumerate() {
             if probes > 0 {
-                sums[3] *= lit as f32 / probes as f32;
+                // Where photons are, some of the area was reached, whatever the probes missed.
+                let lit = lit.max(u32::from(self.is_lit(index)));
+                self.sums[index][3] *= lit as f32 / probes as f32;
             }
         }
     }
 
-    /// Of points on one side of a part of a triangle, as many as its area asks for: how many see a surface that received photons,
-    /// and how many there are.
+    fn is_lit(&self, index: usize) -> bool {
+        self.sums[index][..3].iter().any(|&flux| flux > 0.0)
+    }
+
+    /// Of points on one side of a part of a triangle, as many as its area asks for: how many are not shut in, but see out of the scene or
+    /// a surface that received photons; and how many there are.
     fn probe(&self, mesh: &Mesh, bvh: &Bvh, triangle: usize, side: Vec3, polygon: &[Vec3], random: &mut Random) -> [u32; 2] {
         let probes = (area(polygon) * PROBES + random.uniform()) as u32;
         let lit = (0..probes).filter(|_| {
             let origin = self.origin + self.cell_size * point_in(polygon, random);
             (0..TRIES).any(|_| {
                 let direction = cosine_direction(side, random.uniform(), random.uniform());
-                bvh.nearest(origin, direction, Some(triangle)).is_some_and(|hit| {
-                    let index = self.index_of_hit(mesh, hit.triangle, origin + hit.distance * direction, direction);
-                    self.sums[index][..3].iter().any(|&flux| flux > 0.0)
+                bvh.nearest(origin, direction, Some(triangle)).is_none_or(|hit| {
+                    self.is_lit(self.index_of_hit(mesh, hit.triangle, origin + hit.distance * direction, direction))
                 })
             })
         });
