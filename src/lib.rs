@@ -1,7 +1,7 @@
 //! Final gathering by rasterised ray bundles, on OpenGL 3.3.
 
-mod direct;
-mod direction;
+pub mod direct;
+pub mod direction;
 pub mod error;
 mod film;
 pub mod gather;
@@ -12,6 +12,7 @@ pub mod math;
 pub mod photon;
 pub mod points;
 pub mod random;
+pub mod reference;
 pub mod render;
 pub mod scene;
 pub mod settings;
