@@ -96,10 +96,10 @@ pub struct GatherCounts {
     samples: u64,
 }
 
-/// Directions in a block: an N-th of them so that a picture has about sixteen sub-pixel offsets, and no more than 64, so that a
+/// Directions in a block: few enough that a picture has about 32 sub-pixel offsets, and at most 128, so that a
 /// long render keeps refining its edges and shadows.
 fn directions_per_block(directions: u32) -> u32 {
-    directions.div_ceil(16).next_power_of_two().min(64)
+    directions.div_ceil(32).next_power_of_two().min(128)
 }
 
 impl Render {
