@@ -2,8 +2,9 @@
 // Inverse depth peeling: of what lies nearer than the layer before, the farthest remains (depth test GREATER).
 // Mirrors src/gather/peel.rs.
 
+flat in int surface_triangle;
+
 uniform sampler2D previous_layer;
-uniform int first_triangle;
 
 // Depth along the direction and its change to the next texel in x and y, so that a reader can evaluate the surface's plane where it
 // stands; and the triangle, counted from 1.
@@ -16,5 +17,5 @@ void main()
     // Both depths come from the same arithmetic at the same place, so that equality is exact and no epsilon is needed.
     if (depth >= texelFetch(previous_layer, ivec2(gl_FragCoord.xy), 0).x)
         discard;
-    layer = vec4(depth, slope, float(first_triangle + gl_PrimitiveID + 1));
+    layer = vec4(depth, slope, float(surface_triangle + 1));
 }

@@ -1,5 +1,6 @@
 #version 330 core
-// The scene's triangles under any projection. Mirrors `Geometry` in src/geometry.rs.
+// The scene's triangles under any projection. Vertices are not shared, so that their numbers tell the triangle: softpipe draws
+// nothing where a fragment shader reads gl_PrimitiveID. Mirrors `Geometry` in src/geometry.rs.
 
 layout(location = 0) in vec3 position;
 layout(location = 1) in vec3 normal;    // zero: flat shading
@@ -8,10 +9,12 @@ uniform mat4 to_clip;
 
 out vec3 surface_position;
 out vec3 surface_normal;
+flat out int surface_triangle;
 
 void main()
 {
     surface_position = position;
     surface_normal = normal;
+    surface_triangle = gl_VertexID / 3;
     gl_Position = to_clip * vec4(position, 1.0);
 }

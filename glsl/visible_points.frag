@@ -6,6 +6,7 @@
 
 in vec3 surface_position;
 in vec3 surface_normal;
+flat in int surface_triangle;
 
 uniform vec3 eye;
 uniform vec3 forward;
@@ -17,7 +18,7 @@ layout(location = 3) out vec4 emission_out;     // w: distance along the view ax
 
 void main()
 {
-    Surface surface = fetch_surface(first_triangle + gl_PrimitiveID);
+    Surface surface = fetch_surface(surface_triangle);
     vec3 to_eye = eye - surface_position;
     bool front = dot(surface.normal, to_eye) > 0.0;
     vec3 geometric = front ? surface.normal : -surface.normal;

@@ -47,7 +47,7 @@ impl Geometry {
 
         let mut batches: Vec<Batch> = Vec::new();
         let mut table = Vec::with_capacity(order.len());
-        let mut indices = Vec::with_capacity(order.len() * 3);
+        let (mut positions, mut normals) = (Vec::with_capacity(order.len() * 3), Vec::with_capacity(order.len() * 3));
         for (slot, &triangle) in (0u32..).zip(&order) {
             match batches.last_mut() {
                 Some(batch) if batch.texture == texture_of(triangle) => batch.triangles.end = slot + 1,
@@ -57,7 +57,8 @@ impl Geometry {
             let code = mesh.triangles[triangle].material as usize * 4 + dominant_axis(normal);
             table.push(normal.extend(code as f32).to_array());
             table.extend(texture_planes(mesh, triangle));
-            indices.extend(mesh.triangles[triangle].vertices);
+            positions.extend(mesh.corners(triangle));
+            normals.extend(mesh.triangles[triangle].vertices.map(|vertex| mesh.normals[vertex as usize]));
         }
         let colors: Vec<[f32; 4]> =
             scene.materials.iter().flat_map(|m| [m.albedo.extend(0.0).to_array(), m.emission.extend(0.0).to_array()]).collect();
@@ -76,9 +77,9 @@ impl Geometry {
         }
         textures.push(Texture::from_texels(gpu, Format::Srgb8Alpha8, [1, 1], Filter::Nearest, Wrap::Repeat, &[[255u8; 4]])?);
 
-        let attributes: [(i32, &[u8]); 2] = [(3, cast_slice(&mesh.positions)), (3, cast_slice(&mesh.normals))];
+        let attributes: [(i32, &[u8]); 2] = [(3, cast_slice(&positions)), (3, cast_slice(&normals))];
         Ok(Self {
-            vertices: VertexArray::new(gpu, &attributes, &indices)?,
+            vertices: VertexArray::new(gpu, &attributes)?,
             triangles: upload_table(gpu, table)?,
             materials: upload_table(gpu, colors)?,
             textures,

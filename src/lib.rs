@@ -37,8 +37,8 @@
 //! after loading work in *unit space* ([`scene::UnitSpace`]): the scene's bounding box centred on the origin with its corners on
 //! the unit sphere. OpenGL is named in [`gpu`] alone.
 
-mod direct;
-mod direction;
+pub mod direct;
+pub mod direction;
 pub mod error;
 mod film;
 pub mod gather;
@@ -49,6 +49,7 @@ pub mod math;
 pub mod photon;
 pub mod points;
 pub mod random;
+pub mod reference;
 pub mod render;
 pub mod scene;
 pub mod settings;

@@ -19,27 +19,39 @@ const BEYOND: [f32; 4] = [2.0, 0.0, 0.0, 0.0];
 /// Peels one bundle at a time.
 pub struct Peel {
     program: Program,
-    /// The layer being drawn and the one before, in turn.
-    layers: [Target; 2],
-    current: usize,
+    /// The farthest layer, then two that hold the others in turn.
+    layers: [Target; 3],
+    /// Layers of this bundle so far.
+    count: usize,
+}
+
+/// One layer, as `glsl/peel.frag` writes it.
+#[derive(Clone, Copy)]
+pub struct Layer<'a> {
+    pub surfaces: &'a Texture,
+    /// The first layer of the bundle, which tells where the scene is.
+    pub farthest: &'a Texture,
 }
 
 impl Peel {
     pub fn new(gpu: &Gpu, layer_size: u32) -> Result<Self> {
         let layer = || Target::new(gpu, [layer_size; 2], &[Format::Rgba32F], true);
-        Ok(Self { program: Program::new(gpu, &shaders::PEEL)?, layers: [layer()?, layer()?], current: 0 })
+        Ok(Self { program: Program::new(gpu, &shaders::PEEL)?, layers: [layer()?, layer()?, layer()?], count: 0 })
     }
 
     /// Begins a bundle.
     pub fn start(&mut self) {
-        self.layers[self.current].clear(BEYOND, 0.0);
+        self.count = 0;
+        self.layers[1].clear(BEYOND, 0.0);
     }
 
-    /// The farthest layer not yet peeled, as `glsl/peel.frag` writes it; empty when there is none.
-    pub fn next(&mut self, geometry: &Geometry, bundle: &Bundle) -> &Texture {
-        let previous = self.current;
-        self.current = 1 - previous;
-        let target = &self.layers[self.current];
+    /// The farthest layer not yet peeled; empty when there is none.
+    pub fn next(&mut self, geometry: &Geometry, bundle: &Bundle) -> Layer<'_> {
+        // The slots in turn: 0, 2, 1, 2, 1, ...; what comes before the first is in slot 1.
+        let slot = |count: usize| if count == 0 { 0 } else { 1 + count % 2 };
+        let previous = if self.count == 0 { 1 } else { slot(self.count - 1) };
+        let target = &self.layers[slot(self.count)];
+        self.count += 1;
         target.clear(EMPTY, 0.0);
         geometry.draw(SurfacePass {
             target,
@@ -49,6 +61,6 @@ impl Peel {
             depth: DepthTest::Greater,
             uniforms: &[("previous_layer", Uniform::Texture(self.layers[previous].color(0)))],
         });
-        target.color(0)
+        Layer { surfaces: target.color(0), farthest: self.layers[0].color(0) }
     }
 }

@@ -76,8 +76,7 @@ impl Draw<'_> {
                 }
                 Geometry::Triangles(vertices, range) => {
                     gl.bind_vertex_array(Some(vertices.name()));
-                    let count = (range.end - range.start) * 3;
-                    gl.draw_elements(glow::TRIANGLES, count as i32, glow::UNSIGNED_INT, range.start as i32 * 12);
+                    gl.draw_arrays(glow::TRIANGLES, 3 * range.start as i32, 3 * (range.end - range.start) as i32);
                 }
             }
         }

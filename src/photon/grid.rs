@@ -6,7 +6,7 @@
 //! Of the area, only the share counts that light can reach: floor under a closed block receives no photon, and would darken the
 //! floor around the block that shares its cells. Readers interpolate flux and area between cells and divide last.
 
-use glam::{UVec3, Vec3};
+use glam::{UVec3, Vec3, Vec4};
 use rayon::prelude::*;
 
 use crate::math::{Aabb, cosine_direction, dominant_axis};
@@ -58,6 +58,22 @@ impl PhotonGrid {
         let [x, y, z] = cell.min(self.cells - 1).to_array().map(|c| c as usize);
         let [width, height] = [self.cells.x as usize, self.cells.y as usize];
         bin * self.cells.element_product() as usize + (z * height + y) * width + x
+    }
+
+    /// Irradiance at `position` on the side of a surface that faces along the positive or negative `axis`: flux and area interpolated
+    /// between the centres of cells, then divided. The twin of `photon_irradiance` in `glsl/include/photon_grid.glsl`.
+    pub fn irradiance(&self, position: Vec3, axis: usize, positive: bool) -> Vec3 {
+        let side = if positive { Vec3::AXES[axis] } else { -Vec3::AXES[axis] };
+        // From here on in cells, 0 at the centre of the first.
+        let place = ((position - self.origin) / self.cell_size - 0.5).clamp(Vec3::ZERO, self.cells.as_vec3() - 1.0);
+        let (first, share) = (place.floor(), place.fract());
+        let mut sums = Vec4::ZERO;
+        for corner in 0..8 {
+            let step = UVec3::new(corner & 1, corner >> 1 & 1, corner >> 2);
+            let weight = Vec3::select(step.cmpeq(UVec3::ONE), share, 1.0 - share).element_product();
+            sums += weight * Vec4::from(self.sums[self.index_of(first.as_uvec3() + step, axis, side)]);
+        }
+        if sums.w > 0.0 { sums.truncate() / sums.w } else { Vec3::ZERO }
     }
 
     /// Adds the flux of a photon that met the surface of bin `index`.

@@ -2,9 +2,11 @@
 //! texels), the gather sees the same pair of textures, laid out as `glsl/include/points.glsl` says.
 
 mod camera;
+mod list;
 mod sums;
 
 pub use camera::{CameraPoints, Visible};
+pub use list::{GatherPoint, PointList};
 pub use sums::Sums;
 
 use crate::gpu::{Texture, Uniform};

@@ -1,0 +1,202 @@
+//! What several tests share: scenes built in code, a gather on the GL side, and how far two gathers are apart.
+#![allow(dead_code, reason = "each test uses a part")]
+
+use std::f32::consts::{PI, TAU};
+use std::path::Path;
+
+use finalgather::direction::{Direction, Directions};
+use finalgather::gather::{Bundle, Gather};
+use finalgather::geometry::Geometry;
+use finalgather::gpu::{Backend, DeviceChoice, Gpu};
+use finalgather::photon::{PhotonGrid, PhotonTexture, PhotonTracer};
+use finalgather::points::{GatherPoint, PointList, Sums};
+use finalgather::random::Random;
+use finalgather::scene::{Bvh, Camera, Lights, Material, Mesh, Scene, Triangle, UnitSpace};
+use finalgather::settings::{Sequence, Settings};
+use glam::{Vec2, Vec3, Vec4, vec3};
+
+/// A context of the test's own.
+pub fn gpu() -> Gpu {
+    Gpu::headless(Backend::Auto, DeviceChoice::Auto).unwrap_or_else(|error| panic!("{error}"))
+}
+
+/// `usual`, or `small` on Mesa's reference rasteriser, which takes about twenty times as long.
+pub fn sized<T>(gpu: &Gpu, usual: T, small: T) -> T {
+    if gpu.info().renderer.contains("softpipe") { small } else { usual }
+}
+
+/// A scene in the making. Fronts of faces are the sides that wind counter-clockwise, and the sides that points lie on.
+pub struct Model {
+    pub scene: Scene,
+}
+
+impl Model {
+    /// No surfaces, and material 0: it reflects all light.
+    pub fn new() -> Self {
+        let camera = Camera { eye: vec3(0.0, 0.0, 3.0), target: Vec3::ZERO, up: Vec3::Y, fov_y_degrees: 40.0 };
+        let scene = Scene {
+            mesh: Mesh::default(),
+            materials: Vec::new(),
+            textures: Vec::new(),
+            camera,
+            settings: Settings::default(),
+            warnings: Vec::new(),
+        };
+        let mut model = Self { scene };
+        model.material(Vec3::ONE, Vec3::ZERO);
+        model
+    }
+
+    pub fn material(&mut self, albedo: Vec3, emission: Vec3) -> u32 {
+        let name = self.scene.materials.len().to_string();
+        self.scene.materials.push(Material { name, albedo, emission, albedo_texture: None });
+        self.scene.materials.len() as u32 - 1
+    }
+
+    fn vertex(&mut self, position: Vec3) -> u32 {
+        let mesh = &mut self.scene.mesh;
+        mesh.positions.push(position);
+        mesh.normals.push(Vec3::ZERO);
+        mesh.uvs.push(Vec2::ZERO);
+        mesh.positions.len() as u32 - 1
+    }
+
+    /// A planar or folded quadrilateral, counter-clockwise from the front; corners that coincide leave one triangle.
+    pub fn quad(&mut self, corners: [Vec3; 4], material: u32) {
+        let [a, b, c, d] = corners.map(|corner| self.vertex(corner));
+        for (vertices, [p, q, r]) in
+            [([a, b, c], [corners[0], corners[1], corners[2]]), ([a, c, d], [corners[0], corners[2], corners[3]])]
+        {
+            if p != q && q != r && r != p {
+                self.scene.mesh.triangles.push(Triangle { vertices, material });
+            }
+        }
+    }
+
+    /// A parallelogram about `center`; its front is on the side of `half_u` × `half_v`.
+    pub fn plate(&mut self, center: Vec3, half_u: Vec3, half_v: Vec3, material: u32) {
+        self.quad([-half_u - half_v, half_u - half_v, half_u + half_v, half_v - half_u].map(|corner| center + corner), material);
+    }
+
+    /// Six plates turned about the vertical through the center: a room when `inward`, else a block.
+    pub fn cuboid(&mut self, center: Vec3, half: Vec3, turn: f32, inward: bool, material: u32) {
+        let (sin, cos) = turn.sin_cos();
+        let axes = [half.x * vec3(cos, 0.0, -sin), half.y * Vec3::Y, half.z * vec3(sin, 0.0, cos)];
+        for k in 0..3 {
+            let (out, u, v) = (axes[k], axes[(k + 1) % 3], axes[(k + 2) % 3]);
+            for side in [out, -out] {
+                let front = if inward { -side } else { side };
+                let (u, v) = if u.cross(v).dot(front) > 0.0 { (u, v) } else { (v, u) };
+                self.plate(center + side, u, v, material);
+            }
+        }
+    }
+
+    /// A sphere of `2 rings` × `rings` faces: a room when `inward`, else a ball.
+    pub fn sphere(&mut self, center: Vec3, radius: f32, rings: u32, inward: bool, material: u32) {
+        let at = |ring: u32, segment: u32| {
+            if ring == 0 || ring == rings {
+                return center + radius * if ring == 0 { Vec3::Y } else { Vec3::NEG_Y };
+            }
+            let (theta, phi) = (PI * ring as f32 / rings as f32, TAU * (segment % (2 * rings)) as f32 / (2 * rings) as f32);
+            center + radius * vec3(theta.sin() * phi.cos(), theta.cos(), -theta.sin() * phi.sin())
+        };
+        for ring in 0..rings {
+            for segment in 0..2 * rings {
+                let mut corners = [at(ring, segment), at(ring + 1, segment), at(ring + 1, segment + 1), at(ring, segment + 1)];
+                if inward {
+                    corners.reverse();
+                }
+                self.quad(corners, material);
+            }
+        }
+    }
+
+    /// In unit space.
+    pub fn finish(self) -> Scene {
+        UnitSpace::enter(&self.scene).0
+    }
+}
+
+/// The Cornell box in unit space.
+pub fn cornell() -> Scene {
+    UnitSpace::enter(&Scene::load(Path::new("scenes/cornell.toml")).unwrap()).0
+}
+
+/// Points spread evenly over the fronts of all triangles of a scene in unit space.
+pub fn points_on(scene: &Scene, count: usize) -> Vec<GatherPoint> {
+    let mesh = &scene.mesh;
+    let total: f32 = (0..mesh.triangles.len()).map(|triangle| mesh.area(triangle)).sum();
+    let mut random = Random::new(1, 0);
+    let (mut points, mut area) = (Vec::new(), 0.0);
+    for triangle in 0..mesh.triangles.len() {
+        area += mesh.area(triangle);
+        let [a, b, c] = mesh.corners(triangle);
+        while (points.len() as f32) < count as f32 * area / total {
+            let (u, v) = (random.uniform(), random.uniform());
+            let (u, v) = if u + v > 1.0 { (1.0 - u, 1.0 - v) } else { (u, v) };
+            points.push(GatherPoint::flat(a + u * (b - a) + v * (c - a), mesh.geometric_normal(triangle)));
+        }
+    }
+    points
+}
+
+/// The photon grid of a scene in unit space.
+pub fn photon_grid(scene: &Scene, bvh: &Bvh, photons: u64) -> PhotonGrid {
+    let mut grid = PhotonGrid::new(&scene.mesh, 32);
+    PhotonTracer::new(scene, bvh, &Lights::new(scene), 0, 16).trace(photons, &mut grid);
+    grid.add_area(&scene.mesh, bvh, 0);
+    grid
+}
+
+/// The first directions of a sequence.
+pub fn directions(sequence: Sequence, count: u32) -> Vec<Direction> {
+    let directions = Directions::new(sequence, 0);
+    (0..count).map(|index| directions.get(index)).collect()
+}
+
+/// The gather of the GL side, peeled to the last layer: rgb Σ radiance × weight, a Σ weight for each point.
+pub fn gather(
+    gpu: &Gpu,
+    scene: &Scene,
+    photons: &PhotonTexture,
+    points: &[GatherPoint],
+    directions: &[Direction],
+    layer_size: u32,
+) -> Vec<Vec4> {
+    let geometry = Geometry::upload(gpu, scene).unwrap();
+    let list = PointList::upload(gpu, points).unwrap();
+    let mut gather = Gather::new(gpu, layer_size, list.points().size(), 0.0).unwrap();
+    let sums = Sums::new(gpu, list.points().size()).unwrap();
+    sums.clear();
+    for direction in directions {
+        let bundle = Bundle::new(direction, &geometry.positions, layer_size);
+        gather.direction(&geometry, photons, list.points(), &bundle, &sums);
+    }
+    gpu.check("gathering").unwrap();
+    list.in_order(sums.read())
+}
+
+/// π Σ L w / Σ w; 0 where no direction has weight.
+pub fn irradiance(sums: &[Vec4]) -> Vec<Vec3> {
+    sums.iter().map(|sum| if sum.w > 0.0 { PI * sum.truncate() / sum.w } else { Vec3::ZERO }).collect()
+}
+
+/// How far irradiances are from those of a reference, over all points and channels.
+#[derive(Clone, Copy, Debug)]
+pub struct Difference {
+    /// mean |a - b| / mean b
+    pub mean: f64,
+    /// mean (a - b) / mean b
+    pub bias: f64,
+}
+
+impl Difference {
+    pub fn between(a: &[Vec3], b: &[Vec3]) -> Self {
+        assert_eq!(a.len(), b.len());
+        let total =
+            |of: &dyn Fn(Vec3, Vec3) -> Vec3| -> f64 { a.iter().zip(b).map(|(&a, &b)| of(a, b).as_dvec3().element_sum()).sum() };
+        let reference = total(&|_, b| b);
+        Self { mean: total(&|a, b| (a - b).abs()) / reference, bias: total(&|a, b| a - b) / reference }
+    }
+}

@@ -1,0 +1,103 @@
+//! The bundles' hits are the ray casts' hits: irradiance by layers against the oracle's, for the same points, directions and photons.
+
+mod common;
+
+use common::{Difference, Model, cornell, directions, gather, gpu, irradiance, photon_grid, points_on, sized};
+use finalgather::geometry::Geometry;
+use finalgather::gpu::Gpu;
+use finalgather::photon::PhotonTexture;
+use finalgather::points::{CameraPoints, GatherPoint};
+use finalgather::reference::Reference;
+use finalgather::scene::{Bvh, Scene, UnitSpace};
+use finalgather::settings::Sequence;
+use glam::{Vec2, Vec3, vec3};
+
+/// Irradiance of the GL side for each layer size, and the oracle's.
+fn both_ways(gpu: &Gpu, scene: &Scene, points: &[GatherPoint], count: u32, sizes: &[u32]) -> (Vec<Vec<Vec3>>, Vec<Vec3>) {
+    let directions = directions(Sequence::R2, count);
+    let vectors: Vec<Vec3> = directions.iter().map(|direction| direction.vector).collect();
+    let bvh = Bvh::new(&scene.mesh);
+    let grid = photon_grid(scene, &bvh, 200_000);
+    let oracle = irradiance(&Reference::new(scene, &bvh, &grid).gather(points, &vectors));
+    let photons = PhotonTexture::upload(gpu, grid).unwrap();
+    let layers = sizes.iter().map(|&size| irradiance(&gather(gpu, scene, &photons, points, &directions, size))).collect();
+    (layers, oracle)
+}
+
+/// Fails where the difference in the mean or the bias is beyond its limit.
+fn check(name: &str, size: u32, a: &[Vec3], b: &[Vec3], most: Difference) {
+    let found = Difference::between(a, b);
+    eprintln!("{name}, {size}² layers: mean {:.3} %, bias {:+.3} %", 100.0 * found.mean, 100.0 * found.bias);
+    assert!(found.mean <= most.mean, "{name}, {size}² layers: {found:?} is beyond {most:?}");
+    assert!(found.bias.abs() <= most.bias, "{name}, {size}² layers: {found:?} is beyond {most:?}");
+}
+
+fn camera_points(gpu: &Gpu, scene: &Scene, side: u32) -> Vec<GatherPoint> {
+    let geometry = Geometry::upload(gpu, scene).unwrap();
+    let camera = CameraPoints::new(gpu, [side; 2]).unwrap();
+    camera.see(&geometry, &scene.camera, Vec2::splat(0.5)).gather_points()
+}
+
+#[test]
+fn cornell_box() {
+    let gpu = gpu();
+    let (side, count) = sized(&gpu, (128, 256), (32, 32));
+    let scene = cornell();
+    let points = camera_points(&gpu, &scene, side);
+    let (layers, oracle) = both_ways(&gpu, &scene, &points, count, &[512, 256]);
+    check("Cornell box", 512, &layers[0], &oracle, Difference { mean: 0.006, bias: 0.001 });
+    check("Cornell box", 256, &layers[1], &oracle, Difference { mean: 0.01, bias: 0.001 });
+}
+
+#[test]
+fn curved_surfaces() {
+    let gpu = gpu();
+    let (points, count) = sized(&gpu, (16384, 256), (1024, 32));
+    let mut model = Model::new();
+    let wall = model.material(vec3(0.7, 0.5, 0.3), Vec3::ZERO);
+    let lamp = model.material(Vec3::ZERO, Vec3::splat(10.0));
+    model.cuboid(Vec3::ZERO, Vec3::ONE, 0.0, true, wall);
+    model.sphere(vec3(0.2, -0.3, 0.1), 0.6, 16, false, wall);
+    model.plate(vec3(0.0, 0.99, 0.0), 0.3 * Vec3::X, 0.3 * Vec3::Z, lamp);
+    let scene = model.finish();
+    let points = points_on(&scene, points);
+    let (layers, oracle) = both_ways(&gpu, &scene, &points, count, &[512]);
+    check("ball in a room", 512, &layers[0], &oracle, Difference { mean: 0.006, bias: 0.001 });
+}
+
+#[test]
+fn thin_wall() {
+    let gpu = gpu();
+    let (points, count) = sized(&gpu, (16384, 256), (1024, 32));
+    let mut model = Model::new();
+    let wall = model.material(vec3(0.7, 0.7, 0.7), Vec3::ZERO);
+    let lamp = model.material(Vec3::ZERO, Vec3::splat(10.0));
+    // The dark room is on the left, at x < 0.
+    model.cuboid(vec3(-1.0005, 0.0, 0.0), Vec3::ONE, 0.0, true, wall);
+    model.cuboid(vec3(1.0005, 0.0, 0.0), Vec3::ONE, 0.0, true, wall);
+    model.plate(vec3(1.0, 0.99, 0.0), 0.3 * Vec3::X, 0.3 * Vec3::Z, lamp);
+    let scene = model.finish();
+    let (dark, lit): (Vec<_>, Vec<_>) = points_on(&scene, points).into_iter().partition(|point| point.position.x < 0.0);
+    let (layers, oracle) = both_ways(&gpu, &scene, &lit, count, &[512]);
+    check("lit room", 512, &layers[0], &oracle, Difference { mean: 0.006, bias: 0.001 });
+    let (layers, dark_oracle) = both_ways(&gpu, &scene, &dark, count, &[512]);
+    let mean = |of: &[Vec3]| of.iter().sum::<Vec3>().element_sum() / of.len() as f32;
+    eprintln!("dark room: {:e} (oracle {:e}) of the lit", mean(&layers[0]) / mean(&oracle), mean(&dark_oracle) / mean(&oracle));
+}
+
+#[test]
+fn far_from_the_origin() {
+    let gpu = gpu();
+    let (side, count) = sized(&gpu, (128, 256), (32, 32));
+    let mut scene = Scene::load("scenes/cornell.toml".as_ref()).unwrap();
+    let away = Vec3::splat(1e5);
+    for position in &mut scene.mesh.positions {
+        *position += away;
+    }
+    scene.camera.eye += away;
+    scene.camera.target += away;
+    let scene = UnitSpace::enter(&scene).0;
+    let points = camera_points(&gpu, &scene, side);
+    let (layers, oracle) = both_ways(&gpu, &scene, &points, count, &[512]);
+    check("Cornell box at 1e5", 512, &layers[0], &oracle, Difference { mean: 0.006, bias: 0.001 });
+}
