@@ -37,6 +37,16 @@ struct Pixel {
     position: Vec3,
 }
 
+impl Pixel {
+    fn indirect(&self, total: f32) -> Vec3 {
+        quotient(self.indirect, self.weight) * (self.coverage / total)
+    }
+}
+
+fn quotient(sum: Vec3, by: f32) -> Vec3 {
+    if by > 0.0 { sum / by } else { Vec3::ZERO }
+}
+
 impl Film {
     /// The sum of nothing.
     pub fn empty(size: [u32; 2]) -> Self {
@@ -91,12 +101,18 @@ impl Film {
         self
     }
 
+    /// Radiance of a pixel without what it emits itself: that is exact but for anti-aliasing, and would drown the rest.
+    fn reflected(&self, pixel: usize) -> Vec3 {
+        let p = &self.pixels[pixel];
+        let total = self.directions.max(1) as f32;
+        p.direct / total + p.indirect(total)
+    }
+
     /// The mean: `R G B` radiance = `Emission` + `Direct` + `Indirect`, `A` coverage, `Albedo`, and the world-space normal `N`, position `P`
     /// and distance along the view axis `Z`, these three averaged over the covered part of the pixel.
     pub fn image(&self, space: &UnitSpace) -> Image {
         let total = self.directions.max(1) as f32;
-        let quotient = |sum: Vec3, by: f32| if by > 0.0 { sum / by } else { Vec3::ZERO };
-        let indirect = |p: &Pixel| quotient(p.indirect, p.weight) * (p.coverage / total);
+        let indirect = |p: &Pixel| p.indirect(total);
         let radiance = |p: &Pixel| (p.emission + p.direct) / total + indirect(p);
         let seen = |p: &Pixel, value: Vec3| if p.coverage > 0.0 { value } else { Vec3::ZERO };
 
@@ -124,17 +140,31 @@ impl Film {
     }
 }
 
-/// A sum of films as a balanced binary tree over the order in which they come: each level holds the sum of 2^level of them, or none.
+/// All blocks so far: their sum as a balanced binary tree over the order in which they come. Each level holds the sum of 2^level blocks,
+/// or nothing.
 #[derive(Clone, Debug, Default)]
 pub struct PairwiseSum {
     levels: Vec<Option<Film>>,
+    /// The two subtrees of the root, while the tree is full and has no other level.
+    halves: Option<(Film, Film)>,
+    blocks: usize,
 }
 
 impl PairwiseSum {
+    /// Adds the next block.
     pub fn push(&mut self, mut film: Film) {
-        for level in &mut self.levels {
+        self.blocks += 1;
+        self.halves = None;
+        let full = self.blocks.is_power_of_two();
+        let last = self.levels.len().saturating_sub(1);
+        for (i, level) in self.levels.iter_mut().enumerate() {
             match level.take() {
-                Some(earlier) => film = earlier.add(&film),
+                Some(earlier) => {
+                    if full && i == last {
+                        self.halves = Some((earlier.clone(), film.clone()));
+                    }
+                    film = earlier.add(&film);
+                }
                 None => {
                     *level = Some(film);
                     return;
@@ -144,10 +174,56 @@ impl PairwiseSum {
         self.levels.push(Some(film));
     }
 
-    /// The sum so far; `None` of nothing.
-    pub fn total(&self) -> Option<Film> {
-        let mut parts = self.levels.iter().flatten();
-        let first = parts.next()?.clone();
-        Some(parts.fold(first, |later, earlier| earlier.clone().add(&later)))
+    /// Number of blocks.
+    pub fn blocks(&self) -> usize {
+        self.blocks
     }
+
+    /// The mean of all blocks, as [`Film::image`] gives it, black before the first; from two blocks on with the standard error of the
+    /// mean as `Error`.
+    pub fn image(&self, size: [u32; 2], space: &UnitSpace) -> Image {
+        let mut image = self.total().unwrap_or_else(|| Film::empty(size)).image(space);
+        let Some((earlier, later)) = self.parts() else { return image };
+        for (k, name) in ["Error.R", "Error.G", "Error.B"].into_iter().enumerate() {
+            let error = |pixel| standard_error(&earlier, &later, pixel)[k];
+            let samples = (0..earlier.pixels.len()).into_par_iter().map(error).collect();
+            image.channels.push(Channel { name: name.to_owned(), samples });
+        }
+        image
+    }
+
+    /// Standard error of the mean of reflected radiance, root mean square over the pixels, as a share of the picture's mean; `None` before
+    /// there are two blocks, or of a black picture.
+    pub fn error(&self) -> Option<f64> {
+        let (earlier, later) = self.parts()?;
+        let (mut squares, mut sum) = (0.0, 0.0);
+        for pixel in 0..earlier.pixels.len() {
+            squares += f64::from(standard_error(&earlier, &later, pixel).length_squared()) / 3.0;
+            sum += f64::from(earlier.reflected(pixel).element_sum()) / 3.0;
+        }
+        let count = earlier.pixels.len() as f64;
+        (sum > 0.0).then(|| (squares / count).sqrt() / (sum / count))
+    }
+
+    fn total(&self) -> Option<Film> {
+        self.levels.iter().flatten().cloned().reduce(|later, earlier| earlier.add(&later))
+    }
+
+    /// Two pictures that make up the whole: the halves of a full tree, else its largest subtree and the rest. Each is a run of consecutive
+    /// directions, which low-discrepancy sequences spread as evenly as the whole. `None` before there are two blocks.
+    fn parts(&self) -> Option<(Film, Film)> {
+        if self.halves.is_some() {
+            return self.halves.clone();
+        }
+        let (earlier, rest) = self.levels.split_last()?;
+        let later = rest.iter().flatten().cloned().reduce(|later, earlier| earlier.add(&later));
+        earlier.clone().zip(later)
+    }
+}
+
+/// Standard error of the reflected radiance of a pixel. Parts of n and m directions with independent errors that differ by δ leave the whole
+/// with an error of δ √(n m) / (n + m); with low-discrepancy directions it is less, since errors of the parts then cancel in part.
+fn standard_error(a: &Film, b: &Film, pixel: usize) -> Vec3 {
+    let (n, m) = (a.directions as f32, b.directions as f32);
+    (a.reflected(pixel) - b.reflected(pixel)).abs() * (n * m).sqrt() / (n + m)
 }

@@ -49,6 +49,8 @@ pub struct Render {
     /// Directions gathered so far.
     done: u32,
     film: PairwiseSum,
+    /// Whether the error that was asked for is reached.
+    reached: bool,
     statistics: Statistics,
 }
 
@@ -66,6 +68,8 @@ pub struct Statistics {
     pub seconds: StageSeconds,
     pub gather: GatherCounts,
     pub photons: PhotonCounts,
+    /// Relative standard error of the picture, see [`Settings::until`]; estimated now and then.
+    pub error: Option<f64>,
 }
 
 #[derive(Clone, Copy, Debug, Default, Serialize)]
@@ -166,6 +170,7 @@ impl Render {
             block: None,
             done: 0,
             film: PairwiseSum::default(),
+            reached: false,
             statistics,
         })
     }
@@ -176,7 +181,7 @@ impl Render {
     }
 
     pub fn is_done(&self) -> bool {
-        self.done == self.settings.directions
+        self.reached || self.done == self.settings.directions
     }
 
     pub fn statistics(&self) -> &Statistics {
@@ -201,6 +206,7 @@ impl Render {
         if self.done.is_multiple_of(directions_per_block(self.settings.directions)) || self.is_done() {
             let film = self.film_of(&block);
             self.film.push(film);
+            self.estimate_error();
         } else {
             self.block = Some(block);
         }
@@ -209,14 +215,11 @@ impl Render {
 
     /// The mean of what is gathered so far, with the channels of [`Film::image`]; black before the first direction.
     pub fn picture(&self) -> Image {
-        let mut sum = self.film.clone();
+        let mut film = self.film.clone();
         if let Some(block) = &self.block {
-            sum.push(self.film_of(block));
+            film.push(self.film_of(block));
         }
-        match sum.total() {
-            Some(film) => film.image(&self.space),
-            None => Film::empty(self.settings.size).image(&self.space),
-        }
+        film.image(self.settings.size, &self.space)
     }
 
     /// Photons, visible points and direct light for the next block.
@@ -277,6 +280,15 @@ impl Render {
     fn film_of(&self, block: &Block) -> Film {
         let (direct, gathered) = (self.direct_sums.read(), self.gather_sums.read());
         Film::of_block(self.settings.size, &block.visible, (&direct, block.light_samples), (&gathered, block.directions))
+    }
+
+    /// Once in a while, for the report and to stop a render that is good enough.
+    fn estimate_error(&mut self) {
+        let blocks = self.film.blocks();
+        if blocks.is_multiple_of(8) || self.done == self.settings.directions {
+            self.statistics.error = self.film.error();
+            self.reached = self.settings.until > 0.0 && self.statistics.error.is_some_and(|error| error <= self.settings.until);
+        }
     }
 
     /// Waits for the device and returns the seconds since `start`.

@@ -30,6 +30,9 @@ pub struct Settings {
     pub light_samples: u32,
     /// Side of a shadow map's faces in texels.
     pub shadow_size: u32,
+    /// A render ends before all directions are done once the standard error of the mean of reflected radiance (root mean square over
+    /// the pixels, as a share of the picture's mean, estimated from two halves) is at most this. 0: never.
+    pub until: f64,
     /// Exposure of 8-bit pictures in stops; EXR is never scaled.
     pub exposure: f32,
 }
@@ -49,6 +52,7 @@ impl Default for Settings {
             grid_cells: 32,
             light_samples: 512,
             shadow_size: 256,
+            until: 0.0,
             exposure: 0.0,
         }
     }
@@ -98,6 +102,12 @@ impl Settings {
             return Err(Error::usage(
                 format!("stop-fraction is {}", self.stop_fraction),
                 "give a share of the points from 0 up to, not including, 1",
+            ));
+        }
+        if !(0.0..1.0).contains(&self.until) {
+            return Err(Error::usage(
+                format!("until is {}", self.until),
+                "give the relative error to reach, above 0 and below 1, or 0 for all directions",
             ));
         }
         if !(-64.0..=64.0).contains(&self.exposure) {

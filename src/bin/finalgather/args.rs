@@ -104,6 +104,9 @@ struct Overrides {
     #[arg(long, value_name = "F", help = setting("A direction ends with the layer that fewer than this share of the points sample", |s| s.stop_fraction))]
     stop_fraction: Option<f32>,
 
+    #[arg(long, value_name = "ERROR", help = setting("Stop early once the picture's relative standard error is at most this; 0 is never", |s| s.until))]
+    until: Option<f64>,
+
     #[arg(long, value_name = "EV", help = setting("Exposure of .png in stops", |s| s.exposure))]
     exposure: Option<f32>,
 }
@@ -147,6 +150,7 @@ impl RenderArgs {
         put(&mut settings.sequence, from.sequence);
         put(&mut settings.seed, from.seed);
         put(&mut settings.stop_fraction, from.stop_fraction);
+        put(&mut settings.until, from.until);
         put(&mut settings.exposure, from.exposure);
         settings
     }
@@ -239,7 +243,7 @@ mod tests {
         let scene = Settings { grid_cells: 7, seed: 3, ..Settings::default() };
         assert_eq!(parse("finalgather render a.toml").override_settings(scene.clone()), scene);
         let all = "finalgather render a.toml --size 3x4 --directions 5 --layer-size 6 --pipeline kill --photons 1e2 \
-                   --bounces 8 --sequence sobol --seed 9 --stop-fraction 0.5 --exposure -1.5";
+                   --bounces 8 --sequence sobol --seed 9 --stop-fraction 0.5 --until 0.25 --exposure -1.5";
         let expected = Settings {
             size: [3, 4],
             directions: 5,
@@ -250,6 +254,7 @@ mod tests {
             sequence: Sequence::Sobol,
             seed: 9,
             stop_fraction: 0.5,
+            until: 0.25,
             exposure: -1.5,
             ..scene.clone()
         };

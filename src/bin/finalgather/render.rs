@@ -76,6 +76,7 @@ fn render(args: &RenderArgs, outputs: &[PathBuf], progress: &Progress, started: 
             seconds: Seconds { load, stages: &statistics.seconds, write, total: started.elapsed().as_secs_f64() },
             gather: &statistics.gather,
             photons: &statistics.photons,
+            error: statistics.error,
             peak_memory_bytes: report::peak_memory_bytes(),
             outputs: &outputs,
             interrupted: stopped.is_some(),
