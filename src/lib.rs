@@ -1,4 +1,41 @@
-//! Final gathering by rasterised ray bundles, on OpenGL 3.3.
+//! Final gathering by rasterised ray bundles, on OpenGL 3.3, headless.
+//!
+//! A noise-free global illumination picture needs thousands of rays at every visible point. Hachisuka's poster "Final Gathering on
+//! GPU" (2004) casts them by rasterisation: rays that share a direction are one parallel projection of the scene, peeled into
+//! depth layers from far to near; each point samples the nearest layer beyond it, and the layers behind it are culled by
+//! KILL (`discard`). What the rays see is lit by a grid photon map.
+//!
+//! ```no_run
+//! use finalgather::{Backend, DeviceChoice, Gpu, Render, Scene, WriteOptions};
+//!
+//! # fn main() -> finalgather::Result<()> {
+//! let scene = Scene::load("scenes/cornell.toml".as_ref())?;
+//! let gpu = Gpu::headless(Backend::Auto, DeviceChoice::Auto)?;
+//! let mut render = Render::new(&gpu, &scene, &scene.settings)?;
+//! while !render.is_done() {
+//!     render.step()?;
+//! }
+//! render.picture().write("cornell.exr".as_ref(), &WriteOptions::default())?;
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! # The estimator
+//!
+//! A *gather point* is a position x with a unit normal n. With N directions d uniform on the sphere, shared by all points, and the
+//! weight w = max(n·d, 0), the indirect irradiance there is
+//!
+//! E(x) = π Σ L(x, d) w / Σ w   [W/m²]
+//!
+//! where L(x, d) is the radiance that the first surface along d sends back: (albedo/π) E_photons, from the photon map, without the
+//! surface's own emission. Direct light comes from shadow maps over samples on the lights. A diffuse point then shows
+//! L = L_emitted + (albedo/π) (E_direct + E). There is no 1/r² in the gather and so no bright speck near edges.
+//!
+//! # Stages
+//!
+//! Data flows one way: [`scene`] → [`photon`] → [`points`] → direct light → [`gather`] → film → [`image`]; [`render`] runs them. All stages
+//! after loading work in *unit space* ([`scene::UnitSpace`]): the scene's bounding box centred on the origin with its corners on
+//! the unit sphere. OpenGL is named in [`gpu`] alone.
 
 pub mod direct;
 pub mod direction;
@@ -17,3 +54,11 @@ pub mod render;
 pub mod scene;
 pub mod settings;
 pub mod shaders;
+
+pub use direction::{Direction, Directions};
+pub use error::{Error, Result};
+pub use gpu::{Backend, DeviceChoice, Gpu};
+pub use image::{Image, WriteOptions};
+pub use render::Render;
+pub use scene::Scene;
+pub use settings::{Pipeline, Sequence, Settings};

@@ -48,7 +48,7 @@ impl Default for Settings {
             bounces: 64,
             grid_cells: 32,
             light_samples: 512,
-            shadow_size: 512,
+            shadow_size: 256,
             exposure: 0.0,
         }
     }

@@ -18,7 +18,7 @@ pub const BINS: usize = 6;
 
 /// Points on a cell's face of area that are probed for light.
 const PROBES: f32 = 16.0;
-/// Rays from each; a surface that light reaches sees some of it in almost all directions.
+/// Rays from each: a surface that light reaches sees some of it in almost all directions.
 const TRIES: u32 = 4;
 
 /// Flux and surface area of each cell and orientation.
@@ -91,51 +91,53 @@ impl PhotonGrid {
             .map(|triangle| {
                 let mut random = Random::new(seed, triangle as u64);
                 let normal = mesh.geometric_normal(triangle);
-                let clipped = self.clip(mesh.corners(triangle)).into_iter();
-                let sides = clipped.flat_map(|(cell, polygon)| [(cell, polygon.clone(), normal), (cell, polygon, -normal)]);
-                sides.map(|(cell, polygon, side)| self.probe(mesh, bvh, triangle, side, cell, &polygon, &mut random)).collect()
+                let mut pieces = Vec::new();
+                for (cell, polygon) in self.clip(mesh.corners(triangle)) {
+                    for side in [normal, -normal] {
+                        pieces.push(Piece {
+                            index: self.index_of(cell, dominant_axis(normal), side),
+                            area: area(&polygon) * self.cell_size * self.cell_size,
+                            probes: self.probe(mesh, bvh, triangle, side, &polygon, &mut random),
+                        });
+                    }
+                }
+                pieces
             })
             .collect();
         let mut probes = vec![[0u32; 2]; self.sums.len()];
         for piece in pieces.into_iter().flatten() {
             self.sums[piece.index][3] += piece.area;
-            probes[piece.index][0] += piece.lit;
-            probes[piece.index][1] += piece.probes;
+            let [lit, all] = &mut probes[piece.index];
+            *lit += piece.probes[0];
+            *all += piece.probes[1];
         }
-        for (sums, [lit, probes]) in self.sums.iter_mut().zip(probes) {
+        for (index, [lit, probes]) in probes.into_iter().enumerate() {
             if probes > 0 {
-                sums[3] *= lit as f32 / probes as f32;
+                // Where photons are, some of the area was reached, whatever the probes missed.
+                let lit = lit.max(u32::from(self.is_lit(index)));
+                self.sums[index][3] *= lit as f32 / probes as f32;
             }
         }
     }
 
-    /// Area of one side of a clipped triangle, with a number of points on it proportional to that area, and how many of those can see
-    /// a surface that received photons.
-    fn probe(
-        &self,
-        mesh: &Mesh,
-        bvh: &Bvh,
-        triangle: usize,
-        side: Vec3,
-        cell: UVec3,
-        polygon: &[Vec3],
-        random: &mut Random,
-    ) -> Piece {
-        let share = area(polygon);
-        let probes = (share * PROBES + random.uniform()) as u32;
+    fn is_lit(&self, index: usize) -> bool {
+        self.sums[index][..3].iter().any(|&flux| flux > 0.0)
+    }
+
+    /// Of points on one side of a part of a triangle, as many as its area asks for: how many are not shut in, but see out of the scene or
+    /// a surface that received photons; and how many there are.
+    fn probe(&self, mesh: &Mesh, bvh: &Bvh, triangle: usize, side: Vec3, polygon: &[Vec3], random: &mut Random) -> [u32; 2] {
+        let probes = (area(polygon) * PROBES + random.uniform()) as u32;
         let lit = (0..probes).filter(|_| {
             let origin = self.origin + self.cell_size * point_in(polygon, random);
             (0..TRIES).any(|_| {
                 let direction = cosine_direction(side, random.uniform(), random.uniform());
-                bvh.nearest(origin, direction, Some(triangle)).is_some_and(|hit| {
-                    let index = self.index_of_hit(mesh, hit.triangle, origin + hit.distance * direction, direction);
-                    self.sums[index][..3].iter().any(|&flux| flux > 0.0)
+                bvh.nearest(origin, direction, Some(triangle)).is_none_or(|hit| {
+                    self.is_lit(self.index_of_hit(mesh, hit.triangle, origin + hit.distance * direction, direction))
                 })
             })
         });
-        let lit = lit.count() as u32;
-        let axis = dominant_axis(side);
-        Piece { index: self.index_of(cell, axis, side), area: share * self.cell_size * self.cell_size, lit, probes }
+        [lit.count() as u32, probes]
     }
 
     /// The cells that a triangle passes through and its part in each, in lengths of cells from the origin.
@@ -152,8 +154,8 @@ impl PhotonGrid {
 struct Piece {
     index: usize,
     area: f32,
-    lit: u32,
-    probes: u32,
+    /// See [`PhotonGrid::probe`].
+    probes: [u32; 2],
 }
 
 /// Cuts a convex polygon into slabs of unit thickness along `axis`, each with its coordinate put into `cell`.
