@@ -23,7 +23,7 @@ fn lit() -> Model {
 /// Irradiance at each point by shadow maps.
 fn direct(scene: &Scene, points: &[GatherPoint]) -> Vec<f32> {
     let gpu = gpu();
-    let (samples, size) = sized(&gpu, (std::env::var("N").map_or(512, |n| n.parse().unwrap()), 256), (512, 64));
+    let (samples, size) = sized(&gpu, (512, 256), (512, 64));
     let geometry = Geometry::upload(&gpu, scene).unwrap();
     let lights = Lights::new(scene);
     let list = PointList::upload(&gpu, points).unwrap();
