@@ -90,14 +90,25 @@ fn thin_wall() {
     let (lit_layers, lit_oracle) = both_ways(&gpu, &scene, &lit, count, &[512]);
     check("lit room", 512, &lit_layers[0], &lit_oracle, at_512);
 
-    // No ray passes the wall. The dark room is not black for either side of the comparison, for cells of the photon grid at the foot of
-    // the wall hold floor of both rooms; so what the layers leak is the difference, as a share of the light in the lit room. Points at
-    // the foot of the wall see brightly lit floor, which aliasing finds or misses (measured -0.004 %, with softpipe's sizes -0.03 %).
-    let (dark_layers, dark_oracle) = both_ways(&gpu, &scene, &dark, count, &[512]);
+    // No ray passes the wall. Where it stands, cells of the grid hold floor of both rooms; emptied with the cells next to them, they leave
+    // the dark room black, and what its points see is light of the lit room.
+    let bvh = Bvh::new(&scene.mesh);
+    let mut grid = photon_grid(&scene, &bvh, 200_000);
+    let width = grid.cells.x as usize;
+    let wall = (-grid.origin.x / grid.cell_size) as usize;
+    for (_, sums) in grid.sums.iter_mut().enumerate().filter(|(i, _)| i % width <= wall + 1) {
+        sums[..3].fill(0.0);
+    }
+    let photons = PhotonTexture::upload(&gpu, grid).unwrap();
+    let leaked = irradiance(&gather(&gpu, &scene, &photons, &dark, &directions(Sequence::R2, count), 512));
     let total = |of: &[Vec3]| of.iter().map(|e| e.as_dvec3().element_sum()).sum::<f64>() / of.len() as f64;
-    let leak = (total(&dark_layers[0]) - total(&dark_oracle)) / total(&lit_oracle);
-    eprintln!("dark room: leak {:+.4} %, photon grid {:.2} %", 100.0 * leak, 100.0 * total(&dark_oracle) / total(&lit_oracle));
-    assert!(leak.abs() < sized(&gpu, 2e-4, 1e-3), "the wall leaks {leak} of the light");
+    let leak = total(&leaked) / total(&lit_oracle);
+    let points = leaked.iter().filter(|e| e.max_element() > 0.0).count();
+    eprintln!("dark room: {points} of {} points see {:.4} % of the light of the lit room", dark.len(), 100.0 * leak);
+    // The wall is an eighth of a texel thick: at its foot, the dark room's points share texels with the lit one's, and the few in texels
+    // whose centre lies there see that side (measured 58 of 8132 points, 0.013 %).
+    assert!(leak < 3e-4, "the wall leaks {leak} of the light");
+    assert!(points < dark.len() / 50, "{points} of {} points see through the wall", dark.len());
 }
 
 #[test]
