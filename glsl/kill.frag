@@ -5,32 +5,12 @@
 #include "points.glsl"
 
 uniform sampler2D layer;
-uniform sampler2D farthest;         // the first layer
 uniform vec3 direction;
 uniform mat4 to_layer;              // unit space to texel x, texel y, window depth
 uniform mat4 from_layer;
 uniform float clearance;            // how far off its own tangent plane a point can see a surface
 
 layout(location = 0) out vec2 hit;  // distance along the direction; triangle, counted from 1
-
-// Every point lies on the scene. Where its texel sees nothing at all, the texel lies on the scene's outline with its centre outside,
-// and the ray would be lost: closed rooms would darken along their edges. This is the step to a neighbour that sees the scene, the
-// nearest in the direction of the point first.
-ivec2 inward(ivec2 texel, vec2 offset)
-{
-    if (texelFetch(farthest, texel, 0).w > 0.0)
-        return ivec2(0);
-    ivec2 side = ivec2(offset.x < 0.0 ? -1 : 1, offset.y < 0.0 ? -1 : 1);
-    ivec2 nearer = abs(offset.x) > abs(offset.y) ? ivec2(side.x, 0) : ivec2(0, side.y);
-    ivec2 steps[3] = ivec2[3](nearer, side - nearer, side);
-    ivec2 last = textureSize(farthest, 0) - 1;
-    for (int i = 0; i < 3; ++i) {
-        ivec2 step = clamp(texel + steps[i], ivec2(0), last) - texel;
-        if (texelFetch(farthest, texel + step, 0).w > 0.0)
-            return step;
-    }
-    return ivec2(0);
-}
 
 void main()
 {
@@ -42,16 +22,19 @@ void main()
     if (any(lessThan(texel, ivec2(0))) || any(greaterThanEqual(texel, textureSize(layer, 0))))
         discard;
 
-    texel += inward(texel, place.xy - (vec2(texel) + 0.5));
-
     vec4 surface = texelFetch(layer, texel, 0);
     vec2 offset = place.xy - (vec2(texel) + 0.5);
     // The hit's plane, evaluated on the point's own ray, must lie ahead; and the hit must lie above the tangent plane of the point, as
     // all that its hemisphere sees does. The first test is right in concave corners and the second at convex edges, where the
     // texel's centre sees another surface than the point does. The second also tells the point's own surface, at any slope.
     float ahead = surface.x + dot(surface.yz, offset) - place.z;
-    float above = dot(point.surface_normal, mat3(from_layer) * vec3(-offset, surface.x - place.z));
+    vec3 normal = point.surface_normal * mat3(from_layer);
+    float above = dot(normal, vec3(-offset, surface.x - place.z));
+    // Where the centre is too close to the tangent plane to tell, and where it was grown and lies off the scene, the point's own ray
+    // decides.
+    float own = normal.z * ahead;
+    above = surface.w < 0.0 ? own : above > 0.0 ? max(above, own) : above;
     if (ahead <= 0.0 || above <= clearance)
         discard;                    // KILL
-    hit = vec2(ahead * dot(direction, from_layer[2].xyz), surface.w);
+    hit = vec2(ahead * dot(direction, from_layer[2].xyz), abs(surface.w));
 }

@@ -263,3 +263,18 @@ fn stops_with(signal: &str, code: i32) {
         return;
     }
 }
+
+/// Neither a second run nor the number of threads, here and in Mesa's software driver, changes a byte.
+#[test]
+fn the_same_command_writes_the_same_bytes() {
+    let render = |name: &str, threads: &str, driver_threads: &str| {
+        let folder = folder();
+        let mut command = small_render(&folder, &["-o", "a.exr", "-o", "a.png"]);
+        success(command.env("RAYON_NUM_THREADS", threads).env("LP_NUM_THREADS", driver_threads));
+        [".exr", ".png"].map(|ending| fs::read(folder.path().join(format!("a{ending}"))).expect(name))
+    };
+    let first = render("first", "1", "1");
+    assert!(render("again", "1", "1") == first);
+    assert!(render("more threads", "3", "2") == first);
+    assert!(render("driver without threads", "2", "0") == first);
+}

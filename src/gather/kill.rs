@@ -2,7 +2,6 @@
 //! the others overwrite its sample. Mirrors `glsl/kill.frag`.
 
 use super::bundle::Bundle;
-use super::peel::Layer;
 use crate::error::Result;
 use crate::gpu::{Blend, DepthTest, Draw, Format, Geometry, Gpu, Program, SampleQuery, Target, Texture, Uniform};
 use crate::points::Points;
@@ -30,9 +29,8 @@ impl Kill {
     }
 
     /// Lets each point sample `layer`. Returns how many did.
-    pub fn sample(&self, points: Points, bundle: &Bundle, layer: Layer) -> u32 {
-        let own = [("layer", Uniform::Texture(layer.surfaces)), ("farthest", Uniform::Texture(layer.farthest))];
-        let uniforms = [&own[..], &points.uniforms(), &bundle.uniforms()].concat();
+    pub fn sample(&self, points: Points, bundle: &Bundle, layer: &Texture) -> u32 {
+        let uniforms = [&[("layer", Uniform::Texture(layer))], &points.uniforms()[..], &bundle.uniforms()].concat();
         self.survivors.count(|| {
             Draw {
                 target: &self.hits,

@@ -24,7 +24,7 @@ use crate::photon::PhotonTexture;
 use crate::points::{Points, Sums};
 use accumulate::Accumulate;
 use kill::Kill;
-pub use peel::{Layer, Peel};
+pub use peel::Peel;
 
 /// The passes of the 2004 method, for one layer size and one size of point textures.
 pub struct Gather {

@@ -1,5 +1,5 @@
 //! Inverse depth peeling (after Everitt 2001, "Interactive order-independent transparency"): layers of a bundle, the farthest first.
-//! Mirrors `glsl/peel.frag`.
+//! Mirrors `glsl/peel.frag` and `glsl/grow.frag`.
 //!
 //! Each pass draws the scene with the depth test GREATER and discards what is not nearer than the layer before; what remains is the
 //! farthest of the rest. A layer says which triangle is there and where; what light it sends is looked up once a ray has found its hit.
@@ -8,7 +8,7 @@
 use super::bundle::Bundle;
 use crate::error::Result;
 use crate::geometry::{Geometry, SurfacePass};
-use crate::gpu::{DepthTest, Format, Gpu, Program, Target, Texture, Uniform};
+use crate::gpu::{Blend, DepthTest, Draw, Format, Geometry as Shape, Gpu, Program, Target, Texture, Uniform};
 use crate::shaders;
 
 /// Depth of texels that see nothing: before all surfaces, so that every point lies beyond.
@@ -18,25 +18,26 @@ const BEYOND: [f32; 4] = [2.0, 0.0, 0.0, 0.0];
 
 /// Peels one bundle at a time.
 pub struct Peel {
-    program: Program,
-    /// The farthest layer, then two that hold the others in turn.
-    layers: [Target; 3],
+    peel: Program,
+    grow: Program,
+    /// The layer being drawn and the one before, in turn.
+    layers: [Target; 2],
+    /// The farthest layer with a margin.
+    grown: Target,
     /// Layers of this bundle so far.
     count: usize,
 }
 
-/// One layer, as `glsl/peel.frag` writes it.
-#[derive(Clone, Copy)]
-pub struct Layer<'a> {
-    pub surfaces: &'a Texture,
-    /// The first layer of the bundle, which tells where the scene is.
-    pub farthest: &'a Texture,
-}
-
 impl Peel {
     pub fn new(gpu: &Gpu, layer_size: u32) -> Result<Self> {
-        let layer = || Target::new(gpu, [layer_size; 2], &[Format::Rgba32F], true);
-        Ok(Self { program: Program::new(gpu, &shaders::PEEL)?, layers: [layer()?, layer()?, layer()?], count: 0 })
+        let layer = |depth| Target::new(gpu, [layer_size; 2], &[Format::Rgba32F], depth);
+        Ok(Self {
+            peel: Program::new(gpu, &shaders::PEEL)?,
+            grow: Program::new(gpu, &shaders::GROW)?,
+            layers: [layer(true)?, layer(true)?],
+            grown: layer(false)?,
+            count: 0,
+        })
     }
 
     /// Begins a bundle.
@@ -45,22 +46,32 @@ impl Peel {
         self.layers[1].clear(BEYOND, 0.0);
     }
 
-    /// The farthest layer not yet peeled; empty when there is none.
-    pub fn next(&mut self, geometry: &Geometry, bundle: &Bundle) -> Layer<'_> {
-        // The slots in turn: 0, 2, 1, 2, 1, ...; what comes before the first is in slot 1.
-        let slot = |count: usize| if count == 0 { 0 } else { 1 + count % 2 };
-        let previous = if self.count == 0 { 1 } else { slot(self.count - 1) };
-        let target = &self.layers[slot(self.count)];
-        self.count += 1;
+    /// The farthest layer not yet peeled, as `glsl/peel.frag` writes it; empty when there is none.
+    pub fn next(&mut self, geometry: &Geometry, bundle: &Bundle) -> &Texture {
+        let [target, previous] = [self.count % 2, (self.count + 1) % 2].map(|slot| &self.layers[slot]);
         target.clear(EMPTY, 0.0);
         geometry.draw(SurfacePass {
             target,
             region: None,
-            program: &self.program,
+            program: &self.peel,
             to_clip: bundle.to_clip,
             depth: DepthTest::Greater,
-            uniforms: &[("previous_layer", Uniform::Texture(self.layers[previous].color(0)))],
+            uniforms: &[("previous_layer", Uniform::Texture(previous.color(0)))],
         });
-        Layer { surfaces: target.color(0), farthest: self.layers[0].color(0) }
+        self.count += 1;
+        if self.count > 1 {
+            return target.color(0);
+        }
+        Draw {
+            target: &self.grown,
+            region: None,
+            program: &self.grow,
+            uniforms: &[("farthest", Uniform::Texture(target.color(0)))],
+            depth: DepthTest::Off,
+            blend: Blend::Replace,
+            geometry: Shape::FullScreen,
+        }
+        .run();
+        self.grown.color(0)
     }
 }
