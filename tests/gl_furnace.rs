@@ -22,9 +22,10 @@ struct Limits {
 
 fn check(name: &str, scene: &Scene) {
     let gpu = gpu();
-    // Measured on llvmpipe: mean 2e-5, beyond 0.15 %. With softpipe's fewer points one lost ray is 0.4 % of them.
+    // Measured on llvmpipe: mean 1.3e-5, beyond 0.3 % in the sphere, whose outline crosses many edges, and 0.07 %
+    // elsewhere. With softpipe's fewer points one lost ray is 0.4 % of them.
     let (count, size, points, limits) =
-        sized(&gpu, (64, 512, 4096, Limits { mean: 5e-5, beyond: 0.003 }), (16, 128, 256, Limits { mean: 1e-3, beyond: 0.02 }));
+        sized(&gpu, (64, 512, 4096, Limits { mean: 5e-5, beyond: 0.005 }), (16, 128, 256, Limits { mean: 1e-3, beyond: 0.02 }));
     let points = points_on(scene, points);
     for sequence in [Sequence::Random, Sequence::R2, Sequence::Sobol] {
         // Irradiance π in every cell: flux is π times any area.

@@ -29,7 +29,7 @@ fn both_ways(gpu: &Gpu, scene: &Scene, points: &[GatherPoint], count: u32, sizes
 const AT_512: Difference = Difference { mean: 0.006, bias: 0.001 };
 const AT_256: Difference = Difference { mean: 0.01, bias: 0.001 };
 /// Among few points and directions, the light that a few rays find or miss no longer averages out: with softpipe's sizes, llvmpipe
-/// too has a bias of -0.34 %, of either sign from direction to direction.
+/// too has a bias of -0.33 %, while four times the points have one of +0.03 %.
 const SMALL_512: Difference = Difference { mean: 0.012, bias: 0.006 };
 const SMALL_256: Difference = Difference { mean: 0.02, bias: 0.01 };
 
@@ -50,7 +50,7 @@ fn camera_points(gpu: &Gpu, scene: &Scene, side: u32) -> Vec<GatherPoint> {
 #[test]
 fn cornell_box() {
     let gpu = gpu();
-    let (side, count, at_512, at_256) = sized(&gpu, (128, 256, AT_512, AT_256), (32, 32, SMALL_512, SMALL_256));
+    let (side, count, at_512, at_256) = sized(&gpu, (128, 256, AT_512, AT_256), (32, 16, SMALL_512, SMALL_256));
     let scene = cornell();
     let points = camera_points(&gpu, &scene, side);
     let (layers, oracle) = both_ways(&gpu, &scene, &points, count, &[512, 256]);
@@ -114,7 +114,7 @@ fn thin_wall() {
 #[test]
 fn far_from_the_origin() {
     let gpu = gpu();
-    let (side, count, at_512) = sized(&gpu, (128, 256, AT_512), (32, 32, SMALL_512));
+    let (side, count, at_512) = sized(&gpu, (128, 256, AT_512), (32, 16, SMALL_512));
     let mut scene = Scene::load("scenes/cornell.toml".as_ref()).unwrap();
     let away = Vec3::splat(1e5);
     for position in &mut scene.mesh.positions {
