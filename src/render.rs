@@ -1,9 +1,10 @@
 //! A picture of a scene, from photons to pixels: the job that the tool, the tests and the figures run.
 //!
-//! [`Render::new`] makes the photon map; each [`Render::step`] gathers along one more direction; [`Render::picture`] is the mean so far.
+//! [`Render::new`] prepares the scene; each [`Render::step`] gathers along one more direction; [`Render::picture`] is the mean so far.
 //!
 //! Directions come in blocks of a power of two. A block has its own sub-pixel offset and its own samples on the lights, which makes
-//! anti-aliasing and soft shadows free of extra gather work, and its sums are independent of all other blocks.
+//! anti-aliasing and soft shadows free of extra gather work, and its sums are independent of all other blocks. Photons are
+//! traced afresh now and then, so that their noise averages out in long renders as the directions' does.
 
 use std::time::Instant;
 
@@ -30,9 +31,13 @@ pub struct Render {
     /// In unit space.
     scene: Scene,
     space: UnitSpace,
+    bvh: Bvh,
     lights: Lights,
     geometry: Geometry,
+    grid: PhotonGrid,
     photons: PhotonTexture,
+    /// Which of the successive photon maps it is.
+    photon_map: u64,
     camera: CameraPoints,
     direct: Direct,
     gather: Gather,
@@ -96,6 +101,10 @@ pub struct GatherCounts {
     samples: u64,
 }
 
+/// Directions that see the same photons. So few rays of a point meet in one grid cell that fresh photons for each block would only make
+/// every map noisier; after about this many, the noise of one map would begin to show.
+const DIRECTIONS_PER_PHOTON_MAP: u32 = 1024;
+
 /// Directions in a block: few enough that a picture has about 32 sub-pixel offsets, and at most 128, so that a
 /// long render keeps refining its edges and shadows.
 fn directions_per_block(directions: u32) -> u32 {
@@ -118,14 +127,15 @@ impl Render {
         let gather = Gather::new(gpu, settings.layer_size, points, settings.stop_fraction)?;
         let (direct_sums, gather_sums) = (Sums::new(gpu, points)?, Sums::new(gpu, points)?);
 
+        // The first photons also tell, for all maps, which surfaces light reaches.
         let start = Instant::now();
         let lights = Lights::new(&scene);
         let bvh = Bvh::new(&scene.mesh);
         let mut grid = PhotonGrid::new(&scene.mesh, settings.grid_cells);
         let tracer = PhotonTracer::new(&scene, &bvh, &lights, settings.seed, settings.bounces);
-        let photon_counts = tracer.trace(settings.photons, &mut grid);
+        let photon_counts = tracer.trace(0..settings.photons, &mut grid);
         grid.add_area(&scene.mesh, &bvh, settings.seed);
-        let photons = PhotonTexture::upload(gpu, grid)?;
+        let photons = PhotonTexture::upload(gpu, &grid)?;
 
         let mut statistics = Statistics {
             scene: SceneCounts { triangles: scene.mesh.triangles.len(), lights: lights.count() },
@@ -142,9 +152,12 @@ impl Render {
             settings: settings.clone(),
             scene,
             space,
+            bvh,
             lights,
             geometry,
+            grid,
             photons,
+            photon_map: 0,
             camera,
             direct,
             gather,
@@ -182,7 +195,7 @@ impl Render {
             Some(block) => block,
             None => self.begin_block()?,
         };
-        self.gather_direction(&block.visible)?;
+        self.gather_direction(&block)?;
         block.directions += 1;
         self.done += 1;
         if self.done.is_multiple_of(directions_per_block(self.settings.directions)) || self.is_done() {
@@ -206,11 +219,16 @@ impl Render {
         }
     }
 
-    /// Visible points and direct light under the next sub-pixel offset.
+    /// Photons, visible points and direct light for the next block.
     fn begin_block(&mut self) -> Result<Block> {
         let per_block = directions_per_block(self.settings.directions);
         let index = u64::from(self.done / per_block);
         let blocks = u64::from(self.settings.directions.div_ceil(per_block));
+
+        let map = u64::from(self.done / DIRECTIONS_PER_PHOTON_MAP);
+        if map != self.photon_map {
+            self.trace_photons(map)?;
+        }
 
         let start = Instant::now();
         let offset = sobol(index as u32, self.settings.seed);
@@ -232,14 +250,27 @@ impl Render {
         Ok(Block { visible, directions: 0, light_samples: light_samples as u32 })
     }
 
-    fn gather_direction(&mut self, visible: &Visible) -> Result<()> {
+    /// Replaces the photon map by one of fresh photons.
+    fn trace_photons(&mut self, map: u64) -> Result<()> {
+        let start = Instant::now();
+        self.grid.clear_flux();
+        let tracer = PhotonTracer::new(&self.scene, &self.bvh, &self.lights, self.settings.seed, self.settings.bounces);
+        let numbers = map * self.settings.photons..(map + 1) * self.settings.photons;
+        self.statistics.photons += tracer.trace(numbers, &mut self.grid);
+        self.photons = PhotonTexture::upload(&self.gpu, &self.grid)?;
+        self.photon_map = map;
+        self.statistics.seconds.photons += self.finish("uploading photons", start)?;
+        Ok(())
+    }
+
+    fn gather_direction(&mut self, block: &Block) -> Result<()> {
         let start = Instant::now();
         let direction = self.directions.get(self.done);
         let bundle = Bundle::new(&direction, &self.geometry.positions, self.settings.layer_size);
-        let points = self.camera.points(visible);
+        let points = self.camera.points(&block.visible);
         let layers = self.gather.direction(&self.geometry, &self.photons, points, &bundle, &self.gather_sums);
         self.statistics.seconds.gather += self.finish("final gathering", start)?;
-        self.statistics.gather.add(visible.count, layers, self.statistics.seconds.gather);
+        self.statistics.gather.add(block.visible.count, layers, self.statistics.seconds.gather);
         Ok(())
     }
 

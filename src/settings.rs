@@ -20,7 +20,7 @@ pub struct Settings {
     /// The poster's criterion: peeling a direction ends with the layer that fewer than this share of the points sample.
     /// 0 peels until no point samples.
     pub stop_fraction: f32,
-    /// Photons emitted from the lights.
+    /// Photons emitted from the lights, afresh for every 1024 directions.
     pub photons: u64,
     /// The most surfaces that one photon is stored at.
     pub bounces: u32,

@@ -83,7 +83,14 @@ impl PhotonGrid {
         }
     }
 
-    /// Adds the area of `mesh` that light reaches; call once, after the flux.
+    /// Takes the flux out again and leaves the area, for fresh photons.
+    pub fn clear_flux(&mut self) {
+        for sums in &mut self.sums {
+            sums[..3].fill(0.0);
+        }
+    }
+
+    /// Adds the area of `mesh` that light reaches; call once, when there is flux.
     pub fn add_area(&mut self, mesh: &Mesh, bvh: &Bvh, seed: u64) {
         // Clipped and probed in parallel, summed in the order of triangles: the same sums for any number of threads.
         let pieces: Vec<Vec<Piece>> = (0..mesh.triangles.len())

@@ -1,5 +1,7 @@
 //! The photon grid on the GL side. Mirrors `glsl/include/photon_grid.glsl`.
 
+use glam::Vec3;
+
 use super::grid::{BINS, PhotonGrid};
 use crate::error::Result;
 use crate::gpu::{Format, Gpu, Texture, Uniform};
@@ -7,13 +9,15 @@ use crate::gpu::{Format, Gpu, Texture, Uniform};
 /// A grid as a 3D texture: the six bins as tiles, three along x and two along y.
 pub struct PhotonTexture {
     texture: Texture,
-    grid: PhotonGrid,
+    origin: Vec3,
+    cells: Vec3,
+    density: f32,
 }
 
 impl PhotonTexture {
     /// # Errors
     /// [`crate::Error::Usage`] when the grid has more cells than the device's 3D textures.
-    pub fn upload(gpu: &Gpu, grid: PhotonGrid) -> Result<Self> {
+    pub fn upload(gpu: &Gpu, grid: &PhotonGrid) -> Result<Self> {
         let [width, height, depth] = grid.cells.to_array().map(|side| side as usize);
         let mut texels = vec![[0.0f32; 4]; BINS * width * height * depth];
         // Flux and area enter as a quotient: any common unit will do, and a cell's face keeps the numbers near 1.
@@ -25,16 +29,16 @@ impl PhotonTexture {
         }
         let size = [3 * width, 2 * height, depth].map(|side| side as u32);
         let texture = Texture::from_texels_3d(gpu, Format::Rgba32F, size, &texels)?;
-        Ok(Self { texture, grid })
+        Ok(Self { texture, origin: grid.origin, cells: grid.cells.as_vec3(), density: 1.0 / grid.cell_size })
     }
 
     /// The uniforms that the shaders read.
     pub fn uniforms(&self) -> [(&'static str, Uniform<'_>); 4] {
         [
             ("photon_grid", Uniform::Texture(&self.texture)),
-            ("grid_origin", Uniform::Vec3(self.grid.origin)),
-            ("grid_cells", Uniform::Vec3(self.grid.cells.as_vec3())),
-            ("grid_density", Uniform::Float(1.0 / self.grid.cell_size)),
+            ("grid_origin", Uniform::Vec3(self.origin)),
+            ("grid_cells", Uniform::Vec3(self.cells)),
+            ("grid_density", Uniform::Float(self.density)),
         ]
     }
 }

@@ -5,6 +5,7 @@
 //! carry about as much flux as was emitted with each.
 
 use std::f32::consts::PI;
+use std::ops::{AddAssign, Range};
 
 use glam::Vec3;
 use rayon::prelude::*;
@@ -38,17 +39,26 @@ pub struct PhotonCounts {
     pub stored: u64,
 }
 
+impl AddAssign for PhotonCounts {
+    fn add_assign(&mut self, other: Self) {
+        self.emitted += other.emitted;
+        self.stored += other.stored;
+    }
+}
+
 impl<'a> PhotonTracer<'a> {
     /// `bounces` is the most surfaces that one photon is stored at.
     pub fn new(scene: &'a Scene, bvh: &'a Bvh, lights: &'a Lights, seed: u64, bounces: u32) -> Self {
         Self { scene, bvh, lights, starts: Recurrence::new(seed), seed, bounces }
     }
 
-    /// Emits `photons` with the lights' whole power and adds what they leave at surfaces to `grid`.
-    pub fn trace(&self, photons: u64, grid: &mut PhotonGrid) -> PhotonCounts {
+    /// Emits the photons with these numbers, which share the lights' whole power, and adds what they leave at surfaces to `grid`.
+    /// Other numbers give other photons, and together they cover the lights evenly.
+    pub fn trace(&self, photons: Range<u64>, grid: &mut PhotonGrid) -> PhotonCounts {
+        let emitted = photons.end - photons.start;
         let mut stored = 0;
-        for round in (0..photons).step_by(ROUND as usize) {
-            let end = (round + ROUND).min(photons);
+        for round in photons.clone().step_by(ROUND as usize) {
+            let end = (round + ROUND).min(photons.end);
             let chunks: Vec<u64> = (round..end).step_by(CHUNK as usize).collect();
             // Traced in parallel, summed in the order of photons.
             let hits: Vec<Vec<(usize, Vec3)>> = chunks
@@ -56,7 +66,7 @@ impl<'a> PhotonTracer<'a> {
                 .map(|chunk| {
                     let mut hits = Vec::new();
                     for photon in chunk..(chunk + CHUNK).min(end) {
-                        self.trace_one(photon, 1.0 / photons as f32, grid, &mut hits);
+                        self.trace_one(photon, 1.0 / emitted as f32, grid, &mut hits);
                     }
                     hits
                 })
@@ -66,7 +76,7 @@ impl<'a> PhotonTracer<'a> {
                 stored += 1;
             }
         }
-        PhotonCounts { emitted: photons, stored }
+        PhotonCounts { emitted, stored }
     }
 
     fn trace_one(&self, photon: u64, share: f32, grid: &PhotonGrid, hits: &mut Vec<(usize, Vec3)>) {

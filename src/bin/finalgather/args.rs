@@ -89,7 +89,7 @@ struct Overrides {
     #[arg(long, value_parser = named::<Pipeline>(&["kill"]), help = setting("How the gather is computed", |s| name(s.pipeline)))]
     pipeline: Option<Pipeline>,
 
-    #[arg(long, value_name = "N", value_parser = count::<u64>, help = setting("Photons emitted from the lights; 1e6 and 1_000_000 are numbers too", |s| s.photons))]
+    #[arg(long, value_name = "N", value_parser = count::<u64>, help = setting("Photons emitted from the lights, afresh for every 1024 directions; 1e6 and 1_000_000 are numbers too", |s| s.photons))]
     photons: Option<u64>,
 
     #[arg(long, value_name = "N", value_parser = count::<u32>, help = setting("The most surfaces that one photon is stored at", |s| s.bounces))]
