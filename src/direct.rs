@@ -14,7 +14,7 @@ use crate::geometry::{Geometry, SurfacePass};
 use crate::gpu::{DepthTest, Format, Gpu, Program, Target, Uniform};
 use crate::math::frame;
 use crate::points::{Points, Sums};
-use crate::random::Recurrence;
+use crate::random::{Random, sobol};
 use crate::scene::{LightPoint, Lights};
 use crate::shaders;
 
@@ -27,7 +27,7 @@ pub struct Direct {
     shadow: Program,
     direct: Program,
     map: Target,
-    samples: Recurrence<4>,
+    seed: u64,
 }
 
 impl Direct {
@@ -41,14 +41,14 @@ impl Direct {
             shadow: Program::new(gpu, &shaders::SHADOW)?,
             direct: Program::new(gpu, &shaders::DIRECT)?,
             map: Target::new(gpu, [size, 3 * size], &[Format::Rgba32F], true)?,
-            samples: Recurrence::new(seed ^ 0xd1ec7),
+            seed: seed ^ 0xd1ec7,
         })
     }
 
     /// Adds the irradiance from light sample `index` to `sums` (rgb).
     pub fn add(&self, geometry: &Geometry, lights: &Lights, index: u64, points: Points, sums: &Sums) {
-        let [pick, u, v, turn] = self.samples.point(index);
-        let light = lights.point(pick, [u, v]);
+        let light = lights.point_of_square(sobol(index as u32, self.seed));
+        let turn = Random::new(self.seed, index).uniform();
         let to_light = self.shadow_map(geometry, &light, TAU * turn);
         // A texel of the map is 2/size wide at a distance of 1; see `Bundle::new` for the shares.
         let clearance = 2.0 / self.map.size()[0] as f32 / 256.0 + 4e-6;

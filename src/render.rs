@@ -213,7 +213,7 @@ impl Render {
         Ok(())
     }
 
-    /// The mean of what is gathered so far, with the channels of [`Film::image`]; black before the first direction.
+    /// The mean of what is gathered so far, with the channels of `Film::image`; black before the first direction.
     pub fn picture(&self) -> Image {
         let mut film = self.film.clone();
         if let Some(block) = &self.block {

@@ -24,6 +24,15 @@ fn both_ways(gpu: &Gpu, scene: &Scene, points: &[GatherPoint], count: u32, sizes
     (layers, oracle)
 }
 
+/// The mean difference is aliasing: at an outline the texel's centre may see another surface than the point's ray, so it falls with
+/// the size of a texel (measured here: 0.37 % at 512², 0.74 % at 256²). It must not favour light or dark, hence the lower limit on bias.
+const AT_512: Difference = Difference { mean: 0.006, bias: 0.001 };
+const AT_256: Difference = Difference { mean: 0.01, bias: 0.001 };
+/// Among few points and directions, the light that a few rays find or miss no longer averages out: with softpipe's sizes, llvmpipe
+/// too has a bias of -0.33 %, while four times the points have one of +0.03 %.
+const SMALL_512: Difference = Difference { mean: 0.012, bias: 0.006 };
+const SMALL_256: Difference = Difference { mean: 0.02, bias: 0.01 };
+
 /// Fails where the difference in the mean or the bias is beyond its limit.
 fn check(name: &str, size: u32, a: &[Vec3], b: &[Vec3], most: Difference) {
     let found = Difference::between(a, b);
@@ -41,18 +50,18 @@ fn camera_points(gpu: &Gpu, scene: &Scene, side: u32) -> Vec<GatherPoint> {
 #[test]
 fn cornell_box() {
     let gpu = gpu();
-    let (side, count) = sized(&gpu, (128, 256), (32, 32));
+    let (side, count, at_512, at_256) = sized(&gpu, (128, 256, AT_512, AT_256), (32, 16, SMALL_512, SMALL_256));
     let scene = cornell();
     let points = camera_points(&gpu, &scene, side);
     let (layers, oracle) = both_ways(&gpu, &scene, &points, count, &[512, 256]);
-    check("Cornell box", 512, &layers[0], &oracle, Difference { mean: 0.006, bias: 0.001 });
-    check("Cornell box", 256, &layers[1], &oracle, Difference { mean: 0.01, bias: 0.001 });
+    check("Cornell box", 512, &layers[0], &oracle, at_512);
+    check("Cornell box", 256, &layers[1], &oracle, at_256);
 }
 
 #[test]
 fn curved_surfaces() {
     let gpu = gpu();
-    let (points, count) = sized(&gpu, (16384, 256), (1024, 32));
+    let (points, count, at_512) = sized(&gpu, (16384, 128, AT_512), (512, 16, SMALL_512));
     let mut model = Model::new();
     let wall = model.material(vec3(0.7, 0.5, 0.3), Vec3::ZERO);
     let lamp = model.material(Vec3::ZERO, Vec3::splat(10.0));
@@ -62,13 +71,13 @@ fn curved_surfaces() {
     let scene = model.finish();
     let points = points_on(&scene, points);
     let (layers, oracle) = both_ways(&gpu, &scene, &points, count, &[512]);
-    check("ball in a room", 512, &layers[0], &oracle, Difference { mean: 0.006, bias: 0.001 });
+    check("ball in a room", 512, &layers[0], &oracle, at_512);
 }
 
 #[test]
 fn thin_wall() {
     let gpu = gpu();
-    let (points, count) = sized(&gpu, (16384, 256), (1024, 32));
+    let (points, count, at_512) = sized(&gpu, (16384, 128, AT_512), (512, 16, SMALL_512));
     let mut model = Model::new();
     let wall = model.material(vec3(0.7, 0.7, 0.7), Vec3::ZERO);
     let lamp = model.material(Vec3::ZERO, Vec3::splat(10.0));
@@ -78,17 +87,34 @@ fn thin_wall() {
     model.plate(vec3(1.0, 0.99, 0.0), 0.3 * Vec3::X, 0.3 * Vec3::Z, lamp);
     let scene = model.finish();
     let (dark, lit): (Vec<_>, Vec<_>) = points_on(&scene, points).into_iter().partition(|point| point.position.x < 0.0);
-    let (layers, oracle) = both_ways(&gpu, &scene, &lit, count, &[512]);
-    check("lit room", 512, &layers[0], &oracle, Difference { mean: 0.006, bias: 0.001 });
-    let (layers, dark_oracle) = both_ways(&gpu, &scene, &dark, count, &[512]);
-    let mean = |of: &[Vec3]| of.iter().sum::<Vec3>().element_sum() / of.len() as f32;
-    eprintln!("dark room: {:e} (oracle {:e}) of the lit", mean(&layers[0]) / mean(&oracle), mean(&dark_oracle) / mean(&oracle));
+    let (lit_layers, lit_oracle) = both_ways(&gpu, &scene, &lit, count, &[512]);
+    check("lit room", 512, &lit_layers[0], &lit_oracle, at_512);
+
+    // No ray passes the wall. Where it stands, cells of the grid hold floor of both rooms; emptied with the cells next to them, they leave
+    // the dark room black, and what its points see is light of the lit room.
+    let bvh = Bvh::new(&scene.mesh);
+    let mut grid = photon_grid(&scene, &bvh, 200_000);
+    let width = grid.cells.x as usize;
+    let wall = (-grid.origin.x / grid.cell_size) as usize;
+    for (_, sums) in grid.sums.iter_mut().enumerate().filter(|(i, _)| i % width <= wall + 1) {
+        sums[..3].fill(0.0);
+    }
+    let photons = PhotonTexture::upload(&gpu, grid).unwrap();
+    let leaked = irradiance(&gather(&gpu, &scene, &photons, &dark, &directions(Sequence::R2, count), 512));
+    let total = |of: &[Vec3]| of.iter().map(|e| e.as_dvec3().element_sum()).sum::<f64>() / of.len() as f64;
+    let leak = total(&leaked) / total(&lit_oracle);
+    let points = leaked.iter().filter(|e| e.max_element() > 0.0).count();
+    eprintln!("dark room: {points} of {} points see {:.4} % of the light of the lit room", dark.len(), 100.0 * leak);
+    // The wall is an eighth of a texel thick: at its foot, the dark room's points share texels with the lit one's, and the few in texels
+    // whose centre lies there see that side (measured 58 of 8132 points, 0.013 %).
+    assert!(leak < 3e-4, "the wall leaks {leak} of the light");
+    assert!(points < dark.len() / 50, "{points} of {} points see through the wall", dark.len());
 }
 
 #[test]
 fn far_from_the_origin() {
     let gpu = gpu();
-    let (side, count) = sized(&gpu, (128, 256), (32, 32));
+    let (side, count, at_512) = sized(&gpu, (128, 256, AT_512), (32, 16, SMALL_512));
     let mut scene = Scene::load("scenes/cornell.toml".as_ref()).unwrap();
     let away = Vec3::splat(1e5);
     for position in &mut scene.mesh.positions {
@@ -99,5 +125,5 @@ fn far_from_the_origin() {
     let scene = UnitSpace::enter(&scene).0;
     let points = camera_points(&gpu, &scene, side);
     let (layers, oracle) = both_ways(&gpu, &scene, &points, count, &[512]);
-    check("Cornell box at 1e5", 512, &layers[0], &oracle, Difference { mean: 0.006, bias: 0.001 });
+    check("Cornell box at 1e5", 512, &layers[0], &oracle, at_512);
 }

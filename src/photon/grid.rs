@@ -29,7 +29,7 @@ pub struct PhotonGrid {
     pub cells: UVec3,
     /// Side of a cell.
     pub cell_size: f32,
-    /// [red, green, blue flux, area] by [`PhotonGrid::index`].
+    /// [red, green, blue flux, area] by `PhotonGrid::index_of`.
     pub sums: Vec<[f32; 4]>,
 }
 

@@ -65,10 +65,23 @@ impl Lights {
     /// # Panics
     /// When nothing emits.
     pub fn point(&self, pick: f32, [u, v]: [f32; 2]) -> LightPoint {
-        let slot = self.triangles.partition_point(|light| light.cumulative <= pick).min(self.triangles.len() - 1);
+        let slot = self.slot(pick);
         let &Light { triangle, corners: [a, b, c], normal, radiance_area, .. } = &self.triangles[slot];
         // The square folded along its diagonal, so that its neighbours stay neighbours in the triangle.
         let (u, v) = if u + v > 1.0 { (1.0 - u, 1.0 - v) } else { (u, v) };
         LightPoint { triangle, position: a + u * (b - a) + v * (c - a), normal, radiance_area }
+    }
+
+    /// As [`Lights::point`], where `u` picks the triangle and what it has left places the point: points even over the unit square are
+    /// even over the lights.
+    pub fn point_of_square(&self, [u, v]: [f32; 2]) -> LightPoint {
+        let slot = self.slot(u);
+        let before = if slot == 0 { 0.0 } else { self.triangles[slot - 1].cumulative };
+        let rest = ((u - before) / (self.triangles[slot].cumulative - before)).clamp(0.0, 1.0);
+        self.point(u, [rest, v])
+    }
+
+    fn slot(&self, pick: f32) -> usize {
+        self.triangles.partition_point(|light| light.cumulative <= pick).min(self.triangles.len() - 1)
     }
 }
