@@ -151,7 +151,7 @@ fn json_tells_all_about_the_run() {
     let report: Value = serde_json::from_slice(&success(&mut command).stdout).expect("stdout is one JSON value");
 
     let keys = |value: &Value| value.as_object().unwrap().keys().cloned().collect::<Vec<_>>();
-    let top = "gl scene settings seconds gather photons peak_memory_bytes outputs interrupted";
+    let top = "gl scene settings seconds gather photons error peak_memory_bytes outputs interrupted";
     assert_eq!(keys(&report).join(" "), top);
     assert_eq!(keys(&report["gl"]).join(" "), "renderer version backend");
     for (section, numbers) in [
