@@ -31,7 +31,7 @@ fn check(name: &str, scene: &Scene) {
         // Irradiance π in every cell: flux is π times any area.
         let mut grid = PhotonGrid::new(&scene.mesh, 8);
         grid.sums.fill([PI, PI, PI, 1.0]);
-        let photons = PhotonTexture::upload(&gpu, grid).unwrap();
+        let photons = PhotonTexture::upload(&gpu, &grid).unwrap();
         let found = irradiance(&gather(&gpu, scene, &photons, &points, &directions(sequence, count), size));
         let errors: Vec<f32> = found.iter().map(|e| (e / PI - 1.0).abs().max_element()).collect();
         let mean = errors.iter().sum::<f32>() / points.len() as f32;

@@ -19,7 +19,7 @@ fn both_ways(gpu: &Gpu, scene: &Scene, points: &[GatherPoint], count: u32, sizes
     let bvh = Bvh::new(&scene.mesh);
     let grid = photon_grid(scene, &bvh, 200_000);
     let oracle = irradiance(&Reference::new(scene, &bvh, &grid).gather(points, &vectors));
-    let photons = PhotonTexture::upload(gpu, grid).unwrap();
+    let photons = PhotonTexture::upload(gpu, &grid).unwrap();
     let layers = sizes.iter().map(|&size| irradiance(&gather(gpu, scene, &photons, points, &directions, size))).collect();
     (layers, oracle)
 }
@@ -99,7 +99,7 @@ fn thin_wall() {
     for (_, sums) in grid.sums.iter_mut().enumerate().filter(|(i, _)| i % width <= wall + 1) {
         sums[..3].fill(0.0);
     }
-    let photons = PhotonTexture::upload(&gpu, grid).unwrap();
+    let photons = PhotonTexture::upload(&gpu, &grid).unwrap();
     let leaked = irradiance(&gather(&gpu, &scene, &photons, &dark, &directions(Sequence::R2, count), 512));
     let total = |of: &[Vec3]| of.iter().map(|e| e.as_dvec3().element_sum()).sum::<f64>() / of.len() as f64;
     let leak = total(&leaked) / total(&lit_oracle);

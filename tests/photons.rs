@@ -21,7 +21,7 @@ fn room() -> Model {
 fn traced(scene: &Scene, cells: u32, photons: u64, bounces: u32) -> PhotonGrid {
     let bvh = Bvh::new(&scene.mesh);
     let mut grid = PhotonGrid::new(&scene.mesh, cells);
-    let counts = PhotonTracer::new(scene, &bvh, &Lights::new(scene), 0, bounces).trace(photons, &mut grid);
+    let counts = PhotonTracer::new(scene, &bvh, &Lights::new(scene), 0, bounces).trace(0..photons, &mut grid);
     assert_eq!(counts.emitted, photons);
     grid.add_area(&scene.mesh, &bvh, 0);
     grid
