@@ -26,11 +26,12 @@ elif [[ $(printf '%s\n' "$wanted" "${found%%-*}" | sort -V | head -n1) != "$want
 fi
 
 library() { PATH=$PATH:/sbin:/usr/sbin ldconfig -p 2>/dev/null | grep -qF "$1"; }
+# links COMPILER LANGUAGE HEADER
 links() {
     local program
     program=$(mktemp)
     trap 'rm -f "$program"' RETURN
-    echo 'int main(void) { return 0; }' | cc -x c -o "$program" - 2>/dev/null
+    printf '#include <%s>\nint main(void) { return 0; }\n' "$3" | "$1" -x "$2" -o "$program" - 2>/dev/null
 }
 # One file a driver in Mesa before 24, one for all since.
 software_gl() { compgen -G '/usr/lib*/dri/swrast_dri.so' || compgen -G '/usr/lib*/*/dri/swrast_dri.so' ||
@@ -43,7 +44,8 @@ lists_there() { compgen -G '/var/lib/apt/lists/*Packages*' >/dev/null; }
 words=() debian=() fedora=() arch=()
 missing() { words+=("$1"); debian+=($2); fedora+=($3); arch+=($4); }
 
-links || missing "a C compiler and linker (cc)" "gcc libc6-dev" gcc gcc
+links cc c stdlib.h || missing "a C compiler and linker (cc)" "gcc libc6-dev" gcc gcc
+links c++ c++ vector || missing "a C++ compiler (c++)" g++ gcc-c++ gcc
 command -v make >/dev/null || missing make make make make
 library libEGL.so.1 || missing "libEGL.so.1 (GLVND)" libegl1 libglvnd-egl libglvnd
 library libEGL_mesa.so.0 || missing "Mesa's EGL" libegl-mesa0 mesa-libEGL mesa

@@ -8,7 +8,7 @@ pub type Result<T, E = Error> = std::result::Result<T, E>;
 /// What went wrong, by who can mend it. `Display` gives two lines: the problem with its place, then the cure.
 #[derive(Debug)]
 pub enum Error {
-    /// An input file is missing, unreadable or says something that cannot be rendered.
+    /// An input file is missing, unreadable or says something that cannot be used.
     Input { path: PathBuf, line: Option<usize>, problem: String, cure: String },
     /// The request itself cannot be met: a setting out of range, an unusable output path.
     Usage { problem: String, cure: String },

@@ -19,13 +19,13 @@ pub struct WriteOptions<'a> {
 }
 
 #[derive(Clone, Copy)]
-enum Format {
+pub(super) enum Format {
     Exr,
     Png,
 }
 
 impl Format {
-    fn of(path: &Path) -> Result<Self> {
+    pub(super) fn of(path: &Path) -> Result<Self> {
         let ending = path.extension().unwrap_or_default().to_ascii_lowercase();
         match ending.to_str() {
             Some("exr") => Ok(Self::Exr),
@@ -46,15 +46,7 @@ impl Image {
             Format::Exr => self.to_exr(options.metadata)?,
             Format::Png => self.to_png(options.exposure)?,
         };
-        write_atomically(path, &bytes).map_err(|error| {
-            let cure = match error.kind() {
-                ErrorKind::StorageFull | ErrorKind::QuotaExceeded | ErrorKind::FileTooLarge => {
-                    "free some space there or raise the limit, or give a path on another disk"
-                }
-                _ => "give a path in a folder that can be written",
-            };
-            Error::output(path, format!("not written: {error}"), cure)
-        })
+        write_file(path, &bytes)
     }
 
     /// Reads an EXR or a PNG into linear samples.
@@ -83,6 +75,19 @@ pub fn check_writable(path: &Path) -> Result<()> {
     temporary_in(folder).map(drop).map_err(|error| {
         let problem = format!("{}: no file can be made in this folder: {error}", folder.display());
         Error::usage(problem, "give a path in a folder that can be written")
+    })
+}
+
+/// The file is there with all of these bytes, or as it was before.
+pub(super) fn write_file(path: &Path, bytes: &[u8]) -> Result<()> {
+    write_atomically(path, bytes).map_err(|error| {
+        let cure = match error.kind() {
+            ErrorKind::StorageFull | ErrorKind::QuotaExceeded | ErrorKind::FileTooLarge => {
+                "free some space there or raise the limit, or give a path on another disk"
+            }
+            _ => "give a path in a folder that can be written",
+        };
+        Error::output(path, format!("not written: {error}"), cure)
     })
 }
 

@@ -5,6 +5,7 @@ use crate::error::{Error, Result};
 pub mod compare;
 mod exr;
 mod file;
+mod flip;
 mod png;
 
 pub use file::{WriteOptions, check_writable};

@@ -13,22 +13,20 @@ use crate::error::{Error, Result};
 const KNEE: f32 = 0.8;
 
 impl Image {
-    /// R, G and B times 2^`exposure`, through [`tone`] and [`encode_srgb`], opaque.
+    /// [`Self::to_rgb8`] through the tone curve, opaque.
     pub(super) fn to_png(&self, exposure: f32) -> Result<Vec<u8>> {
+        encode(self.width, self.height, &self.to_rgb8(exposure, tone)?)
+    }
+
+    /// R, G and B of each pixel in turn: times 2^`exposure`, through `curve`, which is [`tone`] or nothing, and [`encode_srgb`].
+    pub(super) fn to_rgb8(&self, exposure: f32, curve: fn(f32) -> f32) -> Result<Vec<u8>> {
         let rgb = self.rgb()?;
         let scale = exposure.exp2();
         let mut pixels = Vec::with_capacity(3 * self.width * self.height);
         for pixel in 0..self.width * self.height {
-            pixels.extend(rgb.map(|samples| (encode_srgb(tone(samples[pixel] * scale)) * 255.0).round() as u8));
+            pixels.extend(rgb.map(|samples| (encode_srgb(curve(samples[pixel] * scale)) * 255.0).round() as u8));
         }
-
-        let refused = |problem: String| Error::usage(format!("PNG cannot hold this picture: {problem}"), "render it smaller");
-        let side = |length: usize| u32::try_from(length).map_err(|error| refused(error.to_string()));
-        let mut bytes = Vec::new();
-        PngEncoder::new(Cursor::new(&mut bytes))
-            .write_image(&pixels, side(self.width)?, side(self.height)?, ExtendedColorType::Rgb8)
-            .map_err(|error| refused(error.to_string()))?;
-        Ok(bytes)
+        Ok(pixels)
     }
 
     /// R, G and B made linear; alpha, if any, is ignored, and so is the tone curve. `path` is where `bytes` came from.
@@ -44,9 +42,20 @@ impl Image {
     }
 }
 
+/// Three bytes a pixel, as a display gets them.
+pub(super) fn encode(width: usize, height: usize, rgb8: &[u8]) -> Result<Vec<u8>> {
+    let refused = |problem: String| Error::usage(format!("PNG cannot hold this picture: {problem}"), "render it smaller");
+    let side = |length: usize| u32::try_from(length).map_err(|error| refused(error.to_string()));
+    let mut bytes = Vec::new();
+    PngEncoder::new(Cursor::new(&mut bytes))
+        .write_image(rgb8, side(width)?, side(height)?, ExtendedColorType::Rgb8)
+        .map_err(|error| refused(error.to_string()))?;
+    Ok(bytes)
+}
+
 /// Maps radiance to [0, 1]: the identity up to [`KNEE`], then an exponential shoulder that starts with slope 1 and approaches 1.
 /// Negative values and NaN become black, infinity white.
-fn tone(x: f32) -> f32 {
+pub(super) fn tone(x: f32) -> f32 {
     let room = 1.0 - KNEE;
     if x > KNEE { KNEE + room * (1.0 - ((KNEE - x) / room).exp()) } else { x.max(0.0) }
 }

@@ -21,11 +21,37 @@ Examples:
       a quick look
   finalgather render scenes/cornell.toml --json | jq .gather.ms_per_direction";
 
+const COMPARE_NOTES: &str = "\
+Measures, over linear R, G and B alike:
+  bias           (mean of A - mean of B) / mean of B
+  MAE, RMSE      mean absolute error, root of the mean squared error
+  relative RMSE  RMSE / mean of B
+  relative MSE   mean of (A - B)² / (B² + 0.01)
+  PSNR           20 log10(1 / RMSE): white of a PNG is the peak; infinite for equal pictures
+  FLIP           mean difference, 0 to 1, that a person sees flipping between the PNGs
+In JSON, what is infinite is null.
+
+A PNG is made linear again but for its tone curve, which bends what is above 0.8: where
+numbers matter, compare EXR with EXR.
+
+Examples:
+  finalgather compare box.exr reference.exr
+  finalgather compare box.exr reference.exr --mask walls.png --trim 0.001 -o difference.png
+      without the pixels that are black in walls.png and the worst 0.1 % of the others
+  finalgather compare box.exr reference.exr --json | jq -e '.flip < 0.05'
+      an exit code for scripts
+
+Exit codes:
+    0  done, however much the pictures differ
+    2  the request cannot be met: an option out of range, an output path that cannot be written
+   65  a picture is missing or damaged, does not match the other, or has a sample that is no number
+   75  the map could not be written";
+
 const EXIT_CODES: &str = "\
 Exit codes:
     0  done
     2  the request cannot be met: an option out of range, an output path that cannot be written
-   65  the scene cannot be rendered: a file is missing or says something wrong
+   65  a scene or a picture cannot be used: a file is missing or says something wrong
    69  no OpenGL 3.3 here, or its driver failed
    75  a picture could not be written; trying again, elsewhere or later, may succeed
   130  stopped by SIGINT (Ctrl-C), 143 by SIGTERM: the picture so far was written if at least
@@ -33,7 +59,7 @@ Exit codes:
 
 /// Final gathering by rasterised ray bundles: renders global illumination on OpenGL 3.3, headless
 #[derive(Debug, Parser)]
-#[command(version, after_help = format!("{RENDER_EXAMPLES}\n  finalgather info\n\n{EXIT_CODES}"))]
+#[command(version, after_help = format!("{RENDER_EXAMPLES}\n  finalgather compare box.exr reference.exr\n  finalgather info\n\n{EXIT_CODES}"))]
 pub struct Args {
     #[command(subcommand)]
     pub command: Command,
@@ -42,6 +68,7 @@ pub struct Args {
 #[derive(Debug, Subcommand)]
 pub enum Command {
     Render(RenderArgs),
+    Compare(CompareArgs),
     Info(InfoArgs),
 }
 
@@ -109,6 +136,40 @@ struct Overrides {
 
     #[arg(long, value_name = "EV", help = setting("Exposure of .png in stops", |s| s.exposure))]
     exposure: Option<f32>,
+}
+
+/// Compare a picture with a reference: mean, bias, MAE, RMSE, relative MSE, PSNR, FLIP
+#[derive(Debug, clap::Args)]
+#[command(after_help = COMPARE_NOTES, args_override_self = true, allow_negative_numbers = true)]
+pub struct CompareArgs {
+    /// Picture to judge, .png or .exr
+    #[arg(value_name = "A")]
+    pub picture: PathBuf,
+
+    /// Reference, .png or .exr, of the same size
+    #[arg(value_name = "B")]
+    pub reference: PathBuf,
+
+    /// Count only the pixels where this picture is white: its R, or without one its first channel, is above 0.5
+    #[arg(long, value_name = "M")]
+    pub mask: Option<PathBuf>,
+
+    /// Leave out this share of the counted pixels, those with the largest squared error
+    #[arg(long, value_name = "SHARE", default_value_t = 0.0, value_parser = share)]
+    pub trim: f32,
+
+    /// Exposure in stops of what FLIP gets to see
+    #[arg(long, value_name = "EV", default_value_t = 0.0, value_parser = stops)]
+    pub exposure: f32,
+
+    /// Print one JSON object on stdout
+    #[arg(long)]
+    pub json: bool,
+
+    /// Map of the differences to write, grey or 0 where pixels do not count; may be given several times. A .png shows FLIP, from black over
+    /// purple and orange to pale yellow; an .exr holds A - B as R, G and B, and FLIP
+    #[arg(short, long = "output", value_name = "FILE")]
+    pub outputs: Vec<PathBuf>,
 }
 
 /// Show which OpenGL there is: backends that work, devices, renderer, limits
@@ -191,6 +252,16 @@ fn count<T: TryFrom<u64>>(text: &str) -> Result<T, String> {
     T::try_from(number).map_err(|_| "too large".into())
 }
 
+/// What can be left out without leaving nothing.
+fn share(text: &str) -> Result<f32, String> {
+    let share = text.parse().ok().filter(|share| (0.0..1.0).contains(share));
+    share.ok_or("not a share from 0 up to, not including, 1".into())
+}
+
+fn stops(text: &str) -> Result<f32, String> {
+    text.parse().ok().filter(|stops: &f32| stops.is_finite()).ok_or("not a number of stops such as -1.5".into())
+}
+
 /// `WxH`, or `N` for a square.
 fn size(text: &str) -> Result<[u32; 2], String> {
     let (width, height) = text.split_once(['x', 'X']).unwrap_or((text, text));
@@ -233,7 +304,7 @@ mod tests {
     fn parse(line: &str) -> RenderArgs {
         match Args::try_parse_from(line.split(' ')).unwrap().command {
             Command::Render(args) => args,
-            Command::Info(_) => panic!("not a render"),
+            _ => panic!("not a render"),
         }
     }
 

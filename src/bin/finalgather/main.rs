@@ -7,6 +7,7 @@ use clap::Parser;
 use finalgather::error::Error;
 
 mod args;
+mod compare;
 mod info;
 mod interrupt;
 mod progress;
@@ -19,6 +20,7 @@ fn main() -> ExitCode {
     let started = Instant::now();
     let outcome = match Args::parse().command {
         Command::Render(args) => render::run(&args, started),
+        Command::Compare(args) => compare::run(&args),
         Command::Info(args) => info::run(&args),
     };
     match outcome {

@@ -1,0 +1,84 @@
+//! `finalgather compare`: how far a picture is from its reference.
+
+use std::fmt::Write;
+use std::path::Path;
+
+use finalgather::error::{Error, Result};
+use finalgather::image::compare::{Comparison, Selection, View, compare_as, mask_of};
+use finalgather::image::{Image, check_writable};
+
+use crate::args::CompareArgs;
+use crate::report;
+
+/// The exit code, unless the pictures cannot be compared.
+pub fn run(args: &CompareArgs) -> Result<u8> {
+    args.outputs.iter().try_for_each(|path| check_writable(path))?;
+
+    let (picture, reference) = (read(&args.picture)?, read(&args.reference)?);
+    let mask = args.mask.as_deref().map(|path| read_mask(path, &picture)).transpose()?;
+    let selection = Selection { mask: mask.as_deref(), trim: args.trim };
+    let view = View { exposure: args.exposure, toned: [is_png(&args.picture), is_png(&args.reference)] };
+    // The options are sound, so that what is wrong is wrong with the files.
+    let (comparison, map) = compare_as(&picture, &reference, selection, view).map_err(|error| match error {
+        Error::Usage { problem, cure } => {
+            let problem = format!("compared with {}: {problem}", args.reference.display());
+            Error::input(&args.picture, None, problem, cure)
+        }
+        other => other,
+    })?;
+    args.outputs.iter().try_for_each(|path| map.write(path))?;
+
+    if args.json {
+        report::print_json(&comparison)?;
+    } else {
+        report::print(table(&comparison, picture.width * picture.height).trim_end())?;
+    }
+    Ok(0)
+}
+
+/// A picture with R, G and B.
+fn read(path: &Path) -> Result<Image> {
+    let image = Image::read(path)?;
+    match image.rgb() {
+        Err(Error::Usage { problem, cure }) => Err(Error::input(path, None, problem, cure)),
+        _ => Ok(image),
+    }
+}
+
+fn read_mask(path: &Path, picture: &Image) -> Result<Vec<bool>> {
+    let mask = Image::read(path)?;
+    if (mask.width, mask.height) != (picture.width, picture.height) {
+        let problem = format!("is {} x {}, the picture {} x {}", mask.width, mask.height, picture.width, picture.height);
+        return Err(Error::input(path, None, problem, "give a mask of the picture's size"));
+    }
+    Ok(mask_of(&mask))
+}
+
+fn is_png(path: &Path) -> bool {
+    path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("png"))
+}
+
+fn table(comparison: &Comparison, all_pixels: usize) -> String {
+    let Comparison { pixels, mean_a, mean_b, bias, mae, rmse, relative_rmse, relative_mse, psnr, flip } = comparison;
+    let rows = [
+        ("pixels", format!("{pixels} of {all_pixels}")),
+        ("mean of A", number(*mean_a)),
+        ("mean of B", number(*mean_b)),
+        ("bias", format!("{:+.3} %", 100.0 * bias)),
+        ("MAE", number(*mae)),
+        ("RMSE", number(*rmse)),
+        ("relative RMSE", format!("{:.3} %", 100.0 * relative_rmse)),
+        ("relative MSE", number(*relative_mse)),
+        ("PSNR", format!("{psnr:.2} dB")),
+        ("FLIP", format!("{flip:.4}")),
+    ];
+    rows.iter().fold(String::new(), |mut text, (name, value)| {
+        let _ = writeln!(text, "{name:<14} {value}");
+        text
+    })
+}
+
+/// Six digits, of values however small.
+fn number(value: f64) -> String {
+    if value == 0.0 || value.abs() >= 0.001 { format!("{value:.6}") } else { format!("{value:.5e}") }
+}
