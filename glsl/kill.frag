@@ -15,7 +15,7 @@ layout(location = 0) out vec2 hit;  // distance along the direction; triangle, c
 void main()
 {
     GatherPoint point = fetch_point();
-    if (!point.exists || cosine(point, direction) == 0.0)
+    if (cosine(point, direction) == 0.0)
         discard;
     vec3 place = (to_layer * vec4(point.position, 1.0)).xyz;
     ivec2 texel = ivec2(floor(place.xy));
