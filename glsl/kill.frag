@@ -1,5 +1,5 @@
 #version 330 core
-// Sampling one layer, as in 2004: every point looks up the texel on its ray and overwrites its sample, unless the texel lies
+// Sampling one layer, as in 2004: every point looks up the texel on its ray and overwrites its hit, unless the texel lies
 // behind the point (KILL). Layers come far to near, so the last to survive is the nearest hit. Mirrors src/gather/kill.rs.
 
 #include "points.glsl"
@@ -12,29 +12,50 @@ uniform float clearance;            // how far off its own tangent plane a point
 
 layout(location = 0) out vec2 hit;  // distance along the direction; triangle, counted from 1
 
+vec3 place;                         // of the point in layer space
+vec3 normal;                        // of the point's surface, as a covector of layer space
+
+struct Sample
+{
+    float triangle;
+    float ahead;                    // depth from the point to the texel's plane, on the point's own ray
+    float above;                    // distance of the texel from the point's tangent plane
+};
+
+Sample sample_layer(ivec2 texel)
+{
+    vec4 surface = texelFetch(layer, clamp(texel, ivec2(0), textureSize(layer, 0) - 1), 0);
+    vec2 offset = place.xy - (vec2(texel) + 0.5);
+    float ahead = surface.x + dot(surface.yz, offset) - place.z;
+    float above = dot(normal, vec3(-offset, surface.x - place.z));
+    // Where the texel's centre is too close to the tangent plane to tell, and where it was grown and lies off the scene, the point's
+    // own ray decides.
+    float own = normal.z * ahead;
+    above = surface.w < 0.0 ? own : above > 0.0 ? max(above, own) : above;
+    return Sample(abs(surface.w), ahead, above);
+}
+
 void main()
 {
     GatherPoint point = fetch_point();
     if (cosine(point, direction) == 0.0)
         discard;
-    vec3 place = (to_layer * vec4(point.position, 1.0)).xyz;
+    place = (to_layer * vec4(point.position, 1.0)).xyz;
+    normal = point.surface_normal * mat3(from_layer);
     ivec2 texel = ivec2(floor(place.xy));
     if (any(lessThan(texel, ivec2(0))) || any(greaterThanEqual(texel, textureSize(layer, 0))))
         discard;
 
-    vec4 surface = texelFetch(layer, texel, 0);
-    vec2 offset = place.xy - (vec2(texel) + 0.5);
-    // The hit's plane, evaluated on the point's own ray, must lie ahead; and the hit must lie above the tangent plane of the point, as
-    // all that its hemisphere sees does. The first test is right in concave corners and the second at convex edges, where the
-    // texel's centre sees another surface than the point does. The second also tells the point's own surface, at any slope.
-    float ahead = surface.x + dot(surface.yz, offset) - place.z;
-    vec3 normal = point.surface_normal * mat3(from_layer);
-    float above = dot(normal, vec3(-offset, surface.x - place.z));
-    // Where the centre is too close to the tangent plane to tell, and where it was grown and lies off the scene, the point's own ray
-    // decides.
-    float own = normal.z * ahead;
-    above = surface.w < 0.0 ? own : above > 0.0 ? max(above, own) : above;
-    if (ahead <= 0.0 || above <= clearance)
+    // The texel's centre is off the point's ray, so two things must hold: the hit's plane lies ahead on the ray itself, which is right in
+    // concave corners; and the texel lies above the point's tangent plane, as all that its hemisphere sees does, which is right
+    // at convex edges and tells the point's own surface at any slope.
+    Sample nearest = sample_layer(texel);
+    // Beside a concave edge the centre may lie beneath the tangent plane although the ray meets the surface above it; then the
+    // neighbour on the upper side, along the axis on which it is sure to be above, has the surface or nothing has.
+    vec2 lower = place.xy - (vec2(texel) + 0.5);
+    if (nearest.above <= clearance && dot(lower, normal.xy) > 0.0)
+        nearest = sample_layer(texel + (abs(normal.x) > abs(normal.y) ? ivec2(sign(normal.x), 0) : ivec2(0, sign(normal.y))));
+    if (nearest.ahead <= 0.0 || nearest.above <= clearance)
         discard;                    // KILL
-    hit = vec2(ahead * dot(direction, from_layer[2].xyz), abs(surface.w));
+    hit = vec2(nearest.ahead * dot(direction, from_layer[2].xyz), nearest.triangle);
 }

@@ -42,7 +42,7 @@ impl Default for Settings {
         Self {
             size: [512, 512],
             directions: 1000,
-            layer_size: 512,
+            layer_size: 256,
             pipeline: Pipeline::Kill,
             sequence: Sequence::R2,
             seed: 0,
