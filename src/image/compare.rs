@@ -172,24 +172,6 @@ pub fn mask_of(image: &Image) -> Vec<bool> {
     samples.unwrap_or_default().iter().map(|&sample| sample > 0.5).collect()
 }
 
-/// A mask that leaves out every pixel within `radius` pixels, along both axes, of one that is `inside`.
-pub fn dilated_mask(width: usize, height: usize, inside: impl Fn(usize) -> bool, radius: usize) -> Vec<bool> {
-    // A square is the product of two intervals: along the rows first, then along the columns.
-    let around = |at: usize, end: usize| at.saturating_sub(radius)..(at + radius + 1).min(end);
-    let near_in_row: Vec<bool> = (0..width * height)
-        .map(|pixel| {
-            let (x, y) = (pixel % width, pixel / width);
-            around(x, width).any(|x| inside(y * width + x))
-        })
-        .collect();
-    (0..width * height)
-        .map(|pixel| {
-            let (x, y) = (pixel % width, pixel / width);
-            !around(y, height).any(|y| near_in_row[y * width + x])
-        })
-        .collect()
-}
-
 /// One pixel, each number the mean over its R, G and B.
 struct Difference {
     pixel: usize,
@@ -372,15 +354,5 @@ mod tests {
         assert!(says(&a, &a, Selection { mask: Some(&[true]), ..all }).contains("mask"));
         assert!(says(&a, &a, Selection { mask: Some(&[false; 2]), ..all }).contains("no pixel"));
         assert!(says(&a, &a, Selection { trim: 1.0, ..all }).contains("trim"));
-    }
-
-    #[test]
-    fn mask_keeps_its_distance() {
-        let mask = dilated_mask(6, 5, |pixel| pixel == 2 * 6 + 1, 1);
-        let rows: Vec<String> =
-            mask.chunks(6).map(|row| row.iter().map(|&counted| if counted { '#' } else { '.' }).collect()).collect();
-        assert_eq!(rows, ["######", "...###", "...###", "...###", "######"]);
-        assert!(dilated_mask(3, 3, |_| false, 2).iter().all(|&counted| counted));
-        assert!(dilated_mask(3, 3, |pixel| pixel == 0, 2).iter().all(|&counted| !counted));
     }
 }

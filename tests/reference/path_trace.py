@@ -4,7 +4,7 @@
 
 Reads the scene file, OBJ and MTL by itself, so that it shares no code with the renderer: Lambertian two-sided
 surfaces, emission from the side that the winding faces, box pixel filter, unlimited path length. Writes half-float linear
-RGB. Prints the image's mean and the standard error of a pixel, as a share of the mean, from independent passes.
+RGB, and beside it NAME_mask.png: black where a pixel shows a light or lies within two pixels of one, white elsewhere. Prints the image's mean and the standard error of a pixel, as a share of the mean, from independent passes.
 """
 import argparse
 import pathlib
@@ -120,6 +120,12 @@ def main():
     mean = total / passes
     error = np.sqrt(np.maximum(squares / passes - mean * mean, 0) / (passes - 1))
     print("mean", mean.mean(axis=(0, 1)), "root mean square standard error / mean", np.sqrt((error**2).mean()) / mean.mean())
+    # Lights are far brighter than all that they light.
+    light = np.pad(mean.max(axis=2) > 8 * mean.mean(), 2)
+    size = arguments.size
+    near = np.any([light[y:y + size, x:x + size] for y in range(5) for x in range(5)], axis=0)
+    mask = np.where(near, 0, 255).astype(np.uint8)[..., None].repeat(3, axis=2)
+    mi.Bitmap(mask).write(str(arguments.output.with_name(arguments.output.stem + "_mask.png")))
     mi.Bitmap(mean.astype(np.float32)).convert(component_format=mi.Struct.Type.Float16).write(str(arguments.output))
 
 
