@@ -14,31 +14,32 @@ struct Surface
     vec4 v;
 };
 
+// The first texel of entry `index` in a table with entries of `width` texels. Unsigned, because softpipe also divides in lanes that a
+// branch has switched off, and there a signed division of whatever they hold can trap.
+ivec2 table_texel(sampler2D table, int index, uint width)
+{
+    uint per_row = uint(textureSize(table, 0).x) / width;
+    return ivec2(uint(index) % per_row * width, uint(index) / per_row);
+}
+
 Surface fetch_surface(int triangle)
 {
-    int per_row = textureSize(triangles, 0).x / 3;
-    ivec2 texel = ivec2(triangle % per_row * 3, triangle / per_row);
+    ivec2 texel = table_texel(triangles, triangle, 3u);
     vec4 first = texelFetch(triangles, texel, 0);
     int code = int(first.w);        // material * 4 + axis
     return Surface(first.xyz, code & 3, code >> 2, texelFetch(triangles, texel + ivec2(1, 0), 0),
                    texelFetch(triangles, texel + ivec2(2, 0), 0));
 }
 
-ivec2 material_texel(int material)
-{
-    int per_row = textureSize(materials, 0).x / 2;
-    return ivec2(material % per_row * 2, material / per_row);
-}
-
 // What the material itself reflects; its texture multiplies it.
 vec3 plain_albedo(Surface surface)
 {
-    return texelFetch(materials, material_texel(surface.material), 0).rgb;
+    return texelFetch(materials, table_texel(materials, surface.material, 2u), 0).rgb;
 }
 
 vec3 emission(Surface surface)
 {
-    return texelFetch(materials, material_texel(surface.material) + ivec2(1, 0), 0).rgb;
+    return texelFetch(materials, table_texel(materials, surface.material, 2u) + ivec2(1, 0), 0).rgb;
 }
 
 vec2 texture_coordinates(Surface surface, vec3 position)
