@@ -24,7 +24,9 @@ struct Sample
 
 Sample sample_layer(ivec2 texel)
 {
-    vec4 surface = texelFetch(layer, clamp(texel, ivec2(0), textureSize(layer, 0) - 1), 0);
+    if (any(lessThan(texel, ivec2(0))) || any(greaterThanEqual(texel, textureSize(layer, 0))))
+        return Sample(0.0, -1.0, -1.0);
+    vec4 surface = texelFetch(layer, texel, 0);
     vec2 offset = place.xy - (vec2(texel) + 0.5);
     float ahead = surface.x + dot(surface.yz, offset) - place.z;
     float above = dot(normal, vec3(-offset, surface.x - place.z));
@@ -43,8 +45,6 @@ void main()
     place = (to_layer * vec4(point.position, 1.0)).xyz;
     normal = point.surface_normal * mat3(from_layer);
     ivec2 texel = ivec2(floor(place.xy));
-    if (any(lessThan(texel, ivec2(0))) || any(greaterThanEqual(texel, textureSize(layer, 0))))
-        discard;
 
     // The texel's centre is off the point's ray, so two things must hold: the hit's plane lies ahead on the ray itself, which is right in
     // concave corners; and the texel lies above the point's tangent plane, as all that its hemisphere sees does, which is right

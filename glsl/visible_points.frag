@@ -2,7 +2,7 @@
 // The gather points that the camera sees. Mirrors src/points/camera.rs.
 
 #include "surface.glsl"
-#include "points.glsl"
+#include "octahedral.glsl"
 
 in vec3 surface_position;
 in vec3 surface_normal;
@@ -10,6 +10,7 @@ flat in int surface_triangle;
 
 uniform vec3 eye;
 uniform vec3 forward;
+uniform float near;
 
 layout(location = 0) out vec4 position_out;
 layout(location = 1) out vec4 normal_out;
@@ -31,5 +32,7 @@ void main()
     normal_out = vec4(shading, code.y);
     vec3 texel = texture(albedo_texture, texture_coordinates(surface, surface_position)).rgb;
     albedo_out = vec4(plain_albedo(surface) * texel, 1.0);
+    // 1 at the near plane, falling with distance: as precise in a float at the far end of a terrain as in a room within it.
+    gl_FragDepth = near * gl_FragCoord.w;
     emission_out = vec4(front ? emission(surface) : vec3(0.0), -dot(forward, to_eye));
 }

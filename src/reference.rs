@@ -13,12 +13,7 @@ use rayon::prelude::*;
 use crate::math::dominant_axis;
 use crate::photon::PhotonGrid;
 use crate::points::GatherPoint;
-use crate::scene::{Bvh, Hit, Scene};
-
-/// How far above its surface a ray starts. Coordinates in unit space are at most 1, where half a unit in the last place is 3e-8; a position
-/// interpolated by a rasteriser gathers some tens of those, and a ray cast a few more. Nothing that is told apart in a
-/// picture is closer together: the radius of the scene is a million times as far.
-const OFFSET: f32 = 1e-6;
+use crate::scene::{Bvh, Hit, RAY_OFFSET, Scene};
 
 /// Casts gather rays through one scene.
 pub struct Reference<'a> {
@@ -56,7 +51,7 @@ impl<'a> Reference<'a> {
     }
 
     fn hit(&self, point: &GatherPoint, direction: Vec3) -> Option<Hit> {
-        self.bvh.nearest(point.position + OFFSET * point.surface_normal, direction, None)
+        self.bvh.nearest(point.position + RAY_OFFSET * point.surface_normal, direction, None)
     }
 
     /// Radiosity, π times the radiance, that leaves `hit` against `direction`: of the side that the ray meets, without its own emission.

@@ -12,7 +12,7 @@ use serde::Serialize;
 
 use crate::direct::Direct;
 use crate::direction::Directions;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::film::{Film, PairwiseSum};
 use crate::gather::{Bundle, Gather};
 use crate::geometry::Geometry;
@@ -21,7 +21,7 @@ use crate::image::Image;
 use crate::photon::{PhotonCounts, PhotonGrid, PhotonTexture, PhotonTracer};
 use crate::points::{CameraPoints, Sums, Visible};
 use crate::random::sobol;
-use crate::scene::{Bvh, Lights, Scene, UnitSpace};
+use crate::scene::{Bvh, Camera, Lights, Scene, UnitSpace};
 use crate::settings::Settings;
 
 /// A render in progress.
@@ -123,7 +123,10 @@ impl Render {
     /// fails.
     pub fn new(gpu: &Gpu, scene: &Scene, settings: &Settings) -> Result<Self> {
         settings.validate()?;
-        let (scene, space) = UnitSpace::enter(scene);
+        let (mut scene, space) = UnitSpace::enter(scene);
+        if scene.framed {
+            scene.camera = Camera::framing(scene.mesh.bounds(), settings.size);
+        }
         let points = settings.size;
         let geometry = Geometry::upload(gpu, &scene)?;
         let camera = CameraPoints::new(gpu, points)?;
@@ -134,6 +137,12 @@ impl Render {
         // The first photons also tell, for all maps, which surfaces light reaches.
         let start = Instant::now();
         let lights = Lights::new(&scene);
+        if lights.count() == 0 {
+            return Err(Error::usage(
+                "all lights are too small beside the scene to be told from points",
+                "enlarge the lights, or leave out what lies far away",
+            ));
+        }
         let bvh = Bvh::new(&scene.mesh);
         let mut grid = PhotonGrid::new(&scene.mesh, settings.grid_cells);
         let tracer = PhotonTracer::new(&scene, &bvh, &lights, settings.seed, settings.bounces);
@@ -200,7 +209,10 @@ impl Render {
             Some(block) => block,
             None => self.begin_block()?,
         };
-        self.gather_direction(&block)?;
+        if let Err(error) = self.gather_direction(&block) {
+            self.block = Some(block);
+            return Err(error);
+        }
         block.directions += 1;
         self.done += 1;
         if self.done.is_multiple_of(directions_per_block(self.settings.directions)) || self.is_done() {

@@ -4,6 +4,7 @@ use crate::gpu::ShaderSource;
 
 const INCLUDES: &[(&str, &str)] = &[
     ("surface.glsl", include_str!("../glsl/include/surface.glsl")),
+    ("octahedral.glsl", include_str!("../glsl/include/octahedral.glsl")),
     ("points.glsl", include_str!("../glsl/include/points.glsl")),
     ("photon_grid.glsl", include_str!("../glsl/include/photon_grid.glsl")),
 ];

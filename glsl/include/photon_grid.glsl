@@ -11,7 +11,7 @@ uniform float grid_density;         // cells per unit of length
 vec3 photon_irradiance(vec3 position, int axis, bool positive)
 {
     int bin = 2 * axis + (positive ? 0 : 1);
-    vec3 cell = clamp((position - grid_origin) * grid_density, vec3(0.5), grid_cells - 0.5);
+    vec3 cell = clamp((position - grid_origin) * grid_density, vec3(0.75), grid_cells - 0.75);
     cell.xy += vec2(bin % 3, bin / 3) * grid_cells.xy;
     vec4 density = texture(photon_grid, cell / (grid_cells * vec3(3.0, 2.0, 1.0)));
     return density.a > 0.0 ? density.rgb / density.a : vec3(0.0);

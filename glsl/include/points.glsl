@@ -1,5 +1,7 @@
 // Gather points: two RGBA32F textures, a texel a point. Mirrors src/points/mod.rs.
 
+#include "octahedral.glsl"
+
 uniform sampler2D point_position;   // xyz: position; w: geometric normal, octahedral x
 uniform sampler2D point_normal;     // xyz: unit shading normal, zero where there is no point; w: octahedral y
 
@@ -10,22 +12,6 @@ struct GatherPoint
     vec3 normal;                    // shading normal: the hemisphere that is integrated
     vec3 surface_normal;            // geometric normal on the same side: the surface the point lies on; of length 0.57 to 1
 };
-
-vec2 octahedral_encode(vec3 n)
-{
-    vec2 p = n.xy / (abs(n.x) + abs(n.y) + abs(n.z));
-    vec2 fold = (1.0 - abs(p.yx)) * vec2(p.x < 0.0 ? -1.0 : 1.0, p.y < 0.0 ? -1.0 : 1.0);
-    return n.z < 0.0 ? fold : p;
-}
-
-// Not normalised: readers ask on which side of the surface something lies, and most of this file's cost is here.
-vec3 octahedral_decode(vec2 p)
-{
-    vec3 n = vec3(p, 1.0 - abs(p.x) - abs(p.y));
-    float fold = max(-n.z, 0.0);
-    n.xy -= vec2(p.x < 0.0 ? -fold : fold, p.y < 0.0 ? -fold : fold);
-    return n;
-}
 
 GatherPoint fetch_point()
 {

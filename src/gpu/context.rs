@@ -61,6 +61,8 @@ impl Gpu {
     /// # Errors
     /// [`Error::Gl`] when no library, no device or no OpenGL 3.3 core context is to be had.
     pub fn headless(backend: Backend, device: DeviceChoice) -> Result<Self> {
+        // Whatever comes of it, the context that was current no longer is.
+        CURRENT.set(0);
         let (platform, functions) = headless::create(backend, device)?;
         let info = unsafe { info(&functions, &platform) };
         let no_vertices = unsafe { functions.create_vertex_array() }

@@ -5,7 +5,7 @@ use std::fmt;
 use std::str::FromStr;
 
 use glutin::api::egl::{context::PossiblyCurrentContext, device::Device, display::Display};
-use glutin::config::{ConfigSurfaceTypes, ConfigTemplateBuilder};
+use glutin::config::{Api, ConfigSurfaceTypes, ConfigTemplateBuilder};
 use glutin::context::{ContextApi, ContextAttributesBuilder, GlProfile, Version};
 use glutin::display::GlDisplay;
 
@@ -177,7 +177,13 @@ fn egl(choice: DeviceChoice) -> Result<(Platform, glow::Context)> {
 fn egl_on(device: &Device) -> Result<(PossiblyCurrentContext, glow::Context), String> {
     let text = |error: glutin::error::Error| error.to_string();
     // A surfaceless context needs a config that renders OpenGL and nothing that a window would need.
-    let template = ConfigTemplateBuilder::new().with_surface_type(ConfigSurfaceTypes::empty()).build();
+    let template = ConfigTemplateBuilder::new()
+        .with_surface_type(ConfigSurfaceTypes::empty())
+        .with_api(Api::OPENGL)
+        .with_alpha_size(0)
+        .with_depth_size(0)
+        .with_stencil_size(0)
+        .build();
     let attributes = ContextAttributesBuilder::new()
         .with_context_api(ContextApi::OpenGl(Some(Version::new(3, 3))))
         .with_profile(GlProfile::Core)

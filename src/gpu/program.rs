@@ -1,6 +1,6 @@
 //! Shader programs: compiled from embedded sources, with uniforms given whole at each draw.
 
-use glam::{Mat4, Vec2, Vec3, Vec4};
+use glam::{Mat4, Vec3};
 use glow::HasContext;
 
 use super::context::Gpu;
@@ -23,9 +23,7 @@ pub struct ShaderSource {
 pub enum Uniform<'a> {
     Float(f32),
     Int(i32),
-    Vec2(Vec2),
     Vec3(Vec3),
-    Vec4(Vec4),
     Mat4(Mat4),
     Texture(&'a Texture),
 }
@@ -57,7 +55,7 @@ impl ShaderSource {
                     let (_, text) = found.ok_or_else(|| {
                         Error::gl(format!("shader {} includes {file}, which does not exist", self.name), "report this")
                     })?;
-                    resolved.push_str(text);
+                    resolved.push_str(&self.resolve_stage(text)?);
                 }
             }
             resolved.push('\n');
@@ -122,9 +120,7 @@ impl Program {
                 match *value {
                     Uniform::Float(v) => gl.uniform_1_f32(location, v),
                     Uniform::Int(v) => gl.uniform_1_i32(location, v),
-                    Uniform::Vec2(v) => gl.uniform_2_f32(location, v.x, v.y),
                     Uniform::Vec3(v) => gl.uniform_3_f32(location, v.x, v.y, v.z),
-                    Uniform::Vec4(v) => gl.uniform_4_f32(location, v.x, v.y, v.z, v.w),
                     Uniform::Mat4(v) => gl.uniform_matrix_4_f32_slice(location, false, &v.to_cols_array()),
                     Uniform::Texture(texture) => {
                         gl.active_texture(glow::TEXTURE0 + unit);

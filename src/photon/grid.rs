@@ -11,7 +11,7 @@ use rayon::prelude::*;
 
 use crate::math::{Aabb, cosine_direction, dominant_axis};
 use crate::random::Random;
-use crate::scene::{Bvh, Mesh};
+use crate::scene::{Bvh, Mesh, RAY_OFFSET};
 
 /// Orientations told apart: the two signs of each axis.
 pub const BINS: usize = 6;
@@ -36,10 +36,10 @@ pub struct PhotonGrid {
 impl PhotonGrid {
     /// An empty grid over `mesh` with `cells` cells along its longest side.
     pub fn new(mesh: &Mesh, cells: u32) -> Self {
-        let bounds = Aabb::from_points(mesh.positions.iter().copied());
+        let bounds = mesh.bounds();
         let cell_size = bounds.extent().max_element() / cells as f32;
-        // Half a cell of margin on each side: surfaces on the bounds lie inside cells, not between two.
-        let cells = (bounds.extent() / cell_size).ceil().as_uvec3() + 1;
+        // A cell of margin on each side: look-ups interpolate between two cells, and never reach the tiles of other bins in the texture.
+        let cells = (bounds.extent() / cell_size).ceil().as_uvec3() + 2;
         let origin = bounds.center() - 0.5 * cell_size * cells.as_vec3();
         Self { origin, cells, cell_size, sums: vec![[0.0; 4]; BINS * cells.element_product() as usize] }
     }
@@ -136,7 +136,7 @@ impl PhotonGrid {
     fn probe(&self, mesh: &Mesh, bvh: &Bvh, triangle: usize, side: Vec3, polygon: &[Vec3], random: &mut Random) -> [u32; 2] {
         let probes = (area(polygon) * PROBES + random.uniform()) as u32;
         let lit = (0..probes).filter(|_| {
-            let origin = self.origin + self.cell_size * point_in(polygon, random);
+            let origin = self.origin + self.cell_size * point_in(polygon, random) + RAY_OFFSET * side;
             (0..TRIES).any(|_| {
                 let direction = cosine_direction(side, random.uniform(), random.uniform());
                 bvh.nearest(origin, direction, Some(triangle)).is_none_or(|hit| {

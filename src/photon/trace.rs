@@ -14,7 +14,7 @@ use serde::Serialize;
 use super::grid::PhotonGrid;
 use crate::math::cosine_direction;
 use crate::random::{Random, Recurrence};
-use crate::scene::{Bvh, Lights, Scene};
+use crate::scene::{Bvh, Lights, RAY_OFFSET, Scene};
 
 /// Photons traced between two sums: bounds the memory that their hits take.
 const ROUND: u64 = 1 << 18;
@@ -83,7 +83,7 @@ impl<'a> PhotonTracer<'a> {
         let [pick, u, v, s, t] = self.starts.point(photon);
         let mut random = Random::new(self.seed, photon);
         let start = self.lights.point(pick, [u, v]);
-        let (mut origin, mut triangle) = (start.position, start.triangle);
+        let (mut origin, mut triangle) = (start.position + RAY_OFFSET * start.normal, start.triangle);
         let mut direction = cosine_direction(start.normal, s, t);
         // A diffuse emitter of radiance L sends out πL per unit of area.
         let mut flux = PI * share * start.radiance_area;
@@ -100,6 +100,7 @@ impl<'a> PhotonTracer<'a> {
             flux = reflected / survival;
             let normal = self.scene.mesh.geometric_normal(triangle);
             let side = if normal.dot(direction) < 0.0 { normal } else { -normal };
+            origin += RAY_OFFSET * side;
             direction = cosine_direction(side, random.uniform(), random.uniform());
         }
     }

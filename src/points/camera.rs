@@ -44,16 +44,17 @@ impl CameraPoints {
     pub fn see(&self, geometry: &Geometry, camera: &Camera, offset: Vec2) -> Visible {
         let size = self.target.size().map(|side| side as f32);
         let forward = (camera.target - camera.eye).normalize();
-        let uniforms = [("eye", Uniform::Vec3(camera.eye)), ("forward", Uniform::Vec3(forward))];
-        self.target.clear([0.0; 4], 1.0);
+        let (projection, near) = projection(camera, geometry, size[0] / size[1]);
+        let uniforms = [("eye", Uniform::Vec3(camera.eye)), ("forward", Uniform::Vec3(forward)), ("near", Uniform::Float(near))];
+        self.target.clear([0.0; 4], 0.0);
         let shift = (Vec2::splat(1.0) - 2.0 * offset) / Vec2::from(size);
-        let to_clip = Mat4::from_translation(shift.extend(0.0)) * projection(camera, geometry, size[0] / size[1]);
+        let to_clip = Mat4::from_translation(shift.extend(0.0)) * projection;
         geometry.draw(SurfacePass {
             target: &self.target,
             region: None,
             program: &self.program,
             to_clip,
-            depth: DepthTest::Less,
+            depth: DepthTest::Greater,
             uniforms: &uniforms,
         });
         let normal: Vec<Vec4> = self.target.color(1).read();
@@ -73,12 +74,12 @@ impl CameraPoints {
     }
 }
 
-/// World to clip space. The near and far planes enclose the scene, so that depth is as precise as it can be.
-fn projection(camera: &Camera, geometry: &Geometry, aspect: f32) -> Mat4 {
+/// Unit space to clip space, and the distance of the near plane: so near that nothing a camera stands before is cut off. Depth does not
+/// depend on it, see `glsl/visible_points.frag`.
+fn projection(camera: &Camera, geometry: &Geometry, aspect: f32) -> (Mat4, f32) {
     let view = view::look_at_mat4(camera.eye, camera.target, camera.up);
-    let depths = || geometry.positions.iter().map(|&position| -view.transform_point3(position).z);
-    let far = depths().fold(0.0, f32::max).max(1e-3) * 1.001;
-    // A scene around the eye leaves nothing to enclose; 1/5000 of the way is near enough for eyes inside rooms.
-    let near = (depths().fold(f32::INFINITY, f32::min) * 0.999).max(far * 2e-4);
-    proj::opengl::perspective(camera.fov_y_degrees.to_radians(), aspect, near, far) * view
+    let depths = geometry.positions.iter().map(|&position| -view.transform_point3(position).z);
+    let far = depths.fold(0.0, f32::max).max(1e-3) * 1.001;
+    let near = far * 1e-6;
+    (proj::opengl::perspective(camera.fov_y_degrees.to_radians(), aspect, near, far) * view, near)
 }

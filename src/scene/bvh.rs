@@ -9,6 +9,11 @@ use obvhs::ray::{Ray, RayHit};
 
 use super::Mesh;
 
+/// How far above its surface a ray starts. Coordinates in unit space are at most 1, where half a unit in the last place is 3e-8; a position
+/// interpolated by a rasteriser gathers some tens of those, and a ray cast a few more. Nothing that is told apart in a
+/// picture is closer together: the radius of the scene is a million times as far.
+pub const RAY_OFFSET: f32 = 1e-6;
+
 /// A bounding volume hierarchy over a mesh.
 pub struct Bvh {
     tree: CwBvh,

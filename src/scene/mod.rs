@@ -22,7 +22,7 @@ mod scan;
 mod texture;
 mod unit_space;
 
-pub use bvh::{Bvh, Hit};
+pub use bvh::{Bvh, Hit, RAY_OFFSET};
 pub use light::{LightPoint, Lights};
 pub use unit_space::UnitSpace;
 
@@ -33,6 +33,8 @@ pub struct Scene {
     pub materials: Vec<Material>,
     pub textures: Vec<Texture>,
     pub camera: Camera,
+    /// Whether the camera was framed to fit, for `settings.size`; a render of another size frames it again.
+    pub framed: bool,
     /// Defaults overridden by the scene file.
     pub settings: Settings,
     /// What was mended or looks wrong, in sentences for a person (degenerate triangles skipped, unused files).

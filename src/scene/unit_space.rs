@@ -5,8 +5,7 @@
 
 use glam::{DVec3, Vec3};
 
-use super::{Camera, Scene};
-use crate::math::Aabb;
+use super::{Camera, Mesh, Scene};
 
 /// The way back from unit space.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -20,15 +19,25 @@ pub struct UnitSpace {
 impl UnitSpace {
     /// `scene` in unit space, and the way back.
     pub fn enter(scene: &Scene) -> (Scene, Self) {
-        let bounds = Aabb::from_points(scene.mesh.positions.iter().copied());
+        let bounds = scene.mesh.bounds();
         let (min, max) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
         let space = Self { center: 0.5 * (min + max), scale: 0.5 * (max - min).length() };
         let mut scene = scene.clone();
         for position in &mut scene.mesh.positions {
             *position = space.enter_point(*position);
         }
-        let Camera { eye, target, up, fov_y_degrees } = scene.camera;
-        scene.camera = Camera { eye: space.enter_point(eye), target: space.enter_point(target), up, fov_y_degrees };
+        // What is too small beside the whole to keep an area in 32 bits would give normals that are not numbers.
+        let Mesh { positions, triangles, .. } = &mut scene.mesh;
+        triangles.retain(|triangle| {
+            let [a, b, c] = triangle.vertices.map(|vertex| positions[vertex as usize].as_dvec3());
+            let (cross, longest) = ((b - a).cross(c - a).length(), (b - a).length_squared().max((c - a).length_squared()));
+            cross > 1e-6 * longest && cross > 1e-18
+        });
+        // The direction is kept, and not the target, which may fall together with the eye.
+        let Camera { eye, target, .. } = scene.camera;
+        let forward = (target.as_dvec3() - eye.as_dvec3()).normalize().as_vec3();
+        scene.camera.eye = space.enter_point(eye);
+        scene.camera.target = scene.camera.eye + forward;
         (scene, space)
     }
 

@@ -35,6 +35,7 @@ impl Model {
     pub fn new() -> Self {
         let camera = Camera { eye: vec3(0.0, 0.0, 3.0), target: Vec3::ZERO, up: Vec3::Y, fov_y_degrees: 40.0 };
         let scene = Scene {
+            framed: false,
             mesh: Mesh::default(),
             materials: Vec::new(),
             textures: Vec::new(),

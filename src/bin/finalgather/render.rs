@@ -51,6 +51,9 @@ fn render(args: &RenderArgs, outputs: &[PathBuf], progress: &Progress, started: 
     }
     let stopped = interrupt.requested().filter(|_| !render.is_done());
     let image = render.picture();
+    if render.directions_done() > 0 && is_black(&image)? {
+        progress.say("warning: the picture is black: the camera sees no surface that light reaches; turn it or the lights");
+    }
     progress.clear();
 
     let writing = Instant::now();
@@ -83,6 +86,11 @@ fn render(args: &RenderArgs, outputs: &[PathBuf], progress: &Progress, started: 
         })?;
     }
     Ok(stopped.unwrap_or(0))
+}
+
+/// Whether nothing is brighter than a millionth of what the brightest light would show.
+fn is_black(image: &Image) -> Result<bool> {
+    Ok(image.rgb()?.iter().all(|channel| channel.iter().all(|&sample| sample < 1e-6)))
 }
 
 /// What made the picture. No times and no paths: the same render gives the same file.
