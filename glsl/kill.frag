@@ -30,10 +30,13 @@ Sample sample_layer(ivec2 texel)
     vec2 offset = place.xy - (vec2(texel) + 0.5);
     float ahead = surface.x + dot(surface.yz, offset) - place.z;
     float above = dot(normal, vec3(-offset, surface.x - place.z));
-    // Where the texel's centre is too close to the tangent plane to tell, and where it was grown and lies off the scene, the point's
-    // own ray decides.
+    // Where the texel's centre is too close to the tangent plane to tell, and where it was grown and lies off the scene beneath that
+    // plane, the point's own ray decides. Grown texels above it are what convex bodies have around them: nothing.
     float own = normal.z * ahead;
-    above = surface.w < 0.0 ? own : above > 0.0 ? max(above, own) : above;
+    if (surface.w < 0.0)
+        above = dot(offset, normal.xy) > 0.0 ? own : -1.0;
+    else if (above > 0.0)
+        above = max(above, own);
     return Sample(abs(surface.w), ahead, above);
 }
 

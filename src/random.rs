@@ -71,7 +71,7 @@ pub fn sobol(index: u32, seed: u64) -> [f32; 2] {
     [scramble(index, keys as u32), scramble(second.reverse_bits(), (keys >> 32) as u32)]
 }
 
-/// Laine and Karras's permutation, improved by Vegdahl: scrambles each bit by the bits below it.
+/// Laine and Karras's permutation: scrambles each bit by the bits below it.
 fn owen_hash(mut x: u32, key: u32) -> u32 {
     x = x.wrapping_add(key);
     x ^= x.wrapping_mul(0x6c50_b47c);

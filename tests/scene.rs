@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use finalgather::scene::{Mesh, Scene, Texture};
+use finalgather::scene::{Mesh, Scene, Texture, UnitSpace};
 use finalgather::settings::Settings;
 use glam::{Vec2, Vec3, vec2, vec3};
 use tempfile::TempDir;
@@ -176,6 +176,25 @@ fn triangles_without_area_are_skipped_and_counted() {
     assert_eq!(mesh.triangles.len(), 2);
     assert_eq!(load_lit("f 1 1 1").warnings, ["1 of 2 triangles has no area and was skipped"]);
     assert!(mesh.bounds().max.max_element() == 5.0, "vertices of skipped triangles stay out");
+}
+
+/// Two-sided exports write each face twice; light would be shared between the two. Lamps may shine both ways.
+#[test]
+fn doubled_faces_are_dropped_unless_they_emit() {
+    let doubled = "v 0 0 5\nv 1 0 5\nv 0 1 5\nf 4 5 6\nf 6 5 4\nf 5 6 4\nf 1 2 3\nusemtl lamp\nf 3 2 1\n";
+    let Scene { mesh, materials, warnings, .. } = load_lit(doubled);
+    assert_eq!(warnings, ["3 of 6 triangles lie exactly on another and were skipped"]);
+    let lit = mesh.triangles.iter().filter(|triangle| materials[triangle.material as usize].is_emissive()).count();
+    assert_eq!((mesh.triangles.len(), lit), (3, 2));
+}
+
+/// What has an area in the world may have none beside the whole scene; its normals would not be numbers.
+#[test]
+fn unit_space_has_no_triangle_without_area() {
+    let scene = load_lit("v 9e8 0 0\nv 9e8 9e8 0\nv 0 9e8 9e8\nf 4 5 6\n");
+    let (unit, _) = UnitSpace::enter(&scene);
+    assert_eq!((scene.mesh.triangles.len(), unit.mesh.triangles.len()), (2, 1));
+    assert!((0..unit.mesh.triangles.len()).all(|triangle| unit.mesh.geometric_normal(triangle).is_finite()));
 }
 
 #[test]

@@ -19,9 +19,9 @@ pub struct Report<'a> {
     pub seconds: Seconds<'a>,
     pub gather: &'a GatherCounts,
     pub photons: &'a PhotonCounts,
-    /// Relative standard error of the picture; absent where there are too few directions to tell.
+    /// Relative standard error of the picture; null where there are too few directions to tell.
     pub error: Option<f64>,
-    /// Absent where the system does not tell.
+    /// Null where the system does not tell.
     pub peak_memory_bytes: Option<u64>,
     pub outputs: &'a [String],
     pub interrupted: bool,
