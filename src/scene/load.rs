@@ -20,7 +20,7 @@
 //! albedo_texture = "tiles.png"
 //! ```
 
-use std::collections::{BTreeMap, HashSet};
+use std::collections::BTreeMap;
 use std::fs;
 use std::ops::Range;
 use std::path::Path;
@@ -33,7 +33,7 @@ use super::camera::DEFAULT_FOV_Y;
 use super::mtl::beside;
 use super::obj::{self, names};
 use super::texture::Textures;
-use super::{Camera, Material, Mesh, Scene, Triangle};
+use super::{Camera, Material, Scene};
 use crate::error::{Error, Result};
 use crate::settings::Settings;
 
@@ -157,13 +157,12 @@ fn build(
 ) -> Result<Scene> {
     let mut textures = Textures::default();
     let mut warnings = Vec::new();
-    let (mut mesh, mut materials) = obj::load(model, &mut textures, &mut warnings)?;
+    let (mesh, mut materials) = obj::load(model, &mut textures, &mut warnings)?;
     adjust(&mut materials, &mut textures)?;
     if !mesh.triangles.iter().any(|triangle| materials[triangle.material as usize].is_emissive()) {
         let cure = "give a material that the model uses Ke in the MTL file, or emission under [materials.NAME] in a scene file";
         return Err(Error::input(model, None, "no light: no material in use has Ke above 0", cure));
     }
-    drop_doubles(&mut mesh, &materials, &mut warnings);
     let untextured = mesh.triangles.iter().filter(|triangle| {
         let textured = materials[triangle.material as usize].albedo_texture.is_some();
         textured && triangle.vertices.iter().all(|&vertex| mesh.uvs[vertex as usize] == Vec2::ZERO)
@@ -176,23 +175,4 @@ fn build(
     let framed = camera.is_none();
     let camera = camera.unwrap_or_else(|| Camera::framing(mesh.bounds(), settings.size));
     Ok(Scene { mesh, materials, textures: textures.list, camera, framed, settings, warnings })
-}
-
-/// Drops triangles that lie exactly on another, however wound, as exports with two-sided faces have them: surfaces are two-sided anyway, and
-/// light would be shared between the doubles. Emissive ones all stay, for back to back they are a lamp that shines both ways.
-fn drop_doubles(mesh: &mut Mesh, materials: &[Material], warnings: &mut Vec<String>) {
-    let Mesh { positions, triangles, .. } = mesh;
-    let emissive = |triangle: &Triangle| materials[triangle.material as usize].is_emissive();
-    let place = |triangle: &Triangle| {
-        let mut corners = triangle.vertices.map(|vertex| positions[vertex as usize].to_array().map(f32::to_bits));
-        corners.sort_unstable();
-        corners
-    };
-    let mut taken: HashSet<_> = triangles.iter().filter(|&triangle| emissive(triangle)).map(place).collect();
-    let before = triangles.len();
-    triangles.retain(|triangle| emissive(triangle) || taken.insert(place(triangle)));
-    match before - triangles.len() {
-        0 => {}
-        dropped => warnings.push(format!("{dropped} of {before} triangles lie exactly on another and were skipped")),
-    }
 }

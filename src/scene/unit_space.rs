@@ -3,9 +3,11 @@
 //! All stages work there. A box one millimetre wide and one ten kilometres wide are then the same numbers, and one set of
 //! tolerances, derived from float precision at 1, serves every scene. Radiance and irradiance do not change with scale.
 
+use std::collections::HashSet;
+
 use glam::{DVec3, Vec3};
 
-use super::{Camera, Mesh, Scene};
+use super::{Camera, Material, Mesh, Scene, Triangle};
 
 /// The way back from unit space.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -33,6 +35,7 @@ impl UnitSpace {
             let (cross, longest) = ((b - a).cross(c - a).length(), (b - a).length_squared().max((c - a).length_squared()));
             cross > 1e-6 * longest && cross > 1e-18
         });
+        drop_doubles(&mut scene.mesh, &scene.materials);
         // The direction is kept, and not the target, which may fall together with the eye.
         let Camera { eye, target, .. } = scene.camera;
         let forward = (target.as_dvec3() - eye.as_dvec3()).normalize().as_vec3();
@@ -54,4 +57,18 @@ impl UnitSpace {
     pub fn length_to_world(self, length: f32) -> f32 {
         (f64::from(length) * self.scale) as f32
     }
+}
+
+/// Drops triangles that lie exactly on another, however wound, as exports with two-sided faces have them: surfaces are two-sided anyway, and
+/// light would be shared between the doubles. Emissive ones all stay, for back to back they are a lamp that shines both ways.
+fn drop_doubles(mesh: &mut Mesh, materials: &[Material]) {
+    let Mesh { positions, triangles, .. } = mesh;
+    let emissive = |triangle: &Triangle| materials[triangle.material as usize].is_emissive();
+    let place = |triangle: &Triangle| {
+        let mut corners = triangle.vertices.map(|vertex| positions[vertex as usize].to_array().map(f32::to_bits));
+        corners.sort_unstable();
+        corners
+    };
+    let mut taken: HashSet<_> = triangles.iter().filter(|&triangle| emissive(triangle)).map(place).collect();
+    triangles.retain(|triangle| emissive(triangle) || taken.insert(place(triangle)));
 }
