@@ -128,17 +128,18 @@ fn stacked_planes_in_any_draw_order() {
 fn coplanar_duplicates_come_once() {
     let gpu = gpu();
     let mut model = Model::new();
-    for _ in 0..3 {
-        model.plate(Vec3::ZERO, Vec3::X, Vec3::Y, 0);
-    }
+    model.plate(Vec3::ZERO, Vec3::X, Vec3::Y, 0);
     model.plate(Vec3::Z, Vec3::X, Vec3::Y, 0);
-    let scene = model.finish();
+    // Doubled here, for unit space drops what lies exactly on another.
+    let mut scene = model.finish();
+    scene.mesh.triangles.extend_from_within(..2);
+    scene.mesh.triangles.extend_from_within(..2);
     let geometry = Geometry::upload(&gpu, &scene).unwrap();
     let bundle = Bundle::new(&along(vec3(0.3, 0.2, 1.0)), &geometry.positions, 32);
     let layers = peel(&gpu, &geometry, &bundle, 32);
     assert_eq!(layers.len(), 3, "the two distinct plates and the empty layer");
     // Of equals, depth test GREATER keeps the first drawn.
-    assert!(layers.iter().flatten().all(|texel| [0.0, 1.0, 2.0, 7.0, 8.0].contains(&texel.w)));
+    assert!(layers.iter().flatten().all(|texel| [0.0, 1.0, 2.0, 3.0, 4.0].contains(&texel.w)));
 }
 
 #[test]
