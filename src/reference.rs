@@ -58,9 +58,8 @@ impl<'a> Reference<'a> {
     fn radiosity(&self, point: &GatherPoint, direction: Vec3, hit: Hit) -> Vec3 {
         let position = point.position + hit.distance * direction;
         let mesh = &self.scene.mesh;
-        let normal = mesh.geometric_normal(hit.triangle);
-        let axis = dominant_axis(normal);
-        let met = if normal.dot(direction) < 0.0 { normal } else { -normal };
+        let met = mesh.side_met(hit.triangle, direction);
+        let axis = dominant_axis(met);
         let albedo = self.scene.albedo(hit.triangle, mesh.barycentric(hit.triangle, position));
         albedo * self.grid.irradiance(position, axis, met[axis] > 0.0)
     }

@@ -227,10 +227,9 @@ impl Render {
 
     /// The mean of what is gathered so far, with the channels of `Film::image`; black before the first direction.
     pub fn picture(&self) -> Image {
+        let Some(block) = &self.block else { return self.film.image(self.settings.size, &self.space) };
         let mut film = self.film.clone();
-        if let Some(block) = &self.block {
-            film.push(self.film_of(block));
-        }
+        film.push(self.film_of(block));
         film.image(self.settings.size, &self.space)
     }
 

@@ -46,10 +46,9 @@ impl PhotonGrid {
 
     /// The bin of the side that a ray along `direction` meets at `position` on a triangle.
     pub fn index_of_hit(&self, mesh: &Mesh, triangle: usize, position: Vec3, direction: Vec3) -> usize {
-        let normal = mesh.geometric_normal(triangle);
-        let side = if normal.dot(direction) < 0.0 { normal } else { -normal };
+        let side = mesh.side_met(triangle, direction);
         let cell = ((position - self.origin) / self.cell_size).as_uvec3();
-        self.index_of(cell, dominant_axis(normal), side)
+        self.index_of(cell, dominant_axis(side), side)
     }
 
     /// The axis is that of the triangle's geometric normal, so that the shaders, which are told it, agree.

@@ -98,8 +98,7 @@ impl<'a> PhotonTracer<'a> {
                 return;
             }
             flux = reflected / survival;
-            let normal = self.scene.mesh.geometric_normal(triangle);
-            let side = if normal.dot(direction) < 0.0 { normal } else { -normal };
+            let side = self.scene.mesh.side_met(triangle, direction);
             origin += RAY_OFFSET * side;
             direction = cosine_direction(side, random.uniform(), random.uniform());
         }

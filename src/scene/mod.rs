@@ -83,6 +83,12 @@ impl Mesh {
         (b - a).cross(c - a).normalize().as_vec3()
     }
 
+    /// That normal, turned to the side that a ray along `direction` meets.
+    pub fn side_met(&self, triangle: usize, direction: Vec3) -> Vec3 {
+        let normal = self.geometric_normal(triangle);
+        if normal.dot(direction) < 0.0 { normal } else { -normal }
+    }
+
     pub fn area(&self, triangle: usize) -> f32 {
         let [a, b, c] = self.corners(triangle);
         0.5 * (b - a).cross(c - a).length()
@@ -141,4 +147,12 @@ pub struct Camera {
     pub up: Vec3,
     /// Full vertical angle of view.
     pub fov_y_degrees: f32,
+}
+
+/// Whether a normal can be computed in f32, on the GPU for one: the cross product of the edges must stand out from the
+/// rounding of its terms, and its square must not underflow.
+fn has_area(corners: [Vec3; 3]) -> bool {
+    let [a, b, c] = corners.map(|corner| corner.as_dvec3());
+    let longest = (b - a).length_squared().max((c - b).length_squared()).max((a - c).length_squared());
+    (b - a).cross(c - a).length() > (longest * 1e-6).max(1e-18)
 }

@@ -113,7 +113,7 @@ fn add_model(mesh: &mut Mesh, model: &tobj::Mesh, material: u32) -> usize {
             skipped += corners.len() - 2;
         }
         for triangle in triangles {
-            if !has_area(triangle.map(|corner| corners[corner])) {
+            if !super::has_area(triangle.map(|corner| corners[corner])) {
                 skipped += 1;
                 continue;
             }
@@ -131,12 +131,4 @@ fn add_model(mesh: &mut Mesh, model: &tobj::Mesh, material: u32) -> usize {
         }
     }
     skipped
-}
-
-/// Whether a normal can be computed in f32, on the GPU for one: the cross product of the edges must stand out from the
-/// rounding of its terms, and its square must not underflow.
-fn has_area(corners: [Vec3; 3]) -> bool {
-    let [a, b, c] = corners.map(|corner| corner.as_dvec3());
-    let longest = (b - a).length_squared().max((c - b).length_squared()).max((a - c).length_squared());
-    (b - a).cross(c - a).length() > (longest * 1e-6).max(1e-18)
 }

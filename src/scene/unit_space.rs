@@ -7,7 +7,7 @@ use std::collections::HashSet;
 
 use glam::{DVec3, Vec3};
 
-use super::{Camera, Material, Mesh, Scene, Triangle};
+use super::{Camera, Material, Mesh, Scene, Triangle, has_area};
 
 /// The way back from unit space.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -30,11 +30,7 @@ impl UnitSpace {
         }
         // What is too small beside the whole to keep an area in 32 bits would give normals that are not numbers.
         let Mesh { positions, triangles, .. } = &mut scene.mesh;
-        triangles.retain(|triangle| {
-            let [a, b, c] = triangle.vertices.map(|vertex| positions[vertex as usize].as_dvec3());
-            let (cross, longest) = ((b - a).cross(c - a).length(), (b - a).length_squared().max((c - a).length_squared()));
-            cross > 1e-6 * longest && cross > 1e-18
-        });
+        triangles.retain(|triangle| has_area(triangle.vertices.map(|vertex| positions[vertex as usize])));
         drop_doubles(&mut scene.mesh, &scene.materials);
         // The direction is kept, and not the target, which may fall together with the eye.
         let Camera { eye, target, .. } = scene.camera;
