@@ -5,12 +5,13 @@ mod common;
 use std::path::Path;
 
 use common::gpu;
+use finalgather::direction::Directions;
 use finalgather::gpu::{Backend, DeviceChoice, Gpu};
-use finalgather::image::Image;
 use finalgather::image::compare::{Selection, compare};
+use finalgather::image::{Channel, Image};
 use finalgather::render::Render;
 use finalgather::scene::Scene;
-use finalgather::settings::Settings;
+use finalgather::settings::{Estimator, Pipeline, Settings};
 
 /// The Cornell box, small.
 fn cornell() -> (Scene, Settings) {
@@ -30,7 +31,13 @@ fn cornell() -> (Scene, Settings) {
 
 /// The picture after all directions, or after the first `directions`.
 fn picture(gpu: &Gpu, directions: Option<u32>) -> Image {
-    let (scene, settings) = cornell();
+    picture_with(gpu, directions, |_| ())
+}
+
+/// The same with other settings.
+fn picture_with(gpu: &Gpu, directions: Option<u32>, change: impl Fn(&mut Settings)) -> Image {
+    let (scene, mut settings) = cornell();
+    change(&mut settings);
     let mut render = Render::new(gpu, &scene, &settings).unwrap_or_else(|error| panic!("{error}"));
     while !render.is_done() && directions.is_none_or(|directions| render.directions_done() < directions) {
         render.step().unwrap();
@@ -99,4 +106,85 @@ fn osmesa_and_egl_give_the_same_picture() {
     // of the layers, shadow maps and pixels: some points see another surface in some directions.
     let limit = if egl == osmesa { 1e-5 } else { 0.05 };
     assert!(found.relative_rmse < limit, "{found:?}");
+}
+
+/// The indirect light of a picture as a picture.
+fn indirect(image: &Image) -> Image {
+    let channel = |name: &str| image.channel(&format!("Indirect.{name}")).unwrap().to_vec();
+    let channels = ["R", "G", "B"].map(|name| Channel { name: name.to_owned(), samples: channel(name) });
+    Image { channels: channels.into(), ..*image }
+}
+
+#[test]
+fn layers_and_rays_make_the_same_picture() {
+    // A width and a height that no square divides. Layers of 128 texels are coarse: in a direction, their aliasing is 1.7 % on average (see
+    // tests/gl_hits.rs; measured here 1.8 to 2.1 %, and a bias of
+    // up to +0.5 %, from a few bright rays). Sums taken for those of another pixel would be 10 % and more.
+    let gpu = gpu();
+    for interleave in [1, 2, 4] {
+        let change = |pipeline| {
+            move |settings: &mut Settings| {
+                (settings.pipeline, settings.interleave, settings.layer_size, settings.size) =
+                    (pipeline, interleave, 128, [47, 37]);
+            }
+        };
+        let [layers, rays] =
+            [Pipeline::Kill, Pipeline::Raycast].map(|pipeline| indirect(&picture_with(&gpu, None, change(pipeline))));
+        let found = compare(&layers, &rays, Selection::default()).unwrap();
+        eprintln!("interleave {interleave}: mean difference {:.4}, bias {:+.4}", found.mae / found.mean_b, found.bias);
+        assert!(found.mae / found.mean_b < 0.03, "interleave {interleave}: {found:?}");
+        assert!(found.bias.abs() < 0.01, "interleave {interleave}: {found:?}");
+    }
+}
+
+#[test]
+fn estimators_differ_by_the_sum_of_weights() {
+    // Where a pixel sees nothing but floor, the plain sum is the self-normalised one times Σ w over its expected value, N/4.
+    let gpu = gpu();
+    let images = [Estimator::SelfNormalised, Estimator::Plain]
+        .map(|estimator| picture_with(&gpu, None, |settings| settings.estimator = estimator));
+    let (_, settings) = cornell();
+    let directions = Directions::new(settings.sequence, settings.seed);
+    let weights: f32 = (0..settings.directions).map(|i| directions.get(i).vector.y.max(0.0)).sum();
+    let expected = weights / (settings.directions as f32 / 4.0);
+    assert!((expected - 1.0).abs() > 1e-3, "{expected}: these directions could not tell the two apart");
+    let of = |image: &Image, name: &str| image.channel(name).unwrap().to_vec();
+    let covered = of(&images[0], "A");
+    let floor: Vec<usize> = (0..)
+        .zip(of(&images[0], "N.Y"))
+        .filter(|&(pixel, y)| y > 0.9999 && covered[pixel] == 1.0)
+        .map(|(pixel, _)| pixel)
+        .collect();
+    assert!(floor.len() > 50, "only {} pixels of floor", floor.len());
+    let [normalised, plain] = images.map(|image| of(&image, "Indirect.G"));
+    for pixel in floor {
+        // Sums of 64 terms in 32 bits, in blocks of two.
+        assert!(
+            (plain[pixel] / normalised[pixel] / expected - 1.0).abs() < 1e-4,
+            "pixel {pixel}: {} {}",
+            plain[pixel],
+            normalised[pixel]
+        );
+    }
+}
+
+#[test]
+fn interleaved_subsets_break_the_bands_of_few_directions() {
+    // 64 directions to a pixel, shared by all or different in each of 16 neighbours, by exact rays against all 1024.
+    let gpu = gpu();
+    let with = |directions, interleave| {
+        let change = |settings: &mut Settings| {
+            (settings.pipeline, settings.directions, settings.interleave) = (Pipeline::Raycast, directions, interleave);
+            settings.size = [96, 80];
+        };
+        indirect(&picture_with(&gpu, None, change))
+    };
+    let truth = with(1024, 1);
+    let [shared, interleaved] = [with(64, 1), with(1024, 4)].map(|image| {
+        // The outlines of all surfaces have other sub-pixel offsets in each.
+        let selection = Selection { trim: 0.1, ..Selection::default() };
+        compare(&image, &truth, selection).unwrap().relative_rmse
+    });
+    eprintln!("64 directions to a pixel: relative RMSE {shared:.4} shared, {interleaved:.4} interleaved");
+    assert!(interleaved < 0.5 * shared, "{interleaved} of {shared}");
 }

@@ -134,3 +134,80 @@ fn same_surface(visible: &Visible, a: usize, b: usize) -> bool {
     let step = na.dot(way).abs().max(nb.dot(way).abs());
     na.dot(nb) > (1.0 - FLAT * FLAT).sqrt() && step < FLAT * way.length()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SIZE: [u32; 2] = [7, 5];
+
+    /// A floor, and from column `wall` on a wall that rises from it.
+    fn corner(wall: u32) -> Visible {
+        let pixels = || (0..SIZE[1]).flat_map(|y| (0..SIZE[0]).map(move |x| (x, y)));
+        let position = |(x, y): (u32, u32)| Vec3::new(x.min(wall) as f32, x.saturating_sub(wall) as f32, y as f32);
+        let normal = |(x, _): (u32, u32)| if x < wall { Vec3::Y } else { Vec3::NEG_X };
+        Visible {
+            position: pixels().map(|pixel| position(pixel).extend(0.0)).collect(),
+            normal: pixels().map(|pixel| normal(pixel).extend(0.0)).collect(),
+            albedo: Vec::new(),
+            emission: Vec::new(),
+            count: SIZE[0] * SIZE[1],
+        }
+    }
+
+    #[test]
+    fn every_subset_takes_its_share_of_a_block() {
+        for stride in [1, 2, 4] {
+            let interleave = Interleave::new(stride, SIZE, 3);
+            for block in 0..8 {
+                let mut taken = vec![0; interleave.subsets()];
+                (0..32).for_each(|index| taken[interleave.subset(block * 32 + index, block).index()] += 1);
+                assert!(taken.iter().all(|&directions| directions == 32 / (stride * stride)), "{stride}: {taken:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn tiles_go_back_to_their_pixels() {
+        let interleave = Interleave::new(2, SIZE, 0);
+        // Four tiles of 4 x 3; each texel holds the pixel that it is about, as the shaders place it.
+        let mut tiles = vec![Vec4::NEG_ONE; 8 * 6];
+        for y in 0..SIZE[1] {
+            for x in 0..SIZE[0] {
+                tiles[((y % 2 * 3 + y / 2) * 8 + x % 2 * 4 + x / 2) as usize] = Vec4::splat((y * SIZE[0] + x) as f32);
+            }
+        }
+        assert_eq!(interleave.sums_size(), [8, 6]);
+        let expected: Vec<_> = (0..SIZE[0] * SIZE[1]).map(|pixel| Vec4::splat(pixel as f32)).collect();
+        assert_eq!(interleave.in_order(tiles), expected);
+    }
+
+    #[test]
+    fn shared_sums_are_those_of_all_directions_and_stay_on_their_surface() {
+        // Each pixel found 1 per direction on the floor and 5 on the wall; subsets took unlike numbers of directions.
+        let (stride, taken, wall) = (2, [1, 2, 3, 4], 3);
+        let interleave = Interleave::new(stride, SIZE, 0);
+        let radiance = |pixel: usize| if pixel as u32 % SIZE[0] < wall { 1.0 } else { 5.0 };
+        let one = |pixel: usize| Vec3::splat(radiance(pixel)).extend(1.0);
+        let found = |pixel: usize| one(pixel) * taken[interleave.subset_of(pixel).index()] as f32;
+        let sums: Vec<_> = (0..(SIZE[0] * SIZE[1]) as usize).map(found).collect();
+        for (pixel, sum) in interleave.share(sums, &taken, &corner(wall)).iter().enumerate() {
+            // All ten directions of the block; rounding only.
+            assert!((*sum - 10.0 * one(pixel)).abs().max_element() < 1e-4, "{pixel}: {sum}");
+        }
+    }
+
+    #[test]
+    fn a_pixel_far_from_edges_weighs_all_subsets_alike() {
+        // One subset alone found anything: a quarter of what all would have.
+        let interleave = Interleave::new(2, SIZE, 0);
+        let found = |pixel: usize| Vec4::splat(if interleave.subset_of(pixel).index() == 2 { 8.0 } else { 0.0 });
+        let sums: Vec<_> = (0..(SIZE[0] * SIZE[1]) as usize).map(found).collect();
+        let shared = interleave.share(sums, &[2; 4], &corner(SIZE[0]));
+        for y in 1..SIZE[1] - 1 {
+            for x in 1..SIZE[0] - 1 {
+                assert_eq!(shared[(y * SIZE[0] + x) as usize], Vec4::splat(8.0), "{x} {y}");
+            }
+        }
+    }
+}
