@@ -8,6 +8,7 @@ in vec3 surface_position;
 in vec3 surface_normal;
 flat in int surface_triangle;
 
+uniform sampler2D albedo_texture;   // of all triangles in this batch
 uniform vec3 eye;
 uniform vec3 forward;
 uniform float near;

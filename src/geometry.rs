@@ -1,5 +1,5 @@
 //! The scene's surfaces on the GL side: one vertex array, a table of triangles, a table of materials and the albedo textures.
-//! Mirrors `glsl/surface.vert` and `glsl/include/surface.glsl`.
+//! Mirrors `glsl/surface.vert`, `glsl/include/surface.glsl` and `glsl/include/radiance.glsl`.
 
 use std::ops::Range;
 
@@ -11,9 +11,9 @@ use crate::gpu::{
     Blend, DepthTest, Draw, Filter, Format, Geometry as Shape, Gpu, Program, Target, Texture, Uniform, VertexArray, Wrap,
 };
 use crate::math::dominant_axis;
-use crate::scene::{Mesh, Scene};
+use crate::scene::{Material, Mesh, Scene, Texture as Image};
 
-/// Width of the tables: a multiple of each row's 2 or 3 texels, within the least that 3.3 promises for textures, and wide enough for 5 million
+/// Width of the tables: a multiple of an entry's 3 texels, within the least that 3.3 promises for textures, and wide enough for 5 million
 /// triangles on today's devices.
 const TABLE_WIDTH: usize = 1020;
 
@@ -22,8 +22,10 @@ pub struct Geometry {
     vertices: VertexArray,
     triangles: Texture,
     materials: Texture,
-    /// One for each texture, and a white one for triangles without.
+    /// For drawing, one for each texture, and a white one for triangles without.
     textures: Vec<Texture>,
+    /// For hits, all textures in one.
+    texels: Texture,
     batches: Vec<Batch>,
     /// All vertex positions, for fitting projections.
     pub positions: Vec<Vec3>,
@@ -60,8 +62,16 @@ impl Geometry {
             positions.extend(mesh.corners(triangle));
             normals.extend(mesh.triangles[triangle].vertices.map(|vertex| mesh.normals[vertex as usize]));
         }
-        let colors: Vec<[f32; 4]> =
-            scene.materials.iter().flat_map(|m| [m.albedo.extend(0.0).to_array(), m.emission.extend(0.0).to_array()]).collect();
+        let (texels, first_rows) = upload_texels(gpu, &scene.textures)?;
+        let entry = |material: &Material| {
+            let texture = material.albedo_texture.map_or([0.0; 4], |texture| {
+                let Image { width, height, .. } = scene.textures[texture];
+                [width as f32, height as f32, first_rows[texture] as f32, 0.0]
+            });
+            let textured = f32::from(material.albedo_texture.is_some());
+            [material.albedo.extend(textured).to_array(), material.emission.extend(0.0).to_array(), texture]
+        };
+        let materials = scene.materials.iter().flat_map(entry).collect();
 
         let mut textures = Vec::with_capacity(white + 1);
         for texture in &scene.textures {
@@ -81,30 +91,31 @@ impl Geometry {
         Ok(Self {
             vertices: VertexArray::new(gpu, &attributes)?,
             triangles: upload_table(gpu, table)?,
-            materials: upload_table(gpu, colors)?,
+            materials: upload_table(gpu, materials)?,
             textures,
+            texels,
             batches,
             positions: mesh.positions.clone(),
         })
     }
 
-    /// The uniforms that shaders of triangles read, for each batch of triangles that share a texture.
-    pub fn batches(&self) -> impl Iterator<Item = (Range<u32>, [(&'static str, Uniform<'_>); 4])> {
-        self.batches.iter().map(|batch| {
-            let uniforms = [
-                ("triangles", Uniform::Texture(&self.triangles)),
-                ("materials", Uniform::Texture(&self.materials)),
-                ("albedo_texture", Uniform::Texture(&self.textures[batch.texture])),
-                ("first_triangle", Uniform::Int(batch.triangles.start as i32)),
-            ];
-            (batch.triangles.clone(), uniforms)
-        })
+    /// The uniforms that shaders of hits read.
+    pub fn uniforms(&self) -> [(&'static str, Uniform<'_>); 3] {
+        [
+            ("triangles", Uniform::Texture(&self.triangles)),
+            ("materials", Uniform::Texture(&self.materials)),
+            ("albedo_texels", Uniform::Texture(&self.texels)),
+        ]
     }
 
     /// Draws all surfaces.
     pub fn draw(&self, pass: SurfacePass) {
-        for (triangles, surfaces) in self.batches() {
-            let uniforms = [&[("to_clip", Uniform::Mat4(pass.to_clip))], &surfaces[..], pass.uniforms].concat();
+        for batch in &self.batches {
+            let own = [
+                ("to_clip", Uniform::Mat4(pass.to_clip)),
+                ("albedo_texture", Uniform::Texture(&self.textures[batch.texture])),
+            ];
+            let uniforms = [&own[..], &self.uniforms(), pass.uniforms].concat();
             Draw {
                 target: pass.target,
                 region: pass.region,
@@ -112,7 +123,7 @@ impl Geometry {
                 uniforms: &uniforms,
                 depth: pass.depth,
                 blend: Blend::Replace,
-                geometry: Shape::Triangles(&self.vertices, triangles),
+                geometry: Shape::Triangles(&self.vertices, batch.triangles.clone()),
             }
             .run();
         }
@@ -151,4 +162,18 @@ fn upload_table(gpu: &Gpu, mut texels: Vec<[f32; 4]>) -> Result<Texture> {
     let rows = texels.len().div_ceil(TABLE_WIDTH).max(1);
     texels.resize(rows * TABLE_WIDTH, [0.0; 4]);
     Texture::from_texels(gpu, Format::Rgba32F, [TABLE_WIDTH as u32, rows as u32], Filter::Nearest, Wrap::Clamp, &texels)
+}
+
+/// All textures in one, and the row at which each begins.
+fn upload_texels(gpu: &Gpu, textures: &[Image]) -> Result<(Texture, Vec<usize>)> {
+    let width = gpu.info().limits.max_texture_size.min(4096) as usize;
+    let (mut texels, mut first_rows) = (Vec::new(), Vec::new());
+    for texture in textures {
+        first_rows.push(texels.len() / width);
+        texels.extend(&texture.texels);
+        texels.resize(texels.len().next_multiple_of(width), [0u8; 4]);
+    }
+    texels.resize(texels.len().max(width), [0; 4]);
+    let size = [width, texels.len() / width].map(|side| side as u32);
+    Ok((Texture::from_texels(gpu, Format::Srgb8Alpha8, size, Filter::Nearest, Wrap::Clamp, &texels)?, first_rows))
 }

@@ -7,6 +7,7 @@ const INCLUDES: &[(&str, &str)] = &[
     ("octahedral.glsl", include_str!("../glsl/include/octahedral.glsl")),
     ("points.glsl", include_str!("../glsl/include/points.glsl")),
     ("photon_grid.glsl", include_str!("../glsl/include/photon_grid.glsl")),
+    ("radiance.glsl", include_str!("../glsl/include/radiance.glsl")),
 ];
 
 macro_rules! shader {

@@ -1,9 +1,7 @@
 // What the scene's triangles are made of. Mirrors `Geometry` in src/geometry.rs.
 
 uniform sampler2D triangles;        // three texels each, see Surface
-uniform sampler2D materials;        // two texels each: albedo, emission
-uniform sampler2D albedo_texture;   // of all triangles in this batch
-uniform int first_triangle;         // of this batch
+uniform sampler2D materials;        // three texels each: albedo (a: 1 with a texture), emission, albedo texture
 
 struct Surface
 {
@@ -34,12 +32,12 @@ Surface fetch_surface(int triangle)
 // What the material itself reflects; its texture multiplies it.
 vec3 plain_albedo(Surface surface)
 {
-    return texelFetch(materials, table_texel(materials, surface.material, 2u), 0).rgb;
+    return texelFetch(materials, table_texel(materials, surface.material, 3u), 0).rgb;
 }
 
 vec3 emission(Surface surface)
 {
-    return texelFetch(materials, table_texel(materials, surface.material, 2u) + ivec2(1, 0), 0).rgb;
+    return texelFetch(materials, table_texel(materials, surface.material, 3u) + ivec2(1, 0), 0).rgb;
 }
 
 vec2 texture_coordinates(Surface surface, vec3 position)

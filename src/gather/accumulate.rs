@@ -29,14 +29,8 @@ impl Accumulate {
         hits: &Texture,
         sums: &Sums,
     ) {
-        for (triangles, surfaces) in geometry.batches() {
-            let own = [
-                ("hits", Uniform::Texture(hits)),
-                ("direction", Uniform::Vec3(bundle.direction)),
-                ("last_triangle", Uniform::Int(triangles.end as i32 - 1)),
-            ];
-            let uniforms = [&own[..], &surfaces, &photons.uniforms()].concat();
-            sums.add(points, &self.program, &uniforms);
-        }
+        let own = [("hits", Uniform::Texture(hits)), ("direction", Uniform::Vec3(bundle.direction))];
+        let uniforms = [&own[..], &geometry.uniforms(), &photons.uniforms()].concat();
+        sums.add(points, &self.program, &uniforms);
     }
 }
