@@ -2,12 +2,13 @@
 //!
 //! Each figure writes its numbers as `out/<name>.json`, and its plot `out/<name>.svg` is drawn from that file alone. A figure is a type
 //! that implements [`figure::Figure`]: a name, a function that measures, a function that draws. To add one, write a file in
-//! `src/figures/` and name it in `src/figures/mod.rs`.
+//! `src/figures/` (`src/figures/stop_fraction.rs` is the shortest) and name it in `src/figures/mod.rs`.
 
 mod cornell;
 mod figure;
 mod figures;
 mod machine;
+mod picture;
 mod plot;
 
 use std::fs;

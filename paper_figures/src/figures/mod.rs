@@ -2,8 +2,13 @@
 
 mod convergence;
 mod photon_grid;
+mod stop_fraction;
 
 use crate::figure::Entry;
 
 /// In the order in which they are made.
-pub const FIGURES: [Entry; 2] = [Entry::of::<convergence::Convergence>(), Entry::of::<photon_grid::PhotonGridErrors>()];
+pub const FIGURES: [Entry; 3] = [
+    Entry::of::<convergence::Convergence>(),
+    Entry::of::<photon_grid::PhotonGridErrors>(),
+    Entry::of::<stop_fraction::StopFraction>(),
+];
