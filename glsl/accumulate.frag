@@ -7,6 +7,7 @@
 #include "photon_grid.glsl"
 
 uniform sampler2D hits;             // as kill.frag writes them
+uniform ivec2 first_texel;          // of the subset in the sums
 uniform vec3 direction;
 uniform int last_triangle;          // of this batch
 
@@ -16,10 +17,11 @@ const float PI = 3.14159265358979;
 
 void main()
 {
-    GatherPoint point = fetch_point();
+    ivec2 place = ivec2(gl_FragCoord.xy) - first_texel;
+    GatherPoint point = fetch_point(place);
     if (!point.exists)
         discard;
-    vec2 hit = texelFetch(hits, ivec2(gl_FragCoord.xy), 0).xy;
+    vec2 hit = texelFetch(hits, place, 0).xy;
     int triangle = int(hit.y) - 1;
     if (triangle > last_triangle || triangle < (first_triangle == 0 ? -1 : first_triangle))
         discard;

@@ -6,6 +6,7 @@
 
 #include "points.glsl"
 
+uniform ivec2 first_texel;          // of the subset in the sums
 uniform sampler2D shadow_map;
 uniform mat4 to_light;              // world to the light's frame
 uniform vec3 intensity;             // radiance x area / probability of the sample
@@ -15,7 +16,7 @@ layout(location = 0) out vec4 irradiance;
 
 void main()
 {
-    GatherPoint point = fetch_point();
+    GatherPoint point = fetch_point(ivec2(gl_FragCoord.xy) - first_texel);
     vec3 place = (to_light * vec4(point.position, 1.0)).xyz;
     if (!point.exists || place.z <= 0.0)
         discard;

@@ -42,7 +42,7 @@ Sample sample_layer(ivec2 texel)
 
 void main()
 {
-    GatherPoint point = fetch_point();
+    GatherPoint point = fetch_point(ivec2(gl_FragCoord.xy));
     if (cosine(point, direction) == 0.0)
         discard;
     place = (to_layer * vec4(point.position, 1.0)).xyz;

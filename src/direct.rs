@@ -52,14 +52,13 @@ impl Direct {
         let to_light = self.shadow_map(geometry, &light, TAU * turn);
         // A texel of the map is 2/size wide at a distance of 1; see `Bundle::new` for the shares.
         let clearance = 2.0 / self.map.size()[0] as f32 / 256.0 + 4e-6;
-        let mut uniforms = vec![
+        let uniforms = [
             ("shadow_map", Uniform::Texture(self.map.color(0))),
             ("to_light", Uniform::Mat4(to_light)),
             ("intensity", Uniform::Vec3(light.radiance_area)),
             ("clearance", Uniform::Float(clearance)),
         ];
-        uniforms.extend(points.uniforms());
-        sums.add(&self.direct, &uniforms);
+        sums.add(points, &self.direct, &uniforms);
     }
 
     /// Draws the hemicube of `light` and returns the way from unit space to the light's frame.

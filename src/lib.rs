@@ -61,4 +61,4 @@ pub use gpu::{Backend, DeviceChoice, Gpu};
 pub use image::{Image, WriteOptions};
 pub use render::Render;
 pub use scene::Scene;
-pub use settings::{Pipeline, Sequence, Settings};
+pub use settings::{Estimator, Pipeline, Sequence, Settings};

@@ -30,18 +30,19 @@ impl<'a> Reference<'a> {
 
     /// For each point rgb: Σ radiance × weight, a: Σ weight over unit `directions`; a ray that meets nothing brings no radiance.
     pub fn gather(&self, points: &[GatherPoint], directions: &[Vec3]) -> Vec<Vec4> {
-        let gather_point = |point: &GatherPoint| {
-            let mut sum = DVec4::ZERO;
-            for &direction in directions {
-                let weight = f64::from(point.cosine(direction));
-                if weight > 0.0 {
-                    let radiosity = self.hit(point, direction).map_or(Vec3::ZERO, |hit| self.radiosity(point, direction, hit));
-                    sum += weight * (radiosity.as_dvec3() / PI).extend(1.0);
-                }
-            }
-            sum.as_vec4()
-        };
+        let gather_point =
+            |point: &GatherPoint| directions.iter().map(|&direction| self.sample(point, direction)).sum::<DVec4>().as_vec4();
         points.par_iter().map(gather_point).collect()
+    }
+
+    /// One term of the sums: rgb radiance × weight, a weight.
+    pub fn sample(&self, point: &GatherPoint, direction: Vec3) -> DVec4 {
+        let weight = f64::from(point.cosine(direction));
+        if weight == 0.0 {
+            return DVec4::ZERO;
+        }
+        let radiosity = self.hit(point, direction).map_or(Vec3::ZERO, |hit| self.radiosity(point, direction, hit));
+        weight * (radiosity.as_dvec3() / PI).extend(1.0)
     }
 
     /// What each point sees along a unit `direction`; `None` where that is nothing, or where its weight is zero.

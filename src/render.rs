@@ -8,6 +8,8 @@
 
 use std::time::Instant;
 
+use glam::Vec4;
+use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::direct::Direct;
@@ -19,10 +21,11 @@ use crate::geometry::Geometry;
 use crate::gpu::Gpu;
 use crate::image::Image;
 use crate::photon::{PhotonCounts, PhotonGrid, PhotonTexture, PhotonTracer};
-use crate::points::{CameraPoints, Sums, Visible};
+use crate::points::{CameraPoints, GatherPoint, Interleave, Sums, Visible};
 use crate::random::sobol;
+use crate::reference::Reference;
 use crate::scene::{Bvh, Camera, Lights, Scene, UnitSpace};
-use crate::settings::Settings;
+use crate::settings::{Estimator, Pipeline, Settings};
 
 /// A render in progress.
 pub struct Render {
@@ -40,10 +43,10 @@ pub struct Render {
     photon_map: u64,
     camera: CameraPoints,
     direct: Direct,
-    gather: Gather,
-    directions: Directions,
     direct_sums: Sums,
-    gather_sums: Sums,
+    directions: Directions,
+    interleave: Interleave,
+    method: Method,
     /// The block in progress.
     block: Option<Block>,
     /// Directions gathered so far.
@@ -54,10 +57,20 @@ pub struct Render {
     statistics: Statistics,
 }
 
-/// What the points of a block have before any direction is gathered.
+/// Who gathers, and the sums of the block in progress.
+enum Method {
+    /// [`Pipeline::Kill`]
+    Layers { gather: Gather, sums: Sums },
+    /// [`Pipeline::Raycast`]; points and sums row by row from the bottom, as the GL side has them.
+    Rays { points: Vec<Option<GatherPoint>>, sums: Vec<Vec4> },
+}
+
+/// A run of consecutive directions with one sub-pixel offset.
 struct Block {
+    index: u32,
     visible: Visible,
-    directions: u32,
+    /// Directions that each subset of the pixels took so far.
+    taken: Vec<u32>,
     light_samples: u32,
 }
 
@@ -109,12 +122,6 @@ pub struct GatherCounts {
 /// every map noisier; after about this many, the noise of one map would begin to show.
 const DIRECTIONS_PER_PHOTON_MAP: u32 = 1024;
 
-/// Directions in a block: few enough that a picture has about 32 sub-pixel offsets, and at most 128, so that a
-/// long render keeps refining its edges and shadows.
-fn directions_per_block(directions: u32) -> u32 {
-    directions.div_ceil(32).next_power_of_two().min(128)
-}
-
 impl Render {
     /// Traces the photons and prepares the GL side.
     ///
@@ -131,8 +138,15 @@ impl Render {
         let geometry = Geometry::upload(gpu, &scene)?;
         let camera = CameraPoints::new(gpu, points)?;
         let direct = Direct::new(gpu, settings.shadow_size, settings.seed)?;
-        let gather = Gather::new(gpu, settings.layer_size, points, settings.stop_fraction)?;
-        let (direct_sums, gather_sums) = (Sums::new(gpu, points)?, Sums::new(gpu, points)?);
+        let direct_sums = Sums::new(gpu, points)?;
+        let interleave = Interleave::new(settings.interleave, points, settings.seed);
+        let method = match settings.pipeline {
+            Pipeline::Kill => Method::Layers {
+                gather: Gather::new(gpu, settings.layer_size, interleave.subset(0, 0).size(points), settings.stop_fraction)?,
+                sums: Sums::new(gpu, interleave.sums_size())?,
+            },
+            Pipeline::Raycast => Method::Rays { points: Vec::new(), sums: Vec::new() },
+        };
 
         // The first photons also tell, for all maps, which surfaces light reaches.
         let start = Instant::now();
@@ -173,9 +187,9 @@ impl Render {
             photon_map: 0,
             camera,
             direct,
-            gather,
             direct_sums,
-            gather_sums,
+            interleave,
+            method,
             block: None,
             done: 0,
             film: PairwiseSum::default(),
@@ -209,13 +223,12 @@ impl Render {
             Some(block) => block,
             None => self.begin_block()?,
         };
-        if let Err(error) = self.gather_direction(&block) {
+        if let Err(error) = self.gather_direction(&mut block) {
             self.block = Some(block);
             return Err(error);
         }
-        block.directions += 1;
         self.done += 1;
-        if self.done.is_multiple_of(directions_per_block(self.settings.directions)) || self.is_done() {
+        if self.done.is_multiple_of(self.directions_per_block()) || self.is_done() {
             let film = self.film_of(&block);
             self.film.push(film);
             self.estimate_error();
@@ -235,9 +248,8 @@ impl Render {
 
     /// Photons, visible points and direct light for the next block.
     fn begin_block(&mut self) -> Result<Block> {
-        let per_block = directions_per_block(self.settings.directions);
-        let index = u64::from(self.done / per_block);
-        let blocks = u64::from(self.settings.directions.div_ceil(per_block));
+        let index = self.done / self.directions_per_block();
+        let blocks = u64::from(self.settings.directions.div_ceil(self.directions_per_block()));
 
         let map = u64::from(self.done / DIRECTIONS_PER_PHOTON_MAP);
         if map != self.photon_map {
@@ -245,7 +257,7 @@ impl Render {
         }
 
         let start = Instant::now();
-        let offset = sobol(index as u32, self.settings.seed);
+        let offset = sobol(index, self.settings.seed);
         let visible = self.camera.see(&self.geometry, &self.scene.camera, offset.into());
         self.statistics.seconds.visible_points += self.finish("finding visible points", start)?;
 
@@ -254,14 +266,21 @@ impl Render {
         let light_samples = u64::from(self.settings.light_samples).div_ceil(blocks);
         self.direct_sums.clear();
         let points = self.camera.points(&visible);
-        for sample in index * light_samples..(index + 1) * light_samples {
+        let first = u64::from(index) * light_samples;
+        for sample in first..first + light_samples {
             self.direct.add(&self.geometry, &self.lights, sample, points, &self.direct_sums);
         }
         self.statistics.seconds.direct += self.finish("direct light", start)?;
 
-        self.gather_sums.clear();
+        match &mut self.method {
+            Method::Layers { sums, .. } => sums.clear(),
+            Method::Rays { points, sums } => {
+                *points = visible.pixels();
+                *sums = vec![Vec4::ZERO; points.len()];
+            }
+        }
         self.statistics.gather.points = visible.count;
-        Ok(Block { visible, directions: 0, light_samples: light_samples as u32 })
+        Ok(Block { index, visible, taken: vec![0; self.interleave.subsets()], light_samples: light_samples as u32 })
     }
 
     /// Replaces the photon map by one of fresh photons.
@@ -277,20 +296,55 @@ impl Render {
         Ok(())
     }
 
-    fn gather_direction(&mut self, block: &Block) -> Result<()> {
+    fn gather_direction(&mut self, block: &mut Block) -> Result<()> {
         let start = Instant::now();
         let direction = self.directions.get(self.done);
-        let bundle = Bundle::new(&direction, &self.geometry.positions, self.settings.layer_size);
-        let points = self.camera.points(&block.visible);
-        let layers = self.gather.direction(&self.geometry, &self.photons, points, &bundle, &self.gather_sums);
+        let subset = self.interleave.subset(self.done, block.index);
+        let points = self.camera.points(&block.visible).only(subset);
+        let layers = match &mut self.method {
+            Method::Layers { gather, sums } => {
+                let bundle = Bundle::new(&direction, &self.geometry.positions, self.settings.layer_size);
+                gather.direction(&self.geometry, &self.photons, points, &bundle, sums)
+            }
+            Method::Rays { points, sums } => {
+                let rays = Reference::new(&self.scene, &self.bvh, &self.grid);
+                let interleave = self.interleave;
+                let cast = |(i, (point, sum)): (usize, (&Option<GatherPoint>, &mut Vec4))| match point {
+                    Some(point) if interleave.subset_of(i) == subset => {
+                        *sum += rays.sample(point, direction.vector).as_vec4();
+                    }
+                    _ => {}
+                };
+                points.par_iter().zip(sums).enumerate().for_each(cast);
+                0
+            }
+        };
         self.statistics.seconds.gather += self.finish("final gathering", start)?;
-        self.statistics.gather.add(block.visible.count, layers, self.statistics.seconds.gather);
+        self.statistics.gather.add(points.count, layers, self.statistics.seconds.gather);
+        block.taken[subset.index()] += 1;
         Ok(())
     }
 
     fn film_of(&self, block: &Block) -> Film {
-        let (direct, gathered) = (self.direct_sums.read(), self.gather_sums.read());
-        Film::of_block(self.settings.size, &block.visible, (&direct, block.light_samples), (&gathered, block.directions))
+        let mut gathered = match &self.method {
+            Method::Layers { sums, .. } => self.interleave.in_order(sums.read()),
+            Method::Rays { sums, .. } => sums.clone(),
+        };
+        if self.settings.estimator == Estimator::Plain {
+            // The weights' expected sum in place of their own: the mean of max(n·d, 0) over the sphere is 1/4.
+            let taken = |pixel| block.taken[self.interleave.subset_of(pixel).index()];
+            gathered.iter_mut().enumerate().for_each(|(pixel, sum)| sum.w = taken(pixel) as f32 / 4.0);
+        }
+        let gathered = self.interleave.share(gathered, &block.taken, &block.visible);
+        let directions = block.taken.iter().sum();
+        let direct = self.direct_sums.read();
+        Film::of_block(self.settings.size, &block.visible, (&direct, block.light_samples), (&gathered, directions))
+    }
+
+    /// Few enough that a picture has about 32 sub-pixel offsets, and at most 128, so that a long render keeps refining its edges and
+    /// shadows; but at least one for each interleaved subset. A power of two.
+    fn directions_per_block(&self) -> u32 {
+        self.settings.directions.div_ceil(32).next_power_of_two().min(128).max(self.interleave.subsets() as u32)
     }
 
     /// Once in a while, for the report and to stop a render that is good enough.

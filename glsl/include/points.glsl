@@ -4,6 +4,8 @@
 
 uniform sampler2D point_position;   // xyz: position; w: geometric normal, octahedral x
 uniform sampler2D point_normal;     // xyz: unit shading normal, zero where there is no point; w: octahedral y
+uniform int point_stride;           // a subset of the points: every so many along each axis,
+uniform ivec2 point_offset;         // from here on
 
 struct GatherPoint
 {
@@ -13,9 +15,12 @@ struct GatherPoint
     vec3 surface_normal;            // geometric normal on the same side: the surface the point lies on; of length 0.57 to 1
 };
 
-GatherPoint fetch_point()
+// The point that the fragment at `place` of a target for one subset is about.
+GatherPoint fetch_point(ivec2 place)
 {
-    ivec2 texel = ivec2(gl_FragCoord.xy);
+    ivec2 texel = place * point_stride + point_offset;
+    if (any(greaterThanEqual(texel, textureSize(point_position, 0))))
+        return GatherPoint(false, vec3(0.0), vec3(0.0), vec3(0.0));
     vec4 position = texelFetch(point_position, texel, 0);
     vec4 normal = texelFetch(point_normal, texel, 0);
     vec3 surface_normal = octahedral_decode(vec2(position.w, normal.w));

@@ -35,8 +35,8 @@ impl Accumulate {
                 ("direction", Uniform::Vec3(bundle.direction)),
                 ("last_triangle", Uniform::Int(triangles.end as i32 - 1)),
             ];
-            let uniforms = [&own[..], &surfaces, &points.uniforms(), &photons.uniforms()].concat();
-            sums.add(&self.program, &uniforms);
+            let uniforms = [&own[..], &surfaces, &photons.uniforms()].concat();
+            sums.add(points, &self.program, &uniforms);
         }
     }
 }

@@ -23,6 +23,7 @@ pub struct ShaderSource {
 pub enum Uniform<'a> {
     Float(f32),
     Int(i32),
+    IVec2([i32; 2]),
     Vec3(Vec3),
     Mat4(Mat4),
     Texture(&'a Texture),
@@ -120,6 +121,7 @@ impl Program {
                 match *value {
                     Uniform::Float(v) => gl.uniform_1_f32(location, v),
                     Uniform::Int(v) => gl.uniform_1_i32(location, v),
+                    Uniform::IVec2([x, y]) => gl.uniform_2_i32(location, x, y),
                     Uniform::Vec3(v) => gl.uniform_3_f32(location, v.x, v.y, v.z),
                     Uniform::Mat4(v) => gl.uniform_matrix_4_f32_slice(location, false, &v.to_cols_array()),
                     Uniform::Texture(texture) => {

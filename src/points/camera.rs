@@ -3,7 +3,7 @@
 use glam::camera::rh::{proj, view};
 use glam::{Mat4, Vec2, Vec3, Vec4};
 
-use super::Points;
+use super::{Points, Subset};
 use crate::error::Result;
 use crate::geometry::{Geometry, SurfacePass};
 use crate::gpu::{DepthTest, Format, Gpu, Program, Target, Uniform};
@@ -70,7 +70,7 @@ impl CameraPoints {
 
     /// The points seen last, as gather points.
     pub fn points(&self, visible: &Visible) -> Points<'_> {
-        Points { position: self.target.color(0), normal: self.target.color(1), count: visible.count }
+        Points { position: self.target.color(0), normal: self.target.color(1), subset: Subset::ALL, count: visible.count }
     }
 }
 

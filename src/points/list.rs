@@ -3,7 +3,7 @@
 
 use glam::{Vec2, Vec3, Vec4};
 
-use super::{Points, Visible};
+use super::{Points, Subset, Visible};
 use crate::error::Result;
 use crate::gpu::{Filter, Format, Gpu, Texture, Wrap};
 
@@ -48,7 +48,12 @@ impl GatherPoint {
 impl Visible {
     /// The points of all pixels that see a surface, row by row from the bottom.
     pub fn gather_points(&self) -> Vec<GatherPoint> {
-        self.position.iter().zip(&self.normal).filter_map(|(&position, &normal)| GatherPoint::decode(position, normal)).collect()
+        self.pixels().into_iter().flatten().collect()
+    }
+
+    /// What each pixel sees, row by row from the bottom.
+    pub fn pixels(&self) -> Vec<Option<GatherPoint>> {
+        self.position.iter().zip(&self.normal).map(|(&position, &normal)| GatherPoint::decode(position, normal)).collect()
     }
 }
 
@@ -76,7 +81,7 @@ impl PointList {
     }
 
     pub fn points(&self) -> Points<'_> {
-        Points { position: &self.position, normal: &self.normal, count: self.count as u32 }
+        Points { position: &self.position, normal: &self.normal, subset: Subset::ALL, count: self.count as u32 }
     }
 
     /// What was read from textures of these points' size, in the order of the list.

@@ -2,10 +2,12 @@
 //! texels), the gather sees the same pair of textures, laid out as `glsl/include/points.glsl` says.
 
 mod camera;
+mod interleave;
 mod list;
 mod sums;
 
 pub use camera::{CameraPoints, Visible};
+pub use interleave::{Interleave, Subset};
 pub use list::{GatherPoint, PointList};
 pub use sums::Sums;
 
@@ -18,18 +20,30 @@ pub struct Points<'a> {
     pub position: &'a Texture,
     /// xyz: unit shading normal, zero where there is no point; w: octahedral y.
     pub normal: &'a Texture,
-    /// How many texels hold a point.
+    /// Which of them are meant.
+    pub subset: Subset,
+    /// How many these are, or about as many.
     pub count: u32,
 }
 
 impl<'a> Points<'a> {
-    /// Width and height of the textures.
+    /// Of all points those in `subset`.
+    pub fn only(self, subset: Subset) -> Self {
+        Self { subset, count: self.count / (subset.stride * subset.stride), ..self }
+    }
+
+    /// Width and height of what holds one value for each point.
     pub fn size(&self) -> [u32; 2] {
-        [self.position.width(), self.position.height()]
+        self.subset.size([self.position.width(), self.position.height()])
     }
 
     /// The uniforms that the shaders read.
-    pub fn uniforms(&self) -> [(&'static str, Uniform<'a>); 2] {
-        [("point_position", Uniform::Texture(self.position)), ("point_normal", Uniform::Texture(self.normal))]
+    pub fn uniforms(&self) -> [(&'static str, Uniform<'a>); 4] {
+        [
+            ("point_position", Uniform::Texture(self.position)),
+            ("point_normal", Uniform::Texture(self.normal)),
+            ("point_stride", Uniform::Int(self.subset.stride as i32)),
+            ("point_offset", Uniform::IVec2(self.subset.offset.map(|o| o as i32))),
+        ]
     }
 }

@@ -2,6 +2,7 @@
 
 use glam::Vec4;
 
+use super::Points;
 use crate::error::Result;
 use crate::gpu::{Blend, DepthTest, Draw, Format, Geometry, Gpu, Program, Target, Uniform};
 
@@ -26,11 +27,14 @@ impl Sums {
         self.target.color(0).read()
     }
 
-    /// Adds a full-screen pass of `program` to the sums.
-    pub(crate) fn add(&self, program: &Program, uniforms: &[(&'static str, Uniform)]) {
+    /// Adds a full-screen pass of `program` over `points` to the sums. Each subset of points has a tile of its own.
+    pub(crate) fn add(&self, points: Points, program: &Program, uniforms: &[(&'static str, Uniform)]) {
+        let size = points.size().map(|side| side as i32);
+        let [x, y] = [0, 1].map(|axis| points.subset.offset[axis] as i32 * size[axis]);
+        let uniforms = &[uniforms, &points.uniforms(), &[("first_texel", Uniform::IVec2([x, y]))]].concat();
         Draw {
             target: &self.target,
-            region: None,
+            region: Some([x, y, size[0], size[1]]),
             program,
             uniforms,
             depth: DepthTest::Off,

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Parser, Subcommand};
 use finalgather::gpu::{Backend, DeviceChoice};
-use finalgather::settings::{Pipeline, Sequence, Settings};
+use finalgather::settings::{Estimator, Pipeline, Sequence, Settings};
 use serde::Deserialize;
 use serde::de::IntoDeserializer;
 use serde::de::value::Error as ValueError;
@@ -113,7 +113,7 @@ struct Overrides {
     #[arg(long, value_name = "N", value_parser = count::<u32>, help = setting("Side of the depth layers in texels", |s| s.layer_size))]
     layer_size: Option<u32>,
 
-    #[arg(long, value_parser = named::<Pipeline>(&["kill"]), help = setting("How the gather is computed", |s| name(s.pipeline)))]
+    #[arg(long, value_parser = named::<Pipeline>(&["kill", "raycast"]), help = setting("How the gather is computed", |s| name(s.pipeline)))]
     pipeline: Option<Pipeline>,
 
     #[arg(long, value_name = "N", value_parser = count::<u64>, help = setting("Photons emitted from the lights, afresh for every 1024 directions; 1e6 and 1_000_000 are numbers too", |s| s.photons))]
@@ -122,8 +122,14 @@ struct Overrides {
     #[arg(long, value_name = "N", value_parser = count::<u32>, help = setting("The most surfaces that one photon is stored at", |s| s.bounces))]
     bounces: Option<u32>,
 
+    #[arg(long, value_parser = named::<Estimator>(&["self-normalised", "plain"]), help = setting("How radiance along directions makes an irradiance", |s| name(s.estimator)))]
+    estimator: Option<Estimator>,
+
     #[arg(long, value_parser = named::<Sequence>(&["random", "r2", "sobol"]), help = setting("Where directions come from", |s| name(s.sequence)))]
     sequence: Option<Sequence>,
+
+    #[arg(long, value_name = "1|2|4", help = setting("In squares of N by N pixels, one gathers along each direction, and what they find is shared", |s| s.interleave))]
+    interleave: Option<u32>,
 
     #[arg(long, value_name = "N", value_parser = count::<u64>, help = setting("Seed of everything random", |s| s.seed))]
     seed: Option<u64>,
@@ -208,7 +214,9 @@ impl RenderArgs {
         put(&mut settings.pipeline, from.pipeline);
         put(&mut settings.photons, from.photons);
         put(&mut settings.bounces, from.bounces);
+        put(&mut settings.estimator, from.estimator);
         put(&mut settings.sequence, from.sequence);
+        put(&mut settings.interleave, from.interleave);
         put(&mut settings.seed, from.seed);
         put(&mut settings.stop_fraction, from.stop_fraction);
         put(&mut settings.until, from.until);
@@ -313,16 +321,18 @@ mod tests {
     fn options_override_settings() {
         let scene = Settings { grid_cells: 7, seed: 3, ..Settings::default() };
         assert_eq!(parse("finalgather render a.toml").override_settings(scene.clone()), scene);
-        let all = "finalgather render a.toml --size 3x4 --directions 5 --layer-size 6 --pipeline kill --photons 1e2 \
-                   --bounces 8 --sequence sobol --seed 9 --stop-fraction 0.5 --until 0.25 --exposure -1.5";
+        let all = "finalgather render a.toml --size 3x4 --directions 5 --layer-size 6 --pipeline raycast --photons 1e2 \
+                   --bounces 8 --estimator plain --sequence sobol --interleave 4 --seed 9 --stop-fraction 0.5 --until 0.25 --exposure -1.5";
         let expected = Settings {
             size: [3, 4],
             directions: 5,
             layer_size: 6,
-            pipeline: Pipeline::Kill,
+            pipeline: Pipeline::Raycast,
             photons: 100,
             bounces: 8,
+            estimator: Estimator::Plain,
             sequence: Sequence::Sobol,
+            interleave: 4,
             seed: 9,
             stop_fraction: 0.5,
             until: 0.25,
