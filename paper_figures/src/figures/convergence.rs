@@ -8,7 +8,7 @@ use std::f64::consts::PI;
 
 use finalgather::points::GatherPoint;
 use finalgather::reference::Reference;
-use finalgather::{Directions, Sequence, Settings};
+use finalgather::{Directions, Estimator, Sequence, Settings};
 use glam::{DVec3, DVec4};
 use serde::{Deserialize, Serialize};
 
@@ -48,13 +48,6 @@ struct Errors {
     spread: Vec<f64>,
 }
 
-#[derive(Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-enum Estimator {
-    Plain,
-    SelfNormalised,
-}
-
 /// Which sequence has the smallest error.
 #[derive(Serialize, Deserialize)]
 struct Winner {
@@ -83,7 +76,7 @@ impl Figure for Convergence {
         let directions: Vec<u32> = (4..).map(|power| 1 << power).take_while(|&n| n <= scale.of(16384, 256)).collect();
         let truth_directions = 16 * directions[directions.len() - 1];
         let truth = gather.sums(Sequence::Sobol, u64::MAX, &[truth_directions]).remove(0);
-        let truth = Estimator::SelfNormalised.irradiance(&truth, truth_directions);
+        let truth = estimate(Estimator::SelfNormalised, &truth, truth_directions);
         let ones = vec![DVec3::splat(PI); points.len()];
 
         let fitted = [64, directions[directions.len() - 1]];
@@ -95,7 +88,7 @@ impl Figure for Convergence {
             let errors = |estimator: Estimator, truth: &[DVec3], of: fn(DVec4) -> DVec4| {
                 let error = |seed: usize, i: usize| {
                     let sums: Vec<_> = sums[seed][i].iter().map(|&sum| of(sum)).collect();
-                    relative_rmse(&estimator.irradiance(&sums, directions[i]), truth)
+                    relative_rmse(&estimate(estimator, &sums, directions[i]), truth)
                 };
                 let by_seed = |i| (0..sums.len()).map(|seed| error(seed, i)).collect::<Vec<_>>();
                 Errors::new(sequence, estimator, &directions, fitted, (0..directions.len()).map(by_seed))
@@ -189,15 +182,14 @@ impl Gather<'_> {
     }
 }
 
-impl Estimator {
-    fn irradiance(self, sums: &[DVec4], directions: u32) -> Vec<DVec3> {
-        let of = |sum: &DVec4| match self {
-            Self::Plain => 4.0 * PI / f64::from(directions) * sum.truncate(),
-            Self::SelfNormalised if sum.w > 0.0 => PI * sum.truncate() / sum.w,
-            Self::SelfNormalised => DVec3::ZERO,
-        };
-        sums.iter().map(of).collect()
-    }
+/// What the sums over this many directions make.
+fn estimate(estimator: Estimator, sums: &[DVec4], directions: u32) -> Vec<DVec3> {
+    let of = |sum: &DVec4| match estimator {
+        Estimator::Plain => 4.0 * PI / f64::from(directions) * sum.truncate(),
+        Estimator::SelfNormalised if sum.w > 0.0 => PI * sum.truncate() / sum.w,
+        Estimator::SelfNormalised => DVec3::ZERO,
+    };
+    sums.iter().map(of).collect()
 }
 
 impl Errors {
