@@ -24,9 +24,8 @@ pub static VISIBLE_POINTS: ShaderSource = shader!("surface", "visible_points");
 pub static SHADOW: ShaderSource = shader!("surface", "shadow");
 pub static DIRECT: ShaderSource = shader!("fullscreen", "direct");
 pub static PEEL: ShaderSource = shader!("surface", "peel");
-pub static GROW: ShaderSource = shader!("fullscreen", "grow");
 pub static KILL: ShaderSource = shader!("fullscreen", "kill");
 pub static ACCUMULATE: ShaderSource = shader!("fullscreen", "accumulate");
 
 /// All of the above.
-pub static ALL: [&ShaderSource; 7] = [&VISIBLE_POINTS, &SHADOW, &DIRECT, &PEEL, &GROW, &KILL, &ACCUMULATE];
+pub static ALL: [&ShaderSource; 6] = [&VISIBLE_POINTS, &SHADOW, &DIRECT, &PEEL, &KILL, &ACCUMULATE];

@@ -1,5 +1,5 @@
 //! The white furnace: where every surface sends out radiance 1, every point of a closed scene receives irradiance π, whatever the geometry
-//! and the directions.
+//! and the directions, by layers and by exact rays.
 
 mod common;
 
@@ -7,34 +7,57 @@ use std::f32::consts::PI;
 
 use common::{Model, directions, gather, gpu, irradiance, points_on, sized};
 use finalgather::photon::{PhotonGrid, PhotonTexture};
-use finalgather::scene::Scene;
+use finalgather::points::GatherPoint;
+use finalgather::reference::Reference;
+use finalgather::scene::{Bvh, Scene};
 use finalgather::settings::Sequence;
 use glam::{Vec3, vec3};
 
-/// A lost ray shows as more than this, unless it grazes.
+/// A lost ray shows as more than this, unless it grazes: one of 64 directions has a share of some 1/16 at most. Sums of 64 terms round by less
+/// than 1e-5.
 const LIMIT: f32 = 1e-3;
-/// One in so many points may lose rays: in the corner of three faces, a texel and its neighbour can both lie off the scene (measured at most 6
-/// of 4096 on llvmpipe and 2 of 256 on softpipe, none in the sphere).
-const ONE_IN: usize = 500;
 
-fn check(name: &str, scene: &Scene) {
+/// Irradiance π in every cell: flux is π times any area.
+fn furnace(scene: &Scene) -> PhotonGrid {
+    let mut grid = PhotonGrid::new(&scene.mesh, 8);
+    grid.sums.fill([PI, PI, PI, 1.0]);
+    grid
+}
+
+/// In the corners of all triangles and along their edges, so far inside.
+fn points_beside_edges(scene: &Scene, inset: f32) -> Vec<GatherPoint> {
+    let mesh = &scene.mesh;
+    let beside = |triangle: usize| {
+        let [a, b, c] = mesh.corners(triangle);
+        let middle = (a + b + c) / 3.0;
+        let on_edges = [a, b, c, a.midpoint(b), b.midpoint(c), c.midpoint(a), a.lerp(b, 0.3), b.lerp(c, 0.7)];
+        on_edges.map(|at| GatherPoint::flat(at + inset * (middle - at).normalize(), mesh.geometric_normal(triangle)))
+    };
+    (0..mesh.triangles.len()).flat_map(beside).collect()
+}
+
+/// Fails unless every point receives π, also those `inset` from an edge: there, what closes the scene must still rise from the point's tangent
+/// plane by more than 1/256 of a texel, 1.6e-5, to which rasterisers round vertices.
+fn check(name: &str, scene: &Scene, inset: Option<f32>) {
     let gpu = gpu();
     let (count, size, points) = sized(&gpu, (64, 512, 4096), (16, 128, 256));
-    let points = points_on(scene, points);
+    let mut points = points_on(scene, points);
+    points.extend(inset.filter(|_| size == 512).into_iter().flat_map(|inset| points_beside_edges(scene, inset)));
+    let grid = furnace(scene);
+    let photons = PhotonTexture::upload(&gpu, &grid).unwrap();
+    let bvh = Bvh::new(&scene.mesh);
     for sequence in [Sequence::Random, Sequence::R2, Sequence::Sobol] {
-        // Irradiance π in every cell: flux is π times any area.
-        let mut grid = PhotonGrid::new(&scene.mesh, 8);
-        grid.sums.fill([PI, PI, PI, 1.0]);
-        let photons = PhotonTexture::upload(&gpu, &grid).unwrap();
-        let found = irradiance(&gather(&gpu, scene, &photons, &points, &directions(sequence, count), size));
-        let errors: Vec<f32> = found.iter().map(|e| (e / PI - 1.0).abs().max_element()).collect();
-        let beyond = errors.iter().filter(|&&error| error > LIMIT).count();
-        let mean = errors.iter().sum::<f32>() / errors.len() as f32;
-        eprintln!("{name}, {sequence:?}: {beyond} points beyond, mean {mean:e}");
-        assert!(beyond <= 2 + points.len() / ONE_IN, "{name}, {sequence:?}: {beyond} of {} points lose rays", points.len());
-        // No point can see more than everything; sums of 64 terms round by less than 1e-5.
-        let brightest = found.iter().map(|e| e.max_element()).fold(0.0, f32::max) / PI;
-        assert!(brightest < 1.0 + 1e-5, "{name}, {sequence:?}: {brightest}");
+        let directions = directions(sequence, count);
+        let vectors: Vec<Vec3> = directions.iter().map(|direction| direction.vector).collect();
+        let rays = Reference::new(scene, &bvh, &grid).gather(&points, &vectors);
+        let layers = gather(&gpu, scene, &photons, &points, &directions, size);
+        for (pipeline, sums) in [("rays", rays), ("layers", layers)] {
+            let errors: Vec<f32> = irradiance(&sums).iter().map(|e| (e / PI - 1.0).abs().max_element()).collect();
+            let beyond = errors.iter().filter(|&&error| error > LIMIT).count();
+            let worst = errors.iter().copied().fold(0.0, f32::max);
+            eprintln!("{name}, {sequence:?}, {pipeline}: worst of {} points {worst:e}", points.len());
+            assert!(beyond == 0, "{name}, {sequence:?}, {pipeline}: {beyond} of {} points are up to {worst} off", points.len());
+        }
     }
 }
 
@@ -42,7 +65,7 @@ fn check(name: &str, scene: &Scene) {
 fn room() {
     let mut model = Model::new();
     model.cuboid(Vec3::ZERO, vec3(1.0, 0.8, 0.6), 0.0, true, 0);
-    check("room", &model.finish());
+    check("room", &model.finish(), Some(1e-4));
 }
 
 #[test]
@@ -51,18 +74,19 @@ fn room_with_blocks() {
     model.cuboid(Vec3::ZERO, Vec3::ONE, 0.0, true, 0);
     model.cuboid(vec3(-0.4, -0.5, -0.3), vec3(0.3, 0.3, 0.3), 0.3, false, 0);
     model.cuboid(vec3(0.4, -0.2, 0.3), vec3(0.2, 0.5, 0.25), -0.4, false, 0);
-    check("room with blocks", &model.finish());
+    check("room with blocks", &model.finish(), Some(1e-4));
 }
 
 #[test]
 fn hollow_sphere() {
     let mut model = Model::new();
     model.sphere(Vec3::ZERO, 1.0, 16, true, 0);
-    check("hollow sphere", &model.finish());
+    // Between facets that meet at 11 degrees, a thousandth from the edge, one point of ten thousand still loses a ray that grazes.
+    check("hollow sphere", &model.finish(), None);
 }
 
 /// From outside, a convex body sees nothing of itself. At an edge whose faces both reach a texel, a ray may take one for the other: one point of
-/// 4096 does (mean 5e-6 of a furnace's light), and without the rule for grown texels thousands do (5e-5).
+/// 4096 does (mean 5e-6 of a furnace's light), and thousands do (5e-5) if texels beside the outline count below the tangent plane too.
 #[test]
 fn convex_bodies_see_nothing_of_themselves() {
     let gpu = gpu();
@@ -70,9 +94,7 @@ fn convex_bodies_see_nothing_of_themselves() {
     let mut model = Model::new();
     model.cuboid(Vec3::ZERO, vec3(1.0, 0.8, 0.6), 0.3, false, 0);
     let scene = model.finish();
-    let mut grid = PhotonGrid::new(&scene.mesh, 8);
-    grid.sums.fill([PI, PI, PI, 1.0]);
-    let photons = PhotonTexture::upload(&gpu, &grid).unwrap();
+    let photons = PhotonTexture::upload(&gpu, &furnace(&scene)).unwrap();
     let points = points_on(&scene, points);
     let found = irradiance(&gather(&gpu, &scene, &photons, &points, &directions(Sequence::R2, count), size));
     let lit = found.iter().filter(|e| e.max_element() > 0.0).count();

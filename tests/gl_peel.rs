@@ -29,10 +29,6 @@ fn peel(gpu: &Gpu, geometry: &Geometry, bundle: &Bundle, size: u32) -> Vec<Vec<V
     while layers.len() < 100 && layers.last().is_none_or(|layer| layer.iter().any(|texel| texel.w > 0.0)) {
         layers.push(peel.next(geometry, bundle).read());
     }
-    // What the first layer was grown by is marked, and is on no surface.
-    for texel in layers[0].iter_mut().filter(|texel| texel.w < 0.0) {
-        *texel = EMPTY;
-    }
     gpu.check("peeling").unwrap();
     layers
 }

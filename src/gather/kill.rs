@@ -28,9 +28,10 @@ impl Kill {
         self.hits.clear([0.0; 4], 0.0);
     }
 
-    /// Lets each point sample `layer`. Returns how many did.
-    pub fn sample(&self, points: Points, bundle: &Bundle, layer: &Texture) -> u32 {
-        let uniforms = [&[("layer", Uniform::Texture(layer))], &points.uniforms()[..], &bundle.uniforms()].concat();
+    /// Lets each point sample `layer`, the `index`-th from afar. Returns how many did.
+    pub fn sample(&self, points: Points, bundle: &Bundle, layer: &Texture, index: u32) -> u32 {
+        let own = [("layer", Uniform::Texture(layer)), ("is_farthest", Uniform::Int((index == 0).into()))];
+        let uniforms = [&own[..], &points.uniforms()[..], &bundle.uniforms()].concat();
         self.survivors.count(|| {
             Draw {
                 target: &self.hits,

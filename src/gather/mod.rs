@@ -64,7 +64,7 @@ impl Gather {
         self.kill.start();
         loop {
             let layer = self.peel.next(geometry, bundle);
-            let sampled = self.kill.sample(points, bundle, layer);
+            let sampled = self.kill.sample(points, bundle, layer, layers);
             layers += 1;
             if (sampled as f32) < enough {
                 break;

@@ -1,5 +1,5 @@
 //! Inverse depth peeling (after Everitt 2001, "Interactive order-independent transparency"): layers of a bundle, the farthest first.
-//! Mirrors `glsl/peel.frag` and `glsl/grow.frag`.
+//! Mirrors `glsl/peel.frag`.
 //!
 //! Each pass draws the scene with the depth test GREATER and discards what is not nearer than the layer before; what remains is the
 //! farthest of the rest. A layer says which triangle is there and where; what light it sends is looked up once a ray has found its hit.
@@ -8,7 +8,7 @@
 use super::bundle::Bundle;
 use crate::error::Result;
 use crate::geometry::{Geometry, SurfacePass};
-use crate::gpu::{Blend, DepthTest, Draw, Format, Geometry as Shape, Gpu, Program, Target, Texture, Uniform};
+use crate::gpu::{DepthTest, Format, Gpu, Program, Target, Texture, Uniform};
 use crate::shaders;
 
 /// Depth of texels that see nothing: before all surfaces, so that every point lies beyond.
@@ -19,25 +19,16 @@ const BEYOND: [f32; 4] = [2.0, 0.0, 0.0, 0.0];
 /// Peels one bundle at a time.
 pub struct Peel {
     peel: Program,
-    grow: Program,
     /// The layer being drawn and the one before, in turn.
     layers: [Target; 2],
-    /// The farthest layer with a margin.
-    grown: Target,
     /// Layers of this bundle so far.
     count: usize,
 }
 
 impl Peel {
     pub fn new(gpu: &Gpu, layer_size: u32) -> Result<Self> {
-        let layer = |depth| Target::new(gpu, [layer_size; 2], &[Format::Rgba32F], depth);
-        Ok(Self {
-            peel: Program::new(gpu, &shaders::PEEL)?,
-            grow: Program::new(gpu, &shaders::GROW)?,
-            layers: [layer(true)?, layer(true)?],
-            grown: layer(false)?,
-            count: 0,
-        })
+        let layer = || Target::new(gpu, [layer_size; 2], &[Format::Rgba32F], true);
+        Ok(Self { peel: Program::new(gpu, &shaders::PEEL)?, layers: [layer()?, layer()?], count: 0 })
     }
 
     /// Begins a bundle.
@@ -59,19 +50,6 @@ impl Peel {
             uniforms: &[("previous_layer", Uniform::Texture(previous.color(0)))],
         });
         self.count += 1;
-        if self.count > 1 {
-            return target.color(0);
-        }
-        Draw {
-            target: &self.grown,
-            region: None,
-            program: &self.grow,
-            uniforms: &[("farthest", Uniform::Texture(target.color(0)))],
-            depth: DepthTest::Off,
-            blend: Blend::Replace,
-            geometry: Shape::FullScreen,
-        }
-        .run();
-        self.grown.color(0)
+        target.color(0)
     }
 }
