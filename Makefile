@@ -13,7 +13,7 @@ setup: ## Install what a render needs and is missing
 	@scripts/setup.sh
 
 render: setup ## Render scenes/$(SCENE).toml to out/ as PNG and EXR; SCENE=cornell by default
-	$(CARGO) build --release --locked
+	$(CARGO) build --release --locked --package finalgather
 	mkdir -p out
 	$(TARGET_DIR)/release/finalgather render scenes/$(SCENE).toml -o out/$(SCENE).png -o out/$(SCENE).exr
 

@@ -1,0 +1,78 @@
+//! Where and when something was measured.
+
+use std::thread::available_parallelism;
+use std::time::{SystemTime, UNIX_EPOCH};
+
+use finalgather::{Backend, DeviceChoice, Gpu};
+use serde::{Deserialize, Serialize};
+
+use crate::figure::Result;
+
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Machine {
+    /// As OpenGL names it.
+    renderer: String,
+    cores: usize,
+}
+
+impl Machine {
+    pub fn here() -> Result<Self> {
+        Ok(Self { renderer: gpu()?.info().renderer.clone(), cores: available_parallelism()?.get() })
+    }
+
+    /// `<date>-<machine>`, as in `2026-11-22-llvmpipe-2-cores`.
+    pub fn run_name(&self, date: &str) -> String {
+        // What follows the name itself is in parentheses or behind a slash.
+        let name = self.renderer.split(['(', '/']).next().unwrap_or_default().to_lowercase();
+        let words: Vec<_> = name.split(|c: char| !c.is_ascii_alphanumeric()).filter(|word| !word.is_empty()).collect();
+        let Self { cores, .. } = self;
+        format!("{date}-{}-{cores}-core{}", words.join("-"), if *cores == 1 { "" } else { "s" })
+    }
+}
+
+/// The OpenGL that figures are measured on.
+pub fn gpu() -> Result<Gpu> {
+    Ok(Gpu::headless(Backend::Auto, DeviceChoice::Auto)?)
+}
+
+/// The date in UTC, ISO 8601.
+pub fn today() -> String {
+    let days = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs() / 86_400);
+    date(days)
+}
+
+/// Of a number of days since 1970-01-01 (Howard Hinnant, "chrono-compatible low-level date algorithms").
+fn date(days: u64) -> String {
+    // Years begin in March, so that a leap day is the last; an era is 400 of them.
+    let days = days + 719_468;
+    let (era, day_of_era) = (days / 146_097, days % 146_097);
+    let year_of_era = (day_of_era - day_of_era / 1460 + day_of_era / 36_524 - day_of_era / 146_096) / 365;
+    let day_of_year = day_of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
+    let month_from_march = (5 * day_of_year + 2) / 153;
+    let day = day_of_year - (153 * month_from_march + 2) / 5 + 1;
+    let month = if month_from_march < 10 { month_from_march + 3 } else { month_from_march - 9 };
+    let year = era * 400 + year_of_era + u64::from(month <= 2);
+    format!("{year:04}-{month:02}-{day:02}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn dates_of_days() {
+        for (days, expected) in [(0, "1970-01-01"), (11_016, "2000-02-29"), (11_017, "2000-03-01"), (20_779, "2026-11-22")] {
+            assert_eq!(date(days), expected);
+        }
+    }
+
+    #[test]
+    fn names_of_runs() {
+        for (renderer, cores, expected) in [
+            ("llvmpipe (LLVM 15.0.6, 256 bits)", 2, "2026-11-22-llvmpipe-2-cores"),
+            ("NVIDIA H200/PCIe/SSE2", 1, "2026-11-22-nvidia-h200-1-core"),
+        ] {
+            assert_eq!(Machine { renderer: renderer.into(), cores }.run_name("2026-11-22"), expected);
+        }
+    }
+}

@@ -1,0 +1,53 @@
+//! Pictures of the Cornell box, and how far they are from the path-traced one.
+
+use finalgather::image::compare::{Comparison, Selection, compare, mask_of};
+use finalgather::render::Statistics;
+use finalgather::{Gpu, Image, Render, Scene, Settings};
+
+use crate::cornell::{self, in_repository};
+use crate::figure::{Result, Scale};
+use crate::machine::gpu;
+
+/// Renders and compares as `tests/reference.rs` does: without the lamp, and without the worst of the other pixels.
+pub struct Pictures {
+    gpu: Gpu,
+    scene: Scene,
+    path_traced: Image,
+    mask: Vec<bool>,
+}
+
+/// Single pixels on outlines.
+const TRIM: f32 = 0.001;
+
+impl Pictures {
+    pub fn new() -> Result<Self> {
+        Ok(Self {
+            gpu: gpu()?,
+            scene: cornell::load()?,
+            path_traced: Image::read(&in_repository("tests/reference/cornell_256.exr"))?,
+            mask: mask_of(&Image::read(&in_repository("tests/reference/cornell_256_mask.png"))?),
+        })
+    }
+
+    /// Of the path-traced picture's size, everything else by default.
+    pub fn settings(&self, scale: Scale) -> Settings {
+        let size = [self.path_traced.width as u32, self.path_traced.height as u32];
+        Settings { size, directions: scale.of(1000, 8), ..self.scene.settings.clone() }
+    }
+
+    pub fn render(&self, settings: &Settings) -> Result<(Image, Statistics)> {
+        let mut render = Render::new(&self.gpu, &self.scene, settings)?;
+        while !render.is_done() {
+            render.step()?;
+        }
+        Ok((render.picture(), render.statistics().clone()))
+    }
+
+    pub fn against_path_tracing(&self, picture: &Image) -> Result<Comparison> {
+        self.compare(picture, &self.path_traced)
+    }
+
+    pub fn compare(&self, a: &Image, b: &Image) -> Result<Comparison> {
+        Ok(compare(a, b, Selection { mask: Some(&self.mask), trim: TRIM })?)
+    }
+}
