@@ -4,7 +4,7 @@ mod common;
 
 use std::f32::consts::PI;
 
-use common::{Model, points_on};
+use common::{Model, form_factor_of_polygon, points_on};
 use finalgather::photon::{PhotonGrid, PhotonTracer};
 use finalgather::scene::{Bvh, Lights, Scene};
 use glam::{Vec3, Vec4, vec3};
@@ -31,14 +31,9 @@ fn total(grid: &PhotonGrid) -> Vec4 {
     grid.sums.iter().map(|&sums| Vec4::from(sums).as_dvec4()).sum::<glam::DVec4>().as_vec4()
 }
 
-/// Irradiance from the lamp, the first four vertices; see tests/gl_direct.rs.
+/// Irradiance from the lamp, the first four vertices.
 fn closed_form(scene: &Scene, position: Vec3, normal: Vec3) -> f32 {
-    let corners: Vec<_> = scene.mesh.positions[..4].iter().map(|&corner| (corner - position).as_dvec3()).collect();
-    let edge = |k: usize| {
-        let (from, to) = (corners[k], corners[(k + 1) % 4]);
-        from.angle_between(to) * to.cross(from).normalize().dot(normal.as_dvec3())
-    };
-    (0.5 * (0..4).map(edge).sum::<f64>()) as f32
+    PI * form_factor_of_polygon(&scene.mesh.positions[..4], position, normal) as f32
 }
 
 #[test]
