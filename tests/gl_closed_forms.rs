@@ -10,7 +10,10 @@ mod common;
 use std::f32::consts::PI;
 use std::f64;
 
-use common::{Model, directions, form_factor_of_disc, form_factor_of_polygon, gather, gpu, irradiance, sized};
+use common::{
+    Model, directions, form_factor_of_disc, form_factor_of_opposed_squares, form_factor_of_polygon, gather, gpu, irradiance,
+    sized,
+};
 use finalgather::photon::{PhotonGrid, PhotonTexture};
 use finalgather::points::GatherPoint;
 use finalgather::random::Recurrence;
@@ -184,17 +187,12 @@ fn check_area(name: &str, scene: &Scene, expected: f64) {
     }
 }
 
-/// Squares of side x at a distance of 1 (Howell, C-11, of equal sides).
 #[test]
 fn form_factor_of_opposed_plates() {
     let mut model = model();
     model.plate(vec3(0.0, 1.0, 0.0), Vec3::X, Vec3::Z, RED);
     model.plate(Vec3::ZERO, Vec3::Z, Vec3::X, BLACK);
-    let x: f64 = 2.0;
-    let y = x.hypot(1.0);
-    let logarithm = (y * y / (2.0 * x * x + 1.0).sqrt()).ln();
-    let expected = 2.0 / (f64::consts::PI * x * x) * (logarithm + 2.0 * x * y * (x / y).atan() - 2.0 * x * x.atan());
-    check_area("opposed plates", &model.finish(), expected);
+    check_area("opposed plates", &model.finish(), form_factor_of_opposed_squares(2.0));
 }
 
 /// Squares that share an edge (Howell, C-14, of equal sides). The mean of the point-wise closed form over the points is 0.2 % below.

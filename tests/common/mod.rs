@@ -217,6 +217,14 @@ pub fn form_factor_of_disc(to_center: Vec3, squared_radius: f64, normal: Vec3) -
     0.5 * (1.0 - (sum - 2.0 * squared_radius) / (sum * sum - 4.0 * squared_offset * squared_radius).sqrt())
 }
 
+/// Form factor between parallel squares that face each other, as long as `side` times their distance (Howell, C-11, of equal sides).
+pub fn form_factor_of_opposed_squares(side: f64) -> f64 {
+    let (squared, slant) = (side * side, side.hypot(1.0));
+    let logarithm = (slant * slant / (2.0 * squared + 1.0).sqrt()).ln();
+    let angles = 2.0 * side * (slant * (side / slant).atan() - side.atan());
+    2.0 / (std::f64::consts::PI * squared) * (logarithm + angles)
+}
+
 /// How far irradiances are from those of a reference, over all points and channels.
 #[derive(Clone, Copy, Debug)]
 pub struct Difference {
