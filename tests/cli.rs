@@ -158,7 +158,7 @@ fn json_tells_all_about_the_run() {
         ("scene", "triangles lights"),
         ("seconds", "load photons visible_points direct gather write total"),
         ("gather", "points directions layer_size layers_mean layers_max ms_per_direction samples_per_second"),
-        ("photons", "emitted stored"),
+        ("photons", "emitted stored absorbed escaped cut"),
     ] {
         for key in numbers.split(' ') {
             assert!(report[section][key].is_number(), "{section}.{key} is {}", report[section][key]);

@@ -2,7 +2,9 @@
 
 mod common;
 
-use common::{Model, gpu, points_on, sized};
+use std::f32::consts::PI;
+
+use common::{Model, form_factor_of_disc, form_factor_of_polygon, gpu, points_on, sized};
 use finalgather::direct::Direct;
 use finalgather::geometry::Geometry;
 use finalgather::points::{GatherPoint, PointList, Sums};
@@ -37,15 +39,9 @@ fn direct(scene: &Scene, points: &[GatherPoint]) -> Vec<f32> {
     list.in_order(sums.read()).into_iter().map(|sum| sum.x / samples as f32).collect()
 }
 
-/// Lambert's formula for the irradiance from the lamp, the model's first four vertices, all of it above the point's horizon:
-/// L/2 Σ γ n·Γ over the edges, with γ the angle that an edge fills and Γ the unit normal of the plane through it and the point.
-fn closed_form(scene: &Scene, point: &GatherPoint) -> f32 {
-    let corners: Vec<_> = scene.mesh.positions[..4].iter().map(|&corner| (corner - point.position).as_dvec3()).collect();
-    let edge = |k: usize| {
-        let (from, to) = (corners[k], corners[(k + 1) % 4]);
-        from.angle_between(to) * to.cross(from).normalize().dot(point.normal.as_dvec3())
-    };
-    (f64::from(RADIANCE) / 2.0 * (0..4).map(edge).sum::<f64>()) as f32
+/// Irradiance from the square lamp, the model's first four vertices, all of it above the point's horizon.
+fn under_square(scene: &Scene) -> impl Fn(&GatherPoint) -> f32 {
+    |point| RADIANCE * PI * form_factor_of_polygon(&scene.mesh.positions[..4], point.position, point.normal) as f32
 }
 
 fn sees_whole_lamp(scene: &Scene, point: &GatherPoint) -> bool {
@@ -56,14 +52,14 @@ fn sees_whole_lamp(scene: &Scene, point: &GatherPoint) -> bool {
 
 /// Fails where the irradiance is more than 1 % off. That is what 512 samples of a low-discrepancy sequence leave of the lamp's extent at these
 /// distances, two of its sides and more; the shadow map adds nothing, for nothing is in the way.
-fn check(name: &str, scene: &Scene, points: &[GatherPoint]) {
+fn check(name: &str, scene: &Scene, points: &[GatherPoint], closed_form: impl Fn(&GatherPoint) -> f32) {
     assert!(points.len() > 20, "{name}: only {} points", points.len());
     let found = direct(scene, points);
-    let errors = points.iter().zip(&found).map(|(point, found)| found / closed_form(scene, point) - 1.0);
+    let errors = points.iter().zip(&found).map(|(point, found)| found / closed_form(point) - 1.0);
     let worst = errors.clone().map(f32::abs).fold(0.0, f32::max);
     eprintln!("{name}: worst of {} points {:.3} %", points.len(), 100.0 * worst);
     for ((point, found), error) in points.iter().zip(&found).zip(errors) {
-        assert!(error.abs() < 0.01, "{name}: {found} for {} at {point:?}", closed_form(scene, point));
+        assert!(error.abs() < 0.01, "{name}: {found} for {} at {point:?}", closed_form(point));
     }
 }
 
@@ -75,7 +71,22 @@ fn open_floor_and_walls() {
     model.plate(vec3(0.0, 0.0, -1.0), Vec3::X, 0.5 * Vec3::Y, 0);
     let scene = model.finish();
     let points: Vec<_> = points_on(&scene, 500).into_iter().filter(|point| sees_whole_lamp(&scene, point)).collect();
-    check("floor and walls", &scene, &points);
+    check("floor and walls", &scene, &points, under_square(&scene));
+}
+
+/// A lamp of 32 triangles, which the samples share in proportion to area.
+#[test]
+fn disc_lamp() {
+    let mut model = Model::new();
+    let lamp = model.material(Vec3::ZERO, Vec3::splat(RADIANCE));
+    model.disc(vec3(0.1, 0.5, 0.0), 0.3, Vec3::NEG_Y, 32, lamp);
+    model.plate(vec3(0.0, -0.5, 0.0), Vec3::Z, Vec3::X, 0);
+    let scene = model.finish();
+    let (center, area) = (scene.mesh.positions[0], (0..32).map(|triangle| scene.mesh.area(triangle)).sum::<f32>());
+    let points: Vec<_> = points_on(&scene, 500).into_iter().filter(|point| point.position.y < center.y - 0.1).collect();
+    check("disc", &scene, &points, |point| {
+        RADIANCE * PI * form_factor_of_disc(center - point.position, f64::from(area / PI), point.normal) as f32
+    });
 }
 
 #[test]
@@ -85,7 +96,7 @@ fn a_surface_does_not_shadow_itself() {
     model.sphere(vec3(0.1, -0.5, 0.2), 0.4, 16, false, 0);
     let scene = model.finish();
     let points: Vec<_> = points_on(&scene, 2000).into_iter().filter(|point| sees_whole_lamp(&scene, point)).collect();
-    check("ball", &scene, &points);
+    check("ball", &scene, &points, under_square(&scene));
 }
 
 #[test]
@@ -104,5 +115,5 @@ fn full_shadow_is_black_and_ends_where_it_should() {
     assert!(shadowed.len() > 20);
     assert!(direct(&scene, &shadowed).iter().all(|&irradiance| irradiance == 0.0));
     let clear: Vec<_> = floor.iter().copied().filter(|point| reach(point) > 0.88).collect();
-    check("beyond the shadow", &scene, &clear);
+    check("beyond the shadow", &scene, &clear, under_square(&scene));
 }

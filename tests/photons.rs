@@ -4,8 +4,8 @@ mod common;
 
 use std::f32::consts::PI;
 
-use common::{Model, points_on};
-use finalgather::photon::{PhotonGrid, PhotonTracer};
+use common::{Model, form_factor_of_opposed_squares, form_factor_of_polygon, points_on};
+use finalgather::photon::{PhotonCounts, PhotonGrid, PhotonTracer};
 use finalgather::scene::{Bvh, Lights, Scene};
 use glam::{Vec3, Vec4, vec3};
 
@@ -21,24 +21,26 @@ fn room() -> Model {
 fn traced(scene: &Scene, cells: u32, photons: u64, bounces: u32) -> PhotonGrid {
     let bvh = Bvh::new(&scene.mesh);
     let mut grid = PhotonGrid::new(&scene.mesh, cells);
-    let counts = PhotonTracer::new(scene, &bvh, &Lights::new(scene), 0, bounces).trace(0..photons, &mut grid);
-    assert_eq!(counts.emitted, photons);
+    counted(scene, &bvh, photons, bounces, &mut grid);
     grid.add_area(&scene.mesh, &bvh, 0);
     grid
+}
+
+/// Traces photons, each of which must come to an end of some kind.
+fn counted(scene: &Scene, bvh: &Bvh, photons: u64, bounces: u32, grid: &mut PhotonGrid) -> PhotonCounts {
+    let counts = PhotonTracer::new(scene, bvh, &Lights::new(scene), 0, bounces).trace(0..photons, grid);
+    assert_eq!(counts.emitted, photons);
+    assert_eq!(counts.emitted, counts.absorbed + counts.escaped + counts.cut, "{counts:?}");
+    counts
 }
 
 fn total(grid: &PhotonGrid) -> Vec4 {
     grid.sums.iter().map(|&sums| Vec4::from(sums).as_dvec4()).sum::<glam::DVec4>().as_vec4()
 }
 
-/// Irradiance from the lamp, the first four vertices; see tests/gl_direct.rs.
+/// Irradiance from the lamp, the first four vertices.
 fn closed_form(scene: &Scene, position: Vec3, normal: Vec3) -> f32 {
-    let corners: Vec<_> = scene.mesh.positions[..4].iter().map(|&corner| (corner - position).as_dvec3()).collect();
-    let edge = |k: usize| {
-        let (from, to) = (corners[k], corners[(k + 1) % 4]);
-        from.angle_between(to) * to.cross(from).normalize().dot(normal.as_dvec3())
-    };
-    (0.5 * (0..4).map(edge).sum::<f64>()) as f32
+    PI * form_factor_of_polygon(&scene.mesh.positions[..4], position, normal) as f32
 }
 
 #[test]
@@ -89,6 +91,91 @@ fn white_surfaces_reflect_all_of_it() {
     // The lamp itself is black and takes the share of each flight that meets it: the total is between all of 8 and none of its shadow.
     let share = found.x / emitted;
     assert!(share < 8.0 + 1e-4 && share > 8.0 * 0.9, "{share} times the emitted flux");
+}
+
+/// In a closed room of one albedo ρ, the lamp's included, all flux ends in surfaces: what they receive, times 1 - ρ, is what was emitted.
+#[test]
+fn a_closed_room_absorbs_what_is_emitted() {
+    const PHOTONS: u64 = 500_000;
+    let albedo = vec3(0.8, 0.5, 0.2);
+    let mut model = Model::new();
+    let lamp = model.material(albedo, Vec3::ONE);
+    let wall = model.material(albedo, Vec3::ZERO);
+    model.plate(vec3(0.0, 0.9, 0.0), 0.2 * Vec3::X, 0.2 * Vec3::Z, lamp);
+    model.cuboid(Vec3::ZERO, Vec3::ONE, 0.0, true, wall);
+    let scene = model.finish();
+    let mut grid = PhotonGrid::new(&scene.mesh, 16);
+    let counts = counted(&scene, &Bvh::new(&scene.mesh), PHOTONS, 64, &mut grid);
+    // No ray slips between walls, and a photon survives 64 surfaces with probability 0.8^64 = 6e-7.
+    assert_eq!(counts.escaped, 0, "{counts:?}");
+    assert!(counts.cut <= 4, "{counts:?}");
+    let emitted = f64::from(PI * (scene.mesh.area(0) + scene.mesh.area(1)));
+    let stored = total(&grid).truncate().as_dvec3() / emitted;
+    for channel in 0..3 {
+        // One photon's share is X = 1 + r X' if it survives, with probability s = 0.8, where r = ρ/s is what survivors keep of the
+        // channel. So E[X] = 1/(1 - ρ) and E[X²] = (1 + 2ρ E[X]) / (1 - ρ²/s); four standard errors of the mean over the photons.
+        let albedo = f64::from(albedo[channel]);
+        let mean = 1.0 / (1.0 - albedo);
+        let variance = (1.0 + 2.0 * albedo * mean) / (1.0 - albedo * albedo / 0.8) - mean * mean;
+        let limit = 4.0 * (variance / PHOTONS as f64).sqrt() / mean;
+        let share = stored[channel] * (1.0 - albedo);
+        eprintln!("albedo {albedo:.1}: {:+.3} % off, at most {:.3} %", 100.0 * (share - 1.0), 100.0 * limit);
+        assert!((share - 1.0).abs() < limit, "albedo {albedo}: {share} of the emitted flux");
+    }
+    // Each of the surfaces that a photon meets ends its flight with probability 0.2, so that 5 N (1 ± √0.8/√N) are met.
+    let met = counts.stored as f64 * 0.2 / PHOTONS as f64;
+    assert!((met - 1.0).abs() < 4.0 * (0.8 / PHOTONS as f64).sqrt(), "{counts:?}");
+}
+
+/// What does not escape is absorbed: emitted = Σ stored (1 - ρ) + escaped, for grey photons keep their flux.
+#[test]
+fn an_open_scene_absorbs_what_does_not_escape() {
+    const PHOTONS: u64 = 100_000;
+    const ALBEDO: f64 = 0.7;
+    let mut model = Model::new();
+    let lamp = model.material(Vec3::splat(ALBEDO as f32), Vec3::ONE);
+    let grey = model.material(Vec3::splat(ALBEDO as f32), Vec3::ZERO);
+    model.plate(vec3(0.0, 0.9, 0.0), 0.4 * Vec3::X, 0.4 * Vec3::Z, lamp);
+    model.plate(vec3(0.0, -0.5, 0.0), Vec3::Z, Vec3::X, grey);
+    model.plate(vec3(-1.0, 0.3, 0.0), 0.8 * Vec3::Y, Vec3::Z, grey);
+    model.cuboid(vec3(0.3, -0.3, 0.2), Vec3::splat(0.19), 0.4, false, grey);
+    let scene = model.finish();
+    let bvh = Bvh::new(&scene.mesh);
+    for bounces in [64, 2] {
+        let mut grid = PhotonGrid::new(&scene.mesh, 16);
+        let counts = counted(&scene, &bvh, PHOTONS, bounces, &mut grid);
+        eprintln!("{bounces} bounces: {counts:?}");
+        assert!(counts.escaped > PHOTONS / 10 && counts.absorbed > PHOTONS / 10, "{counts:?}");
+        assert!(if bounces == 2 { counts.cut > PHOTONS / 20 } else { counts.cut == 0 }, "{counts:?}");
+        // A surface ends a flight with probability 1 - ρ, whatever else happens: four standard errors.
+        let expected = counts.stored as f64 * (1.0 - ALBEDO);
+        let limit = 4.0 * (expected * ALBEDO).sqrt();
+        assert!((counts.absorbed as f64 - expected).abs() < limit, "{} absorbed for {expected} ± {limit}", counts.absorbed);
+        // All photons have the same flux, rounded to 6e-8 with each surface and each sum.
+        let emitted = PI * (scene.mesh.area(0) + scene.mesh.area(1));
+        let share = total(&grid).x / emitted / (counts.stored as f32 / PHOTONS as f32);
+        assert!((share - 1.0).abs() < 1e-4, "{share}");
+    }
+}
+
+/// Two black plates: what the lamp's light does not meet of the wall is lost to space.
+#[test]
+fn what_misses_a_wall_escapes() {
+    const PHOTONS: u64 = 100_000;
+    let mut model = Model::new();
+    let lamp = model.material(Vec3::ZERO, Vec3::ONE);
+    let black = model.material(Vec3::ZERO, Vec3::ZERO);
+    model.plate(vec3(0.0, 1.0, 0.0), Vec3::X, Vec3::Z, lamp);
+    model.plate(Vec3::ZERO, Vec3::Z, Vec3::X, black);
+    let scene = model.finish();
+    let counts = counted(&scene, &Bvh::new(&scene.mesh), PHOTONS, 64, &mut PhotonGrid::new(&scene.mesh, 16));
+    let factor = form_factor_of_opposed_squares(2.0);
+    let found = counts.escaped as f64 / PHOTONS as f64;
+    eprintln!("{found} of the photons escape, expected {}", 1.0 - factor);
+    // Four standard errors of independent photons; those of a low-discrepancy sequence do better.
+    let limit = 4.0 * (factor * (1.0 - factor) / PHOTONS as f64).sqrt();
+    assert!((found - (1.0 - factor)).abs() < limit, "{found} for {} ± {limit}", 1.0 - factor);
+    assert_eq!((counts.absorbed, counts.cut), (counts.stored, 0), "{counts:?}");
 }
 
 #[test]

@@ -31,18 +31,34 @@ pub struct PhotonTracer<'a> {
     bounces: u32,
 }
 
-/// How many photons there were.
+/// How a photon's flight ends.
+enum End {
+    Absorbed,
+    Escaped,
+    Cut,
+}
+
+/// How many photons there were: each one emitted was absorbed, escaped or was cut.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct PhotonCounts {
     pub emitted: u64,
     /// A photon counts once for every surface that it was stored at.
     pub stored: u64,
+    /// Ended at a surface, by Russian roulette.
+    pub absorbed: u64,
+    /// Met no surface any more.
+    pub escaped: u64,
+    /// Would have flown on from the last surface that the limit on bounces allows.
+    pub cut: u64,
 }
 
 impl AddAssign for PhotonCounts {
     fn add_assign(&mut self, other: Self) {
         self.emitted += other.emitted;
         self.stored += other.stored;
+        self.absorbed += other.absorbed;
+        self.escaped += other.escaped;
+        self.cut += other.cut;
     }
 }
 
@@ -56,30 +72,38 @@ impl<'a> PhotonTracer<'a> {
     /// Other numbers give other photons, and together they cover the lights evenly.
     pub fn trace(&self, photons: Range<u64>, grid: &mut PhotonGrid) -> PhotonCounts {
         let emitted = photons.end - photons.start;
-        let mut stored = 0;
+        let mut counts = PhotonCounts::default();
         for round in photons.clone().step_by(ROUND as usize) {
             let end = (round + ROUND).min(photons.end);
             let chunks: Vec<u64> = (round..end).step_by(CHUNK as usize).collect();
             // Traced in parallel, summed in the order of photons.
-            let hits: Vec<Vec<(usize, Vec3)>> = chunks
+            let traced: Vec<(PhotonCounts, Vec<(usize, Vec3)>)> = chunks
                 .into_par_iter()
                 .map(|chunk| {
-                    let mut hits = Vec::new();
+                    let (mut counts, mut hits) = (PhotonCounts::default(), Vec::new());
                     for photon in chunk..(chunk + CHUNK).min(end) {
-                        self.trace_one(photon, 1.0 / emitted as f32, grid, &mut hits);
+                        match self.trace_one(photon, 1.0 / emitted as f32, grid, &mut hits) {
+                            End::Absorbed => counts.absorbed += 1,
+                            End::Escaped => counts.escaped += 1,
+                            End::Cut => counts.cut += 1,
+                        }
+                        counts.emitted += 1;
                     }
-                    hits
+                    counts.stored = hits.len() as u64;
+                    (counts, hits)
                 })
                 .collect();
-            for (index, flux) in hits.into_iter().flatten() {
-                grid.add_flux(index, flux);
-                stored += 1;
+            for (of_chunk, hits) in traced {
+                counts += of_chunk;
+                for (index, flux) in hits {
+                    grid.add_flux(index, flux);
+                }
             }
         }
-        PhotonCounts { emitted, stored }
+        counts
     }
 
-    fn trace_one(&self, photon: u64, share: f32, grid: &PhotonGrid, hits: &mut Vec<(usize, Vec3)>) {
+    fn trace_one(&self, photon: u64, share: f32, grid: &PhotonGrid, hits: &mut Vec<(usize, Vec3)>) -> End {
         let [pick, u, v, s, t] = self.starts.point(photon);
         let mut random = Random::new(self.seed, photon);
         let start = self.lights.point(pick, [u, v]);
@@ -88,19 +112,20 @@ impl<'a> PhotonTracer<'a> {
         // A diffuse emitter of radiance L sends out πL per unit of area.
         let mut flux = PI * share * start.radiance_area;
         for _ in 0..self.bounces {
-            let Some(hit) = self.bvh.nearest(origin, direction, Some(triangle)) else { return };
+            let Some(hit) = self.bvh.nearest(origin, direction, Some(triangle)) else { return End::Escaped };
             (origin, triangle) = (origin + hit.distance * direction, hit.triangle);
             hits.push((grid.index_of_hit(&self.scene.mesh, triangle, origin, direction), flux));
 
             let reflected = flux * self.scene.albedo(triangle, self.scene.mesh.barycentric(triangle, origin));
             let survival = reflected.max_element() / flux.max_element();
             if random.uniform() >= survival {
-                return;
+                return End::Absorbed;
             }
             flux = reflected / survival;
             let side = self.scene.mesh.side_met(triangle, direction);
             origin += RAY_OFFSET * side;
             direction = cosine_direction(side, random.uniform(), random.uniform());
         }
+        End::Cut
     }
 }

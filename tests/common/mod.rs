@@ -113,6 +113,20 @@ impl Model {
         }
     }
 
+    /// A regular polygon of an even number of `sides` with the area of a disc; its front is on the side of `normal`.
+    pub fn disc(&mut self, center: Vec3, radius: f32, normal: Vec3, sides: u32, material: u32) {
+        let step = TAU / sides as f32;
+        let reach = radius * (step / step.sin()).sqrt();
+        let (u, v) = normal.any_orthonormal_pair();
+        let rim = |side: u32| {
+            let (sin, cos) = (step * (side % sides) as f32).sin_cos();
+            center + reach * (cos * u + sin * v)
+        };
+        for side in (0..sides).step_by(2) {
+            self.quad([center, rim(side), rim(side + 1), rim(side + 2)], material);
+        }
+    }
+
     /// In unit space.
     pub fn finish(self) -> Scene {
         UnitSpace::enter(&self.scene).0
@@ -181,6 +195,34 @@ pub fn gather(
 /// π Σ L w / Σ w; 0 where no direction has weight.
 pub fn irradiance(sums: &[Vec4]) -> Vec<Vec3> {
     sums.iter().map(|sum| if sum.w > 0.0 { PI * sum.truncate() / sum.w } else { Vec3::ZERO }).collect()
+}
+
+/// Form factor from a point to a polygon that lies above its horizon and winds counter-clockwise for it, by Lambert's formula:
+/// 1/2π Σ γ n·Γ over the edges, with γ the angle that an edge fills and Γ the unit normal of the plane through it and the point.
+pub fn form_factor_of_polygon(corners: &[Vec3], position: Vec3, normal: Vec3) -> f64 {
+    let corners: Vec<_> = corners.iter().map(|&corner| (corner - position).as_dvec3()).collect();
+    let edge = |k: usize| {
+        let (from, to) = (corners[k], corners[(k + 1) % corners.len()]);
+        from.angle_between(to) * to.cross(from).normalize().dot(normal.as_dvec3())
+    };
+    (0..corners.len()).map(edge).sum::<f64>() / (2.0 * std::f64::consts::PI)
+}
+
+/// Form factor from a point to a disc of squared radius `squared_radius` in a plane parallel to the point's own, `to_center` from it
+/// (Howell, "A catalog of radiation heat transfer configuration factors", B-13; on the axis it is sin² of the disc's half angle).
+pub fn form_factor_of_disc(to_center: Vec3, squared_radius: f64, normal: Vec3) -> f64 {
+    let squared_height = to_center.as_dvec3().dot(normal.as_dvec3()).powi(2);
+    let squared_offset = to_center.as_dvec3().length_squared() - squared_height;
+    let sum = squared_height + squared_offset + squared_radius;
+    0.5 * (1.0 - (sum - 2.0 * squared_radius) / (sum * sum - 4.0 * squared_offset * squared_radius).sqrt())
+}
+
+/// Form factor between parallel squares that face each other, as long as `side` times their distance (Howell, C-11, of equal sides).
+pub fn form_factor_of_opposed_squares(side: f64) -> f64 {
+    let (squared, slant) = (side * side, side.hypot(1.0));
+    let logarithm = (slant * slant / (2.0 * squared + 1.0).sqrt()).ln();
+    let angles = 2.0 * side * (slant * (side / slant).atan() - side.atan());
+    2.0 / (std::f64::consts::PI * squared) * (logarithm + angles)
 }
 
 /// How far irradiances are from those of a reference, over all points and channels.
