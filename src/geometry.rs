@@ -111,10 +111,8 @@ impl Geometry {
     /// Draws all surfaces.
     pub fn draw(&self, pass: SurfacePass) {
         for batch in &self.batches {
-            let own = [
-                ("to_clip", Uniform::Mat4(pass.to_clip)),
-                ("albedo_texture", Uniform::Texture(&self.textures[batch.texture])),
-            ];
+            let own =
+                [("to_clip", Uniform::Mat4(pass.to_clip)), ("albedo_texture", Uniform::Texture(&self.textures[batch.texture]))];
             let uniforms = [&own[..], &self.uniforms(), pass.uniforms].concat();
             Draw {
                 target: pass.target,

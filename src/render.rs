@@ -16,7 +16,7 @@ use crate::direct::Direct;
 use crate::direction::Directions;
 use crate::error::{Error, Result};
 use crate::film::{Film, PairwiseSum};
-use crate::gather::{Bundle, Gather};
+use crate::gather::{Bundle, FusedGather, Gather};
 use crate::geometry::Geometry;
 use crate::gpu::Gpu;
 use crate::image::Image;
@@ -61,6 +61,8 @@ pub struct Render {
 enum Method {
     /// [`Pipeline::Kill`]
     Layers { gather: Gather, sums: Sums },
+    /// [`Pipeline::Fused`]
+    Fused { gather: FusedGather, sums: Sums },
     /// [`Pipeline::Raycast`]; points and sums row by row from the bottom, as the GL side has them.
     Rays { points: Vec<Option<GatherPoint>>, sums: Vec<Vec4> },
 }
@@ -143,6 +145,10 @@ impl Render {
         let method = match settings.pipeline {
             Pipeline::Kill => Method::Layers {
                 gather: Gather::new(gpu, settings.layer_size, interleave.subset(0, 0).size(points), settings.stop_fraction)?,
+                sums: Sums::new(gpu, interleave.sums_size())?,
+            },
+            Pipeline::Fused => Method::Fused {
+                gather: FusedGather::new(gpu, settings.layer_size)?,
                 sums: Sums::new(gpu, interleave.sums_size())?,
             },
             Pipeline::Raycast => Method::Rays { points: Vec::new(), sums: Vec::new() },
@@ -273,7 +279,7 @@ impl Render {
         self.statistics.seconds.direct += self.finish("direct light", start)?;
 
         match &mut self.method {
-            Method::Layers { sums, .. } => sums.clear(),
+            Method::Layers { sums, .. } | Method::Fused { sums, .. } => sums.clear(),
             Method::Rays { points, sums } => {
                 *points = visible.pixels();
                 *sums = vec![Vec4::ZERO; points.len()];
@@ -306,6 +312,10 @@ impl Render {
                 let bundle = Bundle::new(&direction, &self.geometry.positions, self.settings.layer_size);
                 gather.direction(&self.geometry, &self.photons, points, &bundle, sums)
             }
+            Method::Fused { gather, sums } => {
+                let bundle = Bundle::new(&direction, &self.geometry.positions, self.settings.layer_size);
+                gather.direction(&self.geometry, &self.photons, points, &bundle, sums)
+            }
             Method::Rays { points, sums } => {
                 let rays = Reference::new(&self.scene, &self.bvh, &self.grid);
                 let interleave = self.interleave;
@@ -327,7 +337,7 @@ impl Render {
 
     fn film_of(&self, block: &Block) -> Film {
         let mut gathered = match &self.method {
-            Method::Layers { sums, .. } => self.interleave.in_order(sums.read()),
+            Method::Layers { sums, .. } | Method::Fused { sums, .. } => self.interleave.in_order(sums.read()),
             Method::Rays { sums, .. } => sums.clone(),
         };
         if self.settings.estimator == Estimator::Plain {

@@ -71,7 +71,9 @@ pub enum Pipeline {
     /// The 2004 method: layers peeled far to near, one culling (KILL) pass over the points for each layer.
     #[default]
     Kill,
-    /// Exact rays on the CPU along the same directions: what the layers approximate. Much slower; layer size and stop fraction mean nothing.
+    /// All layers sampled in one pass, for rays at both ends of each direction.
+    Fused,
+    /// Exact rays on the CPU along the same directions: what the layers approximate. Layer size and stop fraction mean nothing to it.
     Raycast,
 }
 

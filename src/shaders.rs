@@ -6,6 +6,7 @@ const INCLUDES: &[(&str, &str)] = &[
     ("surface.glsl", include_str!("../glsl/include/surface.glsl")),
     ("octahedral.glsl", include_str!("../glsl/include/octahedral.glsl")),
     ("points.glsl", include_str!("../glsl/include/points.glsl")),
+    ("layer.glsl", include_str!("../glsl/include/layer.glsl")),
     ("photon_grid.glsl", include_str!("../glsl/include/photon_grid.glsl")),
     ("radiance.glsl", include_str!("../glsl/include/radiance.glsl")),
 ];
@@ -26,7 +27,8 @@ pub static SHADOW: ShaderSource = shader!("surface", "shadow");
 pub static DIRECT: ShaderSource = shader!("fullscreen", "direct");
 pub static PEEL: ShaderSource = shader!("surface", "peel");
 pub static KILL: ShaderSource = shader!("fullscreen", "kill");
+pub static FUSED: ShaderSource = shader!("fullscreen", "fused");
 pub static ACCUMULATE: ShaderSource = shader!("fullscreen", "accumulate");
 
 /// All of the above.
-pub static ALL: [&ShaderSource; 6] = [&VISIBLE_POINTS, &SHADOW, &DIRECT, &PEEL, &KILL, &ACCUMULATE];
+pub static ALL: [&ShaderSource; 7] = [&VISIBLE_POINTS, &SHADOW, &DIRECT, &PEEL, &KILL, &FUSED, &ACCUMULATE];

@@ -2,6 +2,7 @@
 //! the others overwrite its sample. Mirrors `glsl/kill.frag`.
 
 use super::bundle::Bundle;
+use super::peel::Layer;
 use crate::error::Result;
 use crate::gpu::{Blend, DepthTest, Draw, Format, Geometry, Gpu, Program, SampleQuery, Target, Texture, Uniform};
 use crate::points::Points;
@@ -29,8 +30,12 @@ impl Kill {
     }
 
     /// Lets each point sample `layer`, the `index`-th from afar. Returns how many did.
-    pub fn sample(&self, points: Points, bundle: &Bundle, layer: &Texture, index: u32) -> u32 {
-        let own = [("layer", Uniform::Texture(layer)), ("is_farthest", Uniform::Int((index == 0).into()))];
+    pub fn sample(&self, points: Points, bundle: &Bundle, layer: Layer, index: u32) -> u32 {
+        let own = [
+            ("layers", Uniform::Texture(layer.layers)),
+            ("element", Uniform::Int(layer.element as i32)),
+            ("is_farthest", Uniform::Int((index == 0).into())),
+        ];
         let uniforms = [&own[..], &points.uniforms()[..], &bundle.uniforms()].concat();
         self.survivors.count(|| {
             Draw {

@@ -12,19 +12,21 @@
 
 mod accumulate;
 mod bundle;
+mod fused;
 mod kill;
 mod peel;
 
 pub use bundle::Bundle;
+pub use peel::{Layer, Peel};
 
 use crate::error::Result;
 use crate::geometry::Geometry;
-use crate::gpu::Gpu;
+use crate::gpu::{Gpu, SampleQuery};
 use crate::photon::PhotonTexture;
 use crate::points::{Points, Sums};
 use accumulate::Accumulate;
+use fused::Fused;
 use kill::Kill;
-pub use peel::Peel;
 
 /// The passes of the 2004 method, for one layer size and one size of point textures.
 pub struct Gather {
@@ -41,7 +43,7 @@ impl Gather {
     /// When a size is beyond the device's limits.
     pub fn new(gpu: &Gpu, layer_size: u32, points: [u32; 2], stop_fraction: f32) -> Result<Self> {
         Ok(Self {
-            peel: Peel::new(gpu, layer_size)?,
+            peel: Peel::new(gpu, layer_size, 2)?,
             kill: Kill::new(gpu, points)?,
             accumulate: Accumulate::new(gpu)?,
             stop_fraction,
@@ -71,6 +73,39 @@ impl Gather {
             }
         }
         self.accumulate.add(geometry, photons, points, bundle, self.kill.hits(), sums);
+        layers
+    }
+}
+
+/// The passes of the fused method: all layers of a direction are kept, and one pass over the points samples them for the rays at both ends.
+pub struct FusedGather {
+    peel: Peel,
+    fused: Fused,
+    any: SampleQuery,
+}
+
+impl FusedGather {
+    /// # Errors
+    /// When a size is beyond the device's limits.
+    pub fn new(gpu: &Gpu, layer_size: u32) -> Result<Self> {
+        Ok(Self { peel: Peel::new(gpu, layer_size, 16)?, fused: Fused::new(gpu)?, any: SampleQuery::new(gpu)? })
+    }
+
+    /// Gathers along one direction and against it, each point on its own side, and adds to `sums`. Returns the number of layers peeled.
+    pub fn direction(
+        &mut self,
+        geometry: &Geometry,
+        photons: &PhotonTexture,
+        points: Points,
+        bundle: &Bundle,
+        sums: &Sums,
+    ) -> u32 {
+        self.peel.start();
+        let mut layers = 0;
+        while layers < self.peel.kept() && self.any.count(|| _ = self.peel.next(geometry, bundle)) > 0 {
+            layers += 1;
+        }
+        self.fused.add(geometry, photons, points, bundle, &self.peel, layers, sums);
         layers
     }
 }

@@ -44,6 +44,7 @@ pub struct GpuInfo {
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct Limits {
     pub max_texture_size: u32,
+    pub max_array_layers: u32,
     pub max_3d_texture_size: u32,
     pub max_renderbuffer_size: u32,
     pub max_draw_buffers: u32,
@@ -152,6 +153,7 @@ unsafe fn info(gl: &glow::Context, platform: &Platform) -> GpuInfo {
         device: platform.device().to_owned(),
         limits: Limits {
             max_texture_size: integer(glow::MAX_TEXTURE_SIZE),
+            max_array_layers: integer(glow::MAX_ARRAY_TEXTURE_LAYERS),
             max_3d_texture_size: integer(glow::MAX_3D_TEXTURE_SIZE),
             max_renderbuffer_size: integer(glow::MAX_RENDERBUFFER_SIZE),
             max_draw_buffers: integer(glow::MAX_DRAW_BUFFERS),

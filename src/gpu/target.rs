@@ -1,5 +1,7 @@
 //! Render targets: a framebuffer object and the textures that it owns.
 
+use std::rc::Rc;
+
 use glow::HasContext;
 
 use super::context::{Context, Gpu};
@@ -10,8 +12,8 @@ use crate::error::{Error, Result};
 /// Colour textures of one size and, if asked for, a float depth texture.
 pub struct Target {
     framebuffer: Resource<glow::NativeFramebuffer>,
-    colors: Vec<Texture>,
-    depth: Option<Texture>,
+    colors: Vec<Rc<Texture>>,
+    depth: Option<Rc<Texture>>,
     size: [u32; 2],
 }
 
@@ -21,9 +23,25 @@ impl Target {
     /// # Errors
     /// [`Error::Usage`] when the size is beyond the device's limit, [`Error::Gl`] when it refuses the target.
     pub fn new(gpu: &Gpu, [width, height]: [u32; 2], colors: &[Format], depth: bool) -> Result<Self> {
-        let texture = |format| Texture::empty(gpu, format, width, height);
+        let texture = |format| Texture::empty(gpu, format, width, height).map(Rc::new);
         let colors = colors.iter().map(|&format| texture(format)).collect::<Result<Vec<_>>>()?;
         let depth = depth.then(|| texture(Format::Depth32F)).transpose()?;
+        Self::of(gpu, colors, 0, depth)
+    }
+
+    /// Targets for the `count` elements of a new array of textures, each with the same depth texture: draw into one after the other.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub fn array(gpu: &Gpu, size: [u32; 2], color: Format, count: u32) -> Result<Vec<Self>> {
+        let color = Rc::new(Texture::empty_array(gpu, color, size, count)?);
+        let depth = Rc::new(Texture::empty(gpu, Format::Depth32F, size[0], size[1])?);
+        (0..count).map(|element| Self::of(gpu, vec![color.clone()], element, Some(depth.clone()))).collect()
+    }
+
+    /// Renders into `element` of `colors` that are arrays.
+    fn of(gpu: &Gpu, colors: Vec<Rc<Texture>>, element: u32, depth: Option<Rc<Texture>>) -> Result<Self> {
+        let [width, height] = [colors[0].width(), colors[0].height()];
         let gl = gpu.gl();
         let framebuffer = Resource::own(gpu, unsafe { gl.create_framebuffer() })?;
         let mut buffers = Vec::new();
@@ -31,7 +49,12 @@ impl Target {
             gl.bind_framebuffer(glow::FRAMEBUFFER, Some(framebuffer.name()));
             for (i, color) in (0..).zip(&colors) {
                 let attachment = glow::COLOR_ATTACHMENT0 + i;
-                gl.framebuffer_texture_2d(glow::FRAMEBUFFER, attachment, glow::TEXTURE_2D, Some(color.name()), 0);
+                if color.kind() == glow::TEXTURE_2D_ARRAY {
+                    let element = element as i32;
+                    gl.framebuffer_texture_layer(glow::FRAMEBUFFER, attachment, Some(color.name()), 0, element);
+                } else {
+                    gl.framebuffer_texture_2d(glow::FRAMEBUFFER, attachment, glow::TEXTURE_2D, Some(color.name()), 0);
+                }
                 buffers.push(attachment);
             }
             if let Some(depth) = &depth {

@@ -31,7 +31,7 @@ pub enum Wrap {
     Repeat,
 }
 
-/// A 2D or 3D texture.
+/// A 2D or 3D texture, or an array of 2D ones.
 pub struct Texture {
     resource: Resource<glow::NativeTexture>,
     kind: u32,
@@ -68,6 +68,14 @@ impl Texture {
         Self::new(gpu, glow::TEXTURE_2D, format, [width, height, 1], Filter::Nearest, Wrap::Clamp, None)
     }
 
+    /// An empty array of `count` 2D textures with nearest filtering, to render into.
+    ///
+    /// # Errors
+    /// As [`Self::empty`].
+    pub fn empty_array(gpu: &Gpu, format: Format, [width, height]: [u32; 2], count: u32) -> Result<Self> {
+        Self::new(gpu, glow::TEXTURE_2D_ARRAY, format, [width, height, count], Filter::Nearest, Wrap::Clamp, None)
+    }
+
     /// A 2D texture of `texels`, first row at t = 0.
     ///
     /// # Errors
@@ -101,8 +109,12 @@ impl Texture {
         texels: Option<&[u8]>,
     ) -> Result<Self> {
         let limits = gpu.info().limits;
-        let limit = if kind == glow::TEXTURE_3D { limits.max_3d_texture_size } else { limits.max_texture_size };
-        if let Some(side) = size.iter().find(|&&side| side == 0 || side > limit) {
+        let (flat, deep) = match kind {
+            glow::TEXTURE_3D => (limits.max_3d_texture_size, limits.max_3d_texture_size),
+            _ => (limits.max_texture_size, limits.max_array_layers),
+        };
+        let sides = size.into_iter().zip([flat, flat, deep]);
+        if let Some((side, limit)) = sides.into_iter().find(|&(side, limit)| side == 0 || side > limit) {
             return Err(Error::usage(
                 format!("a texture side of {side} is asked for, and this GL device takes 1 to {limit}"),
                 "choose a smaller size, layer size or grid, or another device",
@@ -127,7 +139,7 @@ impl Texture {
         };
         unsafe {
             gl.bind_texture(kind, Some(resource.name()));
-            if kind == glow::TEXTURE_3D {
+            if kind == glow::TEXTURE_3D || kind == glow::TEXTURE_2D_ARRAY {
                 gl.tex_image_3d(kind, 0, internal as i32, width, height, depth, 0, layout, component, data);
             } else {
                 gl.tex_image_2d(kind, 0, internal as i32, width, height, 0, layout, component, data);
@@ -160,7 +172,7 @@ impl Texture {
         self.size[1]
     }
 
-    /// The texels of a 2D texture, first row at t = 0. Waits for what renders into it.
+    /// The texels, first row at t = 0, those of an array one after the other. Waits for what renders into it.
     pub fn read<T: Pod>(&self) -> Vec<T> {
         let (_, layout, component) = self.format.gl();
         let bytes = self.size.iter().product::<u32>() as usize * self.format.bytes();
