@@ -1,6 +1,7 @@
 #version 330 core
 // All layers of a direction in one pass, for the rays of both its ends: a point that faces along the direction looks for the nearest surface
-// beyond it, any other for the nearest before it, and what it sees is added to its sums (additive blending).
+// beyond it, any other for the nearest before it, and what it sees is added to its sums (additive blending). Points in texels where no
+// layer has anything, on the scene's outline, are left to a second pass, the variant OUTLINE.
 // Mirrors src/gather/fused.rs.
 
 #include "points.glsl"
@@ -14,6 +15,8 @@ uniform vec3 direction;
 uniform ivec2 first_texel;          // of the subset in the sums
 
 layout(location = 0) out vec4 sum;  // rgb: radiance x weight; a: weight
+
+#ifdef OUTLINE
 
 // The farthest layer seen along the direction; seen against it, the last that has anything at this texel.
 Sample sample_outline(Receiver receiver, ivec2 texel)
@@ -39,34 +42,35 @@ Sample sample_outline(Receiver receiver, ivec2 texel)
     return nearest;
 }
 
+#endif
+
 void main()
 {
     ivec2 place = ivec2(gl_FragCoord.xy) - first_texel;
     GatherPoint point = fetch_point(place);
-    if (!point.exists)
-        discard;
     float side = dot(point.surface_normal, direction) < 0.0 ? -1.0 : 1.0;
     float weight = cosine(point, side * direction);
-    if (weight == 0.0)
-        discard;
     Receiver receiver = receiver(point.position, point.surface_normal, side);
     ivec2 texel = ivec2(floor(receiver.place.xy));
+#ifdef OUTLINE
+    Sample nearest = sample_outline(receiver, texel);
+#else
     Sample nearest = NOTHING;
     for (int layer = 0; layer < layer_count; layer += 2) {
         Sample even = sample_texel(receiver, even_layers, layer >> 1, texel);
-        if (layer == 0 && even.triangle == 0.0)
-            even = sample_outline(receiver, texel);
-        else
-            even = sample_beside_edge(receiver, even_layers, layer >> 1, texel, even);
-        if (is_hit(even) && (nearest.triangle == 0.0 || even.ahead < nearest.ahead))
+        if (layer == 0 && even.triangle == 0.0 && weight > 0.0)
+            discard;
+        even = sample_beside_edge(receiver, even_layers, layer >> 1, texel, even);
+        if (is_hit(even) && (side > 0.0 || nearest.triangle == 0.0))
             nearest = even;
         if (layer + 1 < layer_count) {
             Sample odd = sample_texel(receiver, odd_layers, layer >> 1, texel);
             odd = sample_beside_edge(receiver, odd_layers, layer >> 1, texel, odd);
-            if (is_hit(odd) && (nearest.triangle == 0.0 || odd.ahead < nearest.ahead))
+            if (is_hit(odd) && (side > 0.0 || nearest.triangle == 0.0))
                 nearest = odd;
         }
     }
+#endif
     vec3 radiance = vec3(0.0);
     if (nearest.triangle > 0.0) {
         float along = nearest.ahead * dot(direction, from_layer[2].xyz);

@@ -7,7 +7,6 @@
 
 uniform sampler2DArray layers;
 uniform int element;                // of the layer
-uniform bool is_farthest;           // of all layers
 uniform vec3 direction;
 
 layout(location = 0) out vec2 hit;  // distance along the direction; triangle, counted from 1
@@ -20,10 +19,12 @@ void main()
     Receiver receiver = receiver(point.position, point.surface_normal, 1.0);
     ivec2 texel = ivec2(floor(receiver.place.xy));
     Sample nearest = sample_texel(receiver, layers, element, texel);
-    if (is_farthest && nearest.triangle == 0.0)
+#ifdef FARTHEST
+    if (nearest.triangle == 0.0)
         nearest = sample_around(receiver, layers, element, texel);
     else
-        nearest = sample_beside_edge(receiver, layers, element, texel, nearest);
+#endif
+    nearest = sample_beside_edge(receiver, layers, element, texel, nearest);
     if (!is_hit(nearest))
         discard;                    // KILL
     hit = vec2(nearest.ahead * dot(direction, from_layer[2].xyz), nearest.triangle);

@@ -13,9 +13,8 @@ use crate::gpu::{
 use crate::math::dominant_axis;
 use crate::scene::{Material, Mesh, Scene, Texture as Image};
 
-/// Width of the tables: a multiple of an entry's 3 texels, within the least that 3.3 promises for textures, and wide enough for 5 million
-/// triangles on today's devices.
-const TABLE_WIDTH: usize = 1020;
+/// Texels in a row of the tables, within the least that 3.3 promises for textures. Four make an entry.
+const TABLE_WIDTH: usize = 1024;
 
 /// Everything that shaders read of a scene's surfaces.
 pub struct Geometry {
@@ -59,6 +58,7 @@ impl Geometry {
             let code = mesh.triangles[triangle].material as usize * 4 + dominant_axis(normal);
             table.push(normal.extend(code as f32).to_array());
             table.extend(texture_planes(mesh, triangle));
+            table.push([0.0; 4]);
             positions.extend(mesh.corners(triangle));
             normals.extend(mesh.triangles[triangle].vertices.map(|vertex| mesh.normals[vertex as usize]));
         }
@@ -69,7 +69,7 @@ impl Geometry {
                 [width as f32, height as f32, first_rows[texture] as f32, 0.0]
             });
             let textured = f32::from(material.albedo_texture.is_some());
-            [material.albedo.extend(textured).to_array(), material.emission.extend(0.0).to_array(), texture]
+            [material.albedo.extend(textured).to_array(), material.emission.extend(0.0).to_array(), texture, [0.0; 4]]
         };
         let materials = scene.materials.iter().flat_map(entry).collect();
 
@@ -100,12 +100,18 @@ impl Geometry {
     }
 
     /// The uniforms that shaders of hits read.
-    pub fn uniforms(&self) -> [(&'static str, Uniform<'_>); 3] {
+    pub fn uniforms(&self) -> [(&'static str, Uniform<'_>); 4] {
         [
             ("triangles", Uniform::Texture(&self.triangles)),
             ("materials", Uniform::Texture(&self.materials)),
             ("albedo_texels", Uniform::Texture(&self.texels)),
+            ("albedo_shift", Uniform::Int(self.texels.width().ilog2() as i32)),
         ]
+    }
+
+    /// Whether any surface has an albedo texture.
+    pub fn is_textured(&self) -> bool {
+        self.textures.len() > 1
     }
 
     /// Draws all surfaces.
@@ -164,7 +170,7 @@ fn upload_table(gpu: &Gpu, mut texels: Vec<[f32; 4]>) -> Result<Texture> {
 
 /// All textures in one, and the row at which each begins.
 fn upload_texels(gpu: &Gpu, textures: &[Image]) -> Result<(Texture, Vec<usize>)> {
-    let width = gpu.info().limits.max_texture_size.min(4096) as usize;
+    let width = 1 << gpu.info().limits.max_texture_size.min(4096).ilog2();
     let (mut texels, mut first_rows) = (Vec::new(), Vec::new());
     for texture in textures {
         first_rows.push(texels.len() / width);

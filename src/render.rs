@@ -13,7 +13,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::direct::Direct;
-use crate::direction::Directions;
+use crate::direction::{Direction, Directions};
 use crate::error::{Error, Result};
 use crate::film::{Film, PairwiseSum};
 use crate::gather::{Bundle, FusedGather, Gather};
@@ -304,7 +304,9 @@ impl Render {
 
     fn gather_direction(&mut self, block: &mut Block) -> Result<()> {
         let start = Instant::now();
+        // As the camera sees them, so that a scene turned together with its camera makes the same picture.
         let direction = self.directions.get(self.done);
+        let direction = Direction { vector: self.scene.camera.axes() * direction.vector, ..direction };
         let subset = self.interleave.subset(self.done, block.index);
         let points = self.camera.points(&block.visible).only(subset);
         let layers = match &mut self.method {
@@ -314,7 +316,7 @@ impl Render {
             }
             Method::Fused { gather, sums } => {
                 let bundle = Bundle::new(&direction, &self.geometry.positions, self.settings.layer_size);
-                gather.direction(&self.geometry, &self.photons, points, &bundle, sums)
+                gather.direction(&self.geometry, &self.photons, points, &bundle, sums)?
             }
             Method::Rays { points, sums } => {
                 let rays = Reference::new(&self.scene, &self.bvh, &self.grid);
@@ -341,9 +343,10 @@ impl Render {
             Method::Rays { sums, .. } => sums.clone(),
         };
         if self.settings.estimator == Estimator::Plain {
-            // The weights' expected sum in place of their own: the mean of max(n·d, 0) over the sphere is 1/4.
+            // The weights' expected sum in place of their own: over the sphere, the mean of max(n·d, 0) is 1/4, that of |n·d| 1/2.
+            let mean = if self.settings.pipeline == Pipeline::Fused { 0.5 } else { 0.25 };
             let taken = |pixel| block.taken[self.interleave.subset_of(pixel).index()];
-            gathered.iter_mut().enumerate().for_each(|(pixel, sum)| sum.w = taken(pixel) as f32 / 4.0);
+            gathered.iter_mut().enumerate().for_each(|(pixel, sum)| sum.w = mean * taken(pixel) as f32);
         }
         let gathered = self.interleave.share(gathered, &block.taken, &block.visible);
         let directions = block.taken.iter().sum();

@@ -71,7 +71,8 @@ pub enum Pipeline {
     /// The 2004 method: layers peeled far to near, one culling (KILL) pass over the points for each layer.
     #[default]
     Kill,
-    /// All layers sampled in one pass, for rays at both ends of each direction.
+    /// All layers sampled in one pass, for rays at both ends of each direction: as many samples from half the directions, and to the last
+    /// layer, whatever the stop fraction.
     Fused,
     /// Exact rays on the CPU along the same directions: what the layers approximate. Layer size and stop fraction mean nothing to it.
     Raycast,
@@ -85,7 +86,7 @@ pub enum Estimator {
     /// falls as 1/N, far below its error, and at smooth shading normals the directions under the surface count as if not there.
     #[default]
     SelfNormalised,
-    /// E = (4π/N) Σ L w, the poster's. Without bias at any N, but a constant radiance has a relative error of 1.29/√N with random directions.
+    /// E = (4π/N) Σ L w, the poster's; (2π/N) Σ L w where both ends of a direction count. Without bias at any N, but a constant radiance has a relative error of 1.29/√N with random directions.
     Plain,
 }
 

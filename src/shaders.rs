@@ -12,11 +12,12 @@ const INCLUDES: &[(&str, &str)] = &[
 ];
 
 macro_rules! shader {
-    ($vertex:literal, $fragment:literal) => {
+    ($vertex:literal, $fragment:literal $(, $define:literal)*) => {
         ShaderSource {
             name: $fragment,
             vertex: include_str!(concat!("../glsl/", $vertex, ".vert")),
             fragment: include_str!(concat!("../glsl/", $fragment, ".frag")),
+            defines: &[$($define),*],
             includes: INCLUDES,
         }
     };
@@ -27,8 +28,24 @@ pub static SHADOW: ShaderSource = shader!("surface", "shadow");
 pub static DIRECT: ShaderSource = shader!("fullscreen", "direct");
 pub static PEEL: ShaderSource = shader!("surface", "peel");
 pub static KILL: ShaderSource = shader!("fullscreen", "kill");
+pub static KILL_FARTHEST: ShaderSource = shader!("fullscreen", "kill", "FARTHEST");
 pub static FUSED: ShaderSource = shader!("fullscreen", "fused");
+pub static FUSED_TEXTURED: ShaderSource = shader!("fullscreen", "fused", "TEXTURED");
+pub static FUSED_OUTLINE: ShaderSource = shader!("fullscreen", "fused", "OUTLINE", "TEXTURED");
 pub static ACCUMULATE: ShaderSource = shader!("fullscreen", "accumulate");
+pub static ACCUMULATE_TEXTURED: ShaderSource = shader!("fullscreen", "accumulate", "TEXTURED");
 
 /// All of the above.
-pub static ALL: [&ShaderSource; 7] = [&VISIBLE_POINTS, &SHADOW, &DIRECT, &PEEL, &KILL, &FUSED, &ACCUMULATE];
+pub static ALL: [&ShaderSource; 11] = [
+    &VISIBLE_POINTS,
+    &SHADOW,
+    &DIRECT,
+    &PEEL,
+    &KILL,
+    &KILL_FARTHEST,
+    &FUSED,
+    &FUSED_TEXTURED,
+    &FUSED_OUTLINE,
+    &ACCUMULATE,
+    &ACCUMULATE_TEXTURED,
+];

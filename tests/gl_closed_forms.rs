@@ -12,7 +12,7 @@ use std::f64;
 
 use common::{
     Model, directions, form_factor_of_disc, form_factor_of_opposed_squares, form_factor_of_polygon, gather, gpu, irradiance,
-    sized,
+    sized, vectors,
 };
 use finalgather::photon::{PhotonGrid, PhotonTexture};
 use finalgather::points::GatherPoint;
@@ -98,9 +98,8 @@ fn check(name: &str, scene: &Scene, points: &[GatherPoint], rest: Rest, expected
     // Directions without weight at any point change no sum.
     let mut directions = directions(Sequence::R2, count);
     directions.retain(|direction| points.iter().any(|point| point.cosine(direction.vector) > 0.0));
-    let vectors: Vec<Vec3> = directions.iter().map(|direction| direction.vector).collect();
     let layers = gather(&gpu, scene, &photons, points, &directions, 256);
-    let rays = Reference::new(scene, &Bvh::new(&scene.mesh), &grid).gather(points, &vectors);
+    let rays = Reference::new(scene, &Bvh::new(&scene.mesh), &grid).gather(points, &vectors(&directions));
 
     let expected: Vec<f64> = points.iter().map(expected).collect();
     let expected_sky: Vec<f64> = expected.iter().map(|factor| 1.0 - factor).collect();

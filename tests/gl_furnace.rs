@@ -5,7 +5,7 @@ mod common;
 
 use std::f32::consts::PI;
 
-use common::{Model, directions, gather, gpu, irradiance, points_on, sized};
+use common::{Model, directions, gather, gather_fused, gpu, irradiance, points_on, sized, vectors};
 use finalgather::photon::{PhotonGrid, PhotonTexture};
 use finalgather::points::GatherPoint;
 use finalgather::reference::Reference;
@@ -36,8 +36,9 @@ fn points_beside_edges(scene: &Scene, inset: f32) -> Vec<GatherPoint> {
     (0..mesh.triangles.len()).flat_map(beside).collect()
 }
 
-/// Fails unless every point receives π, also those `inset` from an edge: there, what closes the scene must still rise from the point's tangent
-/// plane by more than 1/256 of a texel, 1.6e-5, to which rasterisers round vertices.
+/// Fails unless every point receives π, also those `inset` from an edge. There, a ray is lost that rises from the point's tangent plane by less
+/// than the clearance before it meets what closes the scene; a thousandth inside, with a clearance of 1.6e-5, its share of 64 directions
+/// is at most 1.6e-2 / 16.
 fn check(name: &str, scene: &Scene, inset: Option<f32>) {
     let gpu = gpu();
     let (count, size, points) = sized(&gpu, (64, 512, 4096), (16, 128, 256));
@@ -48,10 +49,10 @@ fn check(name: &str, scene: &Scene, inset: Option<f32>) {
     let bvh = Bvh::new(&scene.mesh);
     for sequence in [Sequence::Random, Sequence::R2, Sequence::Sobol] {
         let directions = directions(sequence, count);
-        let vectors: Vec<Vec3> = directions.iter().map(|direction| direction.vector).collect();
-        let rays = Reference::new(scene, &bvh, &grid).gather(&points, &vectors);
+        let rays = Reference::new(scene, &bvh, &grid).gather(&points, &vectors(&directions));
         let layers = gather(&gpu, scene, &photons, &points, &directions, size);
-        for (pipeline, sums) in [("rays", rays), ("layers", layers)] {
+        let fused = gather_fused(&gpu, scene, &photons, &points, &directions, size);
+        for (pipeline, sums) in [("rays", rays), ("layers", layers), ("fused", fused)] {
             let errors: Vec<f32> = irradiance(&sums).iter().map(|e| (e / PI - 1.0).abs().max_element()).collect();
             let beyond = errors.iter().filter(|&&error| error > LIMIT).count();
             let worst = errors.iter().copied().fold(0.0, f32::max);
@@ -65,7 +66,7 @@ fn check(name: &str, scene: &Scene, inset: Option<f32>) {
 fn room() {
     let mut model = Model::new();
     model.cuboid(Vec3::ZERO, vec3(1.0, 0.8, 0.6), 0.0, true, 0);
-    check("room", &model.finish(), Some(1e-4));
+    check("room", &model.finish(), Some(1e-3));
 }
 
 #[test]
@@ -74,7 +75,7 @@ fn room_with_blocks() {
     model.cuboid(Vec3::ZERO, Vec3::ONE, 0.0, true, 0);
     model.cuboid(vec3(-0.4, -0.5, -0.3), vec3(0.3, 0.3, 0.3), 0.3, false, 0);
     model.cuboid(vec3(0.4, -0.2, 0.3), vec3(0.2, 0.5, 0.25), -0.4, false, 0);
-    check("room with blocks", &model.finish(), Some(1e-4));
+    check("room with blocks", &model.finish(), Some(1e-3));
 }
 
 #[test]

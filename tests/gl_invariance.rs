@@ -3,8 +3,6 @@
 
 mod common;
 
-use std::f64::consts::SQRT_2;
-
 use common::{gpu, sized};
 use finalgather::gpu::Gpu;
 use finalgather::image::Image;
@@ -81,8 +79,8 @@ fn scale_and_place_change_nothing_but_rounding() {
     }
 }
 
-/// Turned, scaled and moved at once: directions, layers, photons and their cells then lie otherwise on the box, and two pictures with errors of
-/// their own differ by √2 of the standard error of each, or less where it is on the safe side.
+/// Turned, scaled and moved at once: directions turn with the camera; layers, photons and their cells lie otherwise on the box (measured 2.6 %
+/// with an error of 5.9 %).
 #[test]
 fn a_turn_changes_less_than_the_error() {
     let gpu = gpu();
@@ -90,7 +88,7 @@ fn a_turn_changes_less_than_the_error() {
     let turn = Quat::from_axis_angle(vec3(1.0, 2.0, 3.0).normalize(), 37f32.to_radians());
     let by = Affine3A::from_scale_rotation_translation(Vec3::splat(0.01), turn, vec3(10.0, -20.0, 5.0));
     let (found, error) = difference(&gpu, "turned", by, &reference);
-    assert!(found.relative_rmse < SQRT_2 * error, "{found:?}, standard error {error}");
+    assert!(found.relative_rmse < error, "{found:?}, standard error {error}");
     // The mean over the picture is over a hundred times as many rays (measured -0.11 %, and +0.28 % of the few on softpipe).
     assert!(found.bias.abs() < 0.01, "{found:?}");
 }

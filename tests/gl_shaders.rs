@@ -53,7 +53,7 @@ fn all_are_valid_by_the_letter() {
     for source in ALL {
         let (vertex, fragment) = source.resolve().unwrap();
         for (stage, text) in [("vert", vertex), ("frag", fragment)] {
-            let file = folder.path().join(format!("{}.{stage}", source.name));
+            let file = folder.path().join(format!("{}_{}.{stage}", source.name, source.defines.concat()));
             fs::write(&file, text).unwrap();
             check(&file);
         }
@@ -85,7 +85,7 @@ const VERTEX: &str = "#version 330 core\nin vec3 position;\nvoid main() { gl_Pos
 #[test]
 fn broken_shaders_are_shown_with_the_drivers_words() {
     let fragment = "#version 330 core\n// A comment.\nvoid main() { undeclared_name = 1.0; }\n";
-    let message = failure(&ShaderSource { name: "broken", vertex: VERTEX, fragment, includes: &[] });
+    let message = failure(&ShaderSource { name: "broken", vertex: VERTEX, fragment, defines: &[], includes: &[] });
     assert!(message.contains("shader broken does not compile on "), "{message}");
     assert!(message.contains("   3 void main() { undeclared_name = 1.0; }"), "the numbered source: {message}");
     // The driver names what it stumbles over: once in its log, once in the source.
@@ -97,7 +97,7 @@ fn broken_shaders_are_shown_with_the_drivers_words() {
 fn stages_that_do_not_fit_are_shown_both() {
     let vertex = "#version 330 core\nout float shade;\nvoid main() { shade = 1.0; gl_Position = vec4(0.0); }\n";
     let fragment = "#version 330 core\nin vec3 shade;\nout vec3 color;\nvoid main() { color = shade; }\n";
-    let message = failure(&ShaderSource { name: "apart", vertex, fragment, includes: &[] });
+    let message = failure(&ShaderSource { name: "apart", vertex, fragment, defines: &[], includes: &[] });
     assert!(message.contains("shader apart does not link on "), "{message}");
     assert!(message.contains("   2 out float shade;") && message.contains("   2 in vec3 shade;"), "{message}");
 }
@@ -105,6 +105,6 @@ fn stages_that_do_not_fit_are_shown_both() {
 #[test]
 fn missing_includes_are_named() {
     let fragment = "#version 330 core\n#include \"nowhere.glsl\"\nvoid main() {}\n";
-    let message = failure(&ShaderSource { name: "lost", vertex: VERTEX, fragment, includes: &[] });
+    let message = failure(&ShaderSource { name: "lost", vertex: VERTEX, fragment, defines: &[], includes: &[] });
     assert!(message.contains("shader lost includes nowhere.glsl, which does not exist"), "{message}");
 }

@@ -4,20 +4,22 @@
 #include "surface.glsl"
 #include "photon_grid.glsl"
 
+#ifdef TEXTURED
+
 uniform sampler2D albedo_texels;    // of all textures, one after the other, each beginning with a row of this one
+uniform int albedo_shift;           // its width is 2 to this power
 
 // A texel by its place in a texture of which this is the first row here.
 vec3 albedo_texel(int row, ivec2 size, ivec2 place)
 {
-    uint width = uint(textureSize(albedo_texels, 0).x);
-    uint index = uint(place.y) * uint(size.x) + uint(place.x);
-    return texelFetch(albedo_texels, ivec2(index % width, uint(row) + index / width), 0).rgb;
+    int index = place.y * size.x + place.x;
+    return texelFetch(albedo_texels, ivec2(index & ((1 << albedo_shift) - 1), row + (index >> albedo_shift)), 0).rgb;
 }
 
 // Of a surface at a position: bilinear, repeated, without mipmaps. Textures are many and a hit may need any, so that no sampler will do.
 vec3 albedo(Surface surface, vec3 position)
 {
-    ivec2 texel = table_texel(materials, surface.material, 3u);
+    ivec2 texel = table_texel(surface.material);
     vec4 plain = texelFetch(materials, texel, 0);
     if (plain.a == 0.0)
         return plain.rgb;
@@ -34,6 +36,15 @@ vec3 albedo(Surface surface, vec3 position)
     vec3 second = mix(albedo_texel(row, size, ivec2(low.x, high.y)), albedo_texel(row, size, high), share.x);
     return plain.rgb * mix(first, second, share.y);
 }
+
+#else
+
+vec3 albedo(Surface surface, vec3 position)
+{
+    return plain_albedo(surface);
+}
+
+#endif
 
 // Radiance of a triangle at a position towards where a ray along `direction` came from, of the side that it met.
 vec3 hit_radiance(int triangle, vec3 position, vec3 direction)

@@ -12,17 +12,16 @@ struct Surface
     vec4 v;
 };
 
-// The first texel of entry `index` in a table with entries of `width` texels. Unsigned, because softpipe also divides in lanes that a
-// branch has switched off, and there a signed division of whatever they hold can trap.
-ivec2 table_texel(sampler2D table, int index, uint width)
+// The first texel of an entry: tables are 1024 texels wide, and entries have 4 texels, the last one unused. No division, which is slow
+// on software drivers, and on softpipe traps in lanes that a branch has switched off.
+ivec2 table_texel(int entry)
 {
-    uint per_row = uint(textureSize(table, 0).x) / width;
-    return ivec2(uint(index) % per_row * width, uint(index) / per_row);
+    return ivec2(entry & 255, entry >> 8) * ivec2(4, 1);
 }
 
 Surface fetch_surface(int triangle)
 {
-    ivec2 texel = table_texel(triangles, triangle, 3u);
+    ivec2 texel = table_texel(triangle);
     vec4 first = texelFetch(triangles, texel, 0);
     int code = int(first.w);        // material * 4 + axis
     return Surface(first.xyz, code & 3, code >> 2, texelFetch(triangles, texel + ivec2(1, 0), 0),
@@ -32,12 +31,12 @@ Surface fetch_surface(int triangle)
 // What the material itself reflects; its texture multiplies it.
 vec3 plain_albedo(Surface surface)
 {
-    return texelFetch(materials, table_texel(materials, surface.material, 3u), 0).rgb;
+    return texelFetch(materials, table_texel(surface.material), 0).rgb;
 }
 
 vec3 emission(Surface surface)
 {
-    return texelFetch(materials, table_texel(materials, surface.material, 3u) + ivec2(1, 0), 0).rgb;
+    return texelFetch(materials, table_texel(surface.material) + ivec2(1, 0), 0).rgb;
 }
 
 vec2 texture_coordinates(Surface surface, vec3 position)

@@ -4,19 +4,21 @@
 use super::bundle::Bundle;
 use crate::error::Result;
 use crate::geometry::Geometry;
-use crate::gpu::{Gpu, Program, Texture, Uniform};
+use crate::gpu::{DepthTest, Gpu, Program, Texture, Uniform};
 use crate::photon::PhotonTexture;
 use crate::points::{Points, Sums};
 use crate::shaders;
 
 /// Adds hits to sums.
 pub struct Accumulate {
-    program: Program,
+    /// Without and with albedo textures.
+    programs: [Program; 2],
 }
 
 impl Accumulate {
     pub fn new(gpu: &Gpu) -> Result<Self> {
-        Ok(Self { program: Program::new(gpu, &shaders::ACCUMULATE)? })
+        let program = |source| Program::new(gpu, source);
+        Ok(Self { programs: [program(&shaders::ACCUMULATE)?, program(&shaders::ACCUMULATE_TEXTURED)?] })
     }
 
     /// Adds what the points see at `hits` to `sums`: rgb radiance × weight, a weight.
@@ -31,6 +33,6 @@ impl Accumulate {
     ) {
         let own = [("hits", Uniform::Texture(hits)), ("direction", Uniform::Vec3(bundle.direction))];
         let uniforms = [&own[..], &geometry.uniforms(), &photons.uniforms()].concat();
-        sums.add(points, &self.program, &uniforms);
+        sums.add(points, &self.programs[usize::from(geometry.is_textured())], DepthTest::Off, &uniforms);
     }
 }

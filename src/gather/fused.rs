@@ -4,35 +4,46 @@ use super::bundle::Bundle;
 use super::peel::Peel;
 use crate::error::Result;
 use crate::geometry::Geometry;
-use crate::gpu::{Gpu, Program, Uniform};
+use crate::gpu::{DepthTest, Gpu, Program, Uniform};
 use crate::photon::PhotonTexture;
 use crate::points::{Points, Sums};
 use crate::shaders;
 
 /// Samples layers and adds what is seen to sums.
 pub struct Fused {
-    program: Program,
+    /// Without and with albedo textures.
+    programs: [Program; 2],
+    outline: Program,
+    /// Directions so far.
+    count: u32,
 }
 
 impl Fused {
     pub fn new(gpu: &Gpu) -> Result<Self> {
-        Ok(Self { program: Program::new(gpu, &shaders::FUSED)? })
+        let program = |source| Program::new(gpu, source);
+        Ok(Self {
+            programs: [program(&shaders::FUSED)?, program(&shaders::FUSED_TEXTURED)?],
+            outline: program(&shaders::FUSED_OUTLINE)?,
+            count: 0,
+        })
     }
 
-    /// Adds what the points see in the first `count` layers of `peel` to `sums`: rgb radiance × weight, a weight.
-    #[expect(clippy::too_many_arguments, reason = "what a gather is made of")]
+    /// Adds what the points see in the first layers of `peel` to `sums`: rgb radiance × weight, a weight.
     pub fn add(
-        &self,
+        &mut self,
         geometry: &Geometry,
         photons: &PhotonTexture,
         points: Points,
         bundle: &Bundle,
-        peel: &Peel,
-        count: u32,
+        (peel, layers): (&Peel, u32),
         sums: &Sums,
     ) {
-        let own = [("layer_count", Uniform::Int(count as i32))];
+        let own = [("layer_count", Uniform::Int(layers as i32))];
         let uniforms = [&own[..], &peel.uniforms(), &bundle.uniforms(), &geometry.uniforms(), &photons.uniforms()].concat();
-        sums.add(points, &self.program, &uniforms);
+        // What the first pass discards, it does not mark. A mark of its own for each direction needs no clearing.
+        self.count += 1;
+        let mark = (self.count & 0xffff) as f32 / 65536.0;
+        sums.add(points, &self.programs[usize::from(geometry.is_textured())], DepthTest::Mark(mark), &uniforms);
+        sums.add(points, &self.outline, DepthTest::Unmarked(mark), &uniforms);
     }
 }

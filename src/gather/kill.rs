@@ -10,7 +10,8 @@ use crate::shaders;
 
 /// Holds the nearest hit of each point so far.
 pub struct Kill {
-    program: Program,
+    /// For the farthest layer, and for the others.
+    programs: [Program; 2],
     hits: Target,
     survivors: SampleQuery,
 }
@@ -18,7 +19,7 @@ pub struct Kill {
 impl Kill {
     pub fn new(gpu: &Gpu, points: [u32; 2]) -> Result<Self> {
         Ok(Self {
-            program: Program::new(gpu, &shaders::KILL)?,
+            programs: [Program::new(gpu, &shaders::KILL_FARTHEST)?, Program::new(gpu, &shaders::KILL)?],
             hits: Target::new(gpu, points, &[Format::Rg32F], false)?,
             survivors: SampleQuery::new(gpu)?,
         })
@@ -31,17 +32,13 @@ impl Kill {
 
     /// Lets each point sample `layer`, the `index`-th from afar. Returns how many did.
     pub fn sample(&self, points: Points, bundle: &Bundle, layer: Layer, index: u32) -> u32 {
-        let own = [
-            ("layers", Uniform::Texture(layer.layers)),
-            ("element", Uniform::Int(layer.element as i32)),
-            ("is_farthest", Uniform::Int((index == 0).into())),
-        ];
+        let own = [("layers", Uniform::Texture(layer.layers)), ("element", Uniform::Int(layer.element as i32))];
         let uniforms = [&own[..], &points.uniforms()[..], &bundle.uniforms()].concat();
         self.survivors.count(|| {
             Draw {
                 target: &self.hits,
                 region: None,
-                program: &self.program,
+                program: &self.programs[usize::from(index > 0)],
                 uniforms: &uniforms,
                 depth: DepthTest::Off,
                 blend: Blend::Replace,

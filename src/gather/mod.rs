@@ -78,20 +78,35 @@ impl Gather {
 }
 
 /// The passes of the fused method: all layers of a direction are kept, and one pass over the points samples them for the rays at both ends.
+/// E(x) = π Σ L w / Σ w with w = |n·d|: every direction serves every point, which halves the geometry's share of the work.
 pub struct FusedGather {
+    gpu: Gpu,
+    layer_size: u32,
     peel: Peel,
-    fused: Fused,
     any: SampleQuery,
+    fused: Fused,
 }
+
+/// Layers kept at first; deeper scenes double it.
+const KEPT: u32 = 16;
 
 impl FusedGather {
     /// # Errors
     /// When a size is beyond the device's limits.
     pub fn new(gpu: &Gpu, layer_size: u32) -> Result<Self> {
-        Ok(Self { peel: Peel::new(gpu, layer_size, 16)?, fused: Fused::new(gpu)?, any: SampleQuery::new(gpu)? })
+        Ok(Self {
+            gpu: gpu.clone(),
+            layer_size,
+            peel: Peel::new(gpu, layer_size, KEPT)?,
+            any: SampleQuery::new(gpu)?,
+            fused: Fused::new(gpu)?,
+        })
     }
 
-    /// Gathers along one direction and against it, each point on its own side, and adds to `sums`. Returns the number of layers peeled.
+    /// Gathers along one direction and against it, each point on its own side, and adds to `sums`. Returns the number of layers.
+    ///
+    /// # Errors
+    /// When the scene has more layers than the device has memory for: 16 bytes a texel each.
     pub fn direction(
         &mut self,
         geometry: &Geometry,
@@ -99,13 +114,20 @@ impl FusedGather {
         points: Points,
         bundle: &Bundle,
         sums: &Sums,
-    ) -> u32 {
+    ) -> Result<u32> {
+        let layers = loop {
+            if let Some(layers) = self.peel_all(geometry, bundle) {
+                break layers;
+            }
+            self.peel = Peel::new(&self.gpu, self.layer_size, 2 * self.peel.kept())?;
+        };
+        self.fused.add(geometry, photons, points, bundle, (&self.peel, layers), sums);
+        Ok(layers)
+    }
+
+    /// Peels until nothing is left and returns the number of layers, or `None` when more are left than can be kept.
+    fn peel_all(&mut self, geometry: &Geometry, bundle: &Bundle) -> Option<u32> {
         self.peel.start();
-        let mut layers = 0;
-        while layers < self.peel.kept() && self.any.count(|| _ = self.peel.next(geometry, bundle)) > 0 {
-            layers += 1;
-        }
-        self.fused.add(geometry, photons, points, bundle, &self.peel, layers, sums);
-        layers
+        (0..self.peel.kept()).find(|_| self.any.count(|| _ = self.peel.next(geometry, bundle)) == 0)
     }
 }

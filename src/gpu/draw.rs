@@ -21,12 +21,16 @@ pub struct Draw<'a> {
 }
 
 /// Which fragments pass the depth test; those that do write their depth.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub enum DepthTest {
     /// All of them; depth is not written.
     Off,
     Less,
     Greater,
+    /// All of them, and they write this depth in place of their own.
+    Mark(f32),
+    /// Those where another depth than this stands; depth is not written.
+    Unmarked(f32),
 }
 
 /// What happens to the colour that is there.
@@ -53,12 +57,20 @@ impl Draw<'_> {
             if let Some([x, y, width, height]) = self.region {
                 gl.viewport(x, y, width, height);
             }
-            match self.depth {
-                DepthTest::Off => gl.disable(glow::DEPTH_TEST),
-                DepthTest::Less | DepthTest::Greater => {
+            let (function, write, range) = match self.depth {
+                DepthTest::Off => (None, false, [0.0, 1.0]),
+                DepthTest::Less => (Some(glow::LESS), true, [0.0, 1.0]),
+                DepthTest::Greater => (Some(glow::GREATER), true, [0.0, 1.0]),
+                DepthTest::Mark(depth) => (Some(glow::ALWAYS), true, [depth; 2]),
+                DepthTest::Unmarked(depth) => (Some(glow::NOTEQUAL), false, [depth; 2]),
+            };
+            gl.depth_range_f32(range[0], range[1]);
+            gl.depth_mask(write);
+            match function {
+                None => gl.disable(glow::DEPTH_TEST),
+                Some(function) => {
                     gl.enable(glow::DEPTH_TEST);
-                    gl.depth_mask(true);
-                    gl.depth_func(if self.depth == DepthTest::Less { glow::LESS } else { glow::GREATER });
+                    gl.depth_func(function);
                 }
             }
             match self.blend {

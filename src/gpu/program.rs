@@ -14,6 +14,9 @@ pub struct ShaderSource {
     pub name: &'static str,
     pub vertex: &'static str,
     pub fragment: &'static str,
+    /// Names that both stages find defined, for variants: software drivers run all branches for all fragments, so that what a draw can do
+    /// without has no place in its program.
+    pub defines: &'static [&'static str],
     /// `(file name, text)` of every file that may be included.
     pub includes: &'static [(&'static str, &'static str)],
 }
@@ -42,7 +45,12 @@ impl ShaderSource {
     /// # Errors
     /// [`Error::Gl`] when an included file does not exist.
     pub fn resolve(&self) -> Result<(String, String)> {
-        Ok((self.resolve_stage(self.vertex)?, self.resolve_stage(self.fragment)?))
+        let stage = |text: &str| {
+            let (version, rest) = text.split_once('\n').unwrap_or((text, ""));
+            let defines: String = self.defines.iter().map(|name| format!("#define {name}\n")).collect();
+            Ok(format!("{version}\n{defines}{}", self.resolve_stage(rest)?))
+        };
+        Ok((stage(self.vertex)?, stage(self.fragment)?))
     }
 
     fn resolve_stage(&self, text: &str) -> Result<String> {

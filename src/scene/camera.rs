@@ -1,6 +1,6 @@
 //! Cameras that work: [`Camera::check`] for one that a person gave, [`Camera::framing`] for a scene without.
 
-use glam::Vec3;
+use glam::{Mat3, Vec3};
 
 use super::Camera;
 use crate::math::Aabb;
@@ -17,6 +17,13 @@ impl Camera {
         let target = bounds.center();
         let eye = target + Vec3::new(0.35, 0.25, 1.0).normalize() * distance;
         Self { eye, target, up: Vec3::Y, fov_y_degrees: DEFAULT_FOV_Y }
+    }
+
+    /// Its axes as columns: right, up and against the direction of view.
+    pub fn axes(self) -> Mat3 {
+        let back = (self.eye - self.target).normalize();
+        let right = self.up.cross(back).normalize();
+        Mat3::from_cols(right, back.cross(right), back)
     }
 
     /// The camera with `up` of unit length, or what is wrong with it and the cure.

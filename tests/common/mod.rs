@@ -5,11 +5,11 @@ use std::f32::consts::{PI, TAU};
 use std::path::Path;
 
 use finalgather::direction::{Direction, Directions};
-use finalgather::gather::{Bundle, Gather};
+use finalgather::gather::{Bundle, FusedGather, Gather};
 use finalgather::geometry::Geometry;
 use finalgather::gpu::{Backend, DeviceChoice, Gpu};
 use finalgather::photon::{PhotonGrid, PhotonTexture, PhotonTracer};
-use finalgather::points::{GatherPoint, PointList, Sums};
+use finalgather::points::{GatherPoint, PointList, Points, Sums};
 use finalgather::random::Random;
 use finalgather::scene::{Bvh, Camera, Lights, Material, Mesh, Scene, Triangle, UnitSpace};
 use finalgather::settings::{Sequence, Settings};
@@ -170,7 +170,7 @@ pub fn directions(sequence: Sequence, count: u32) -> Vec<Direction> {
     (0..count).map(|index| directions.get(index)).collect()
 }
 
-/// The gather of the GL side, peeled to the last layer: rgb Σ radiance × weight, a Σ weight for each point.
+/// The gather of the GL side by the 2004 method, peeled to the last layer: rgb Σ radiance × weight, a Σ weight for each point.
 pub fn gather(
     gpu: &Gpu,
     scene: &Scene,
@@ -179,17 +179,55 @@ pub fn gather(
     directions: &[Direction],
     layer_size: u32,
 ) -> Vec<Vec4> {
+    let size = PointList::upload(gpu, points).unwrap().points().size();
+    let mut gather = Gather::new(gpu, layer_size, size, 0.0).unwrap();
+    gather_by(gpu, scene, points, directions, layer_size, |geometry, points, bundle, sums| {
+        gather.direction(geometry, photons, points, bundle, sums);
+    })
+}
+
+/// The same for both ends of each direction by the fused method.
+pub fn gather_fused(
+    gpu: &Gpu,
+    scene: &Scene,
+    photons: &PhotonTexture,
+    points: &[GatherPoint],
+    directions: &[Direction],
+    layer_size: u32,
+) -> Vec<Vec4> {
+    let mut gather = FusedGather::new(gpu, layer_size).unwrap();
+    gather_by(gpu, scene, points, directions, layer_size, |geometry, points, bundle, sums| {
+        gather.direction(geometry, photons, points, bundle, sums).unwrap();
+    })
+}
+
+fn gather_by(
+    gpu: &Gpu,
+    scene: &Scene,
+    points: &[GatherPoint],
+    directions: &[Direction],
+    layer_size: u32,
+    mut gather: impl FnMut(&Geometry, Points, &Bundle, &Sums),
+) -> Vec<Vec4> {
     let geometry = Geometry::upload(gpu, scene).unwrap();
     let list = PointList::upload(gpu, points).unwrap();
-    let mut gather = Gather::new(gpu, layer_size, list.points().size(), 0.0).unwrap();
     let sums = Sums::new(gpu, list.points().size()).unwrap();
     sums.clear();
     for direction in directions {
         let bundle = Bundle::new(direction, &geometry.positions, layer_size);
-        gather.direction(&geometry, photons, list.points(), &bundle, &sums);
+        gather(&geometry, list.points(), &bundle, &sums);
     }
     gpu.check("gathering").unwrap();
     list.in_order(sums.read())
+}
+
+/// Each direction followed by its opposite.
+pub fn both_ends(directions: &[Direction]) -> Vec<Direction> {
+    directions.iter().flat_map(|&direction| [direction, Direction { vector: -direction.vector, ..direction }]).collect()
+}
+
+pub fn vectors(directions: &[Direction]) -> Vec<Vec3> {
+    directions.iter().map(|direction| direction.vector).collect()
 }
 
 /// π Σ L w / Σ w; 0 where no direction has weight.
