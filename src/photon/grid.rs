@@ -17,7 +17,7 @@ use crate::scene::{Bvh, Mesh, RAY_OFFSET};
 pub const BINS: usize = 6;
 
 /// Points on a cell's face of area that are probed for light.
-const PROBES: f32 = 16.0;
+const PROBES: f32 = 64.0;
 /// Rays from each: a surface that light reaches sees some of it in almost all directions.
 const TRIES: u32 = 4;
 
