@@ -92,7 +92,8 @@ fn hollow_sphere() {
 #[test]
 fn convex_bodies_see_nothing_of_themselves() {
     let gpu = gpu();
-    let (count, size, points) = sized(&gpu, (64, 256, 4096), (16, 64, 256));
+    // Of the few, one ray of 16 that one of 256 points takes wrongly is 3e-4 already; two are let pass.
+    let (count, size, points, limit) = sized(&gpu, (64, 256, 4096, 2e-5), (16, 64, 256, 6e-4));
     let mut model = Model::new();
     model.cuboid(Vec3::ZERO, vec3(1.0, 0.8, 0.6), 0.3, false, 0);
     let scene = model.finish();
@@ -102,5 +103,5 @@ fn convex_bodies_see_nothing_of_themselves() {
     let lit = found.iter().filter(|e| e.max_element() > 0.0).count();
     let mean = found.iter().map(|e| e.max_element()).sum::<f32>() / found.len() as f32 / PI;
     eprintln!("convex body: {lit} of {} points see light, mean {mean:e} of a furnace's", found.len());
-    assert!(mean < 2e-5, "the body sees itself: {lit} points, mean {mean}");
+    assert!(mean < limit, "the body sees itself: {lit} points, mean {mean}");
 }
