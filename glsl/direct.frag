@@ -10,7 +10,7 @@ uniform ivec2 first_texel;          // of the subset in the sums
 uniform sampler2D shadow_map;
 uniform mat4 to_light;              // world to the light's frame
 uniform vec3 intensity;             // radiance x area / probability of the sample
-uniform float clearance;            // as in kill.frag, per unit of distance
+uniform float clearance;            // as in layer.glsl, per unit of distance
 
 layout(location = 0) out vec4 irradiance;
 
@@ -58,7 +58,7 @@ void main()
     vec2 high = vec2(size, first_row + (half_face > 0.0 ? 0.5 : 1.0) * size) - 1.0;
     vec2 texel = clamp(floor(at), low, high);
 
-    // As in kill.frag: shadowed where the occluder's plane lies before the point on its own ray, and the occluder itself above
+    // As in layer.glsl: shadowed where the occluder's plane lies before the point on its own ray, and the occluder itself above
     // the point's tangent plane.
     vec4 plane = texelFetch(shadow_map, ivec2(texel), 0);
     float inverse = plane.x + dot(plane.yz, at - (texel + 0.5));

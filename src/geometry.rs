@@ -6,7 +6,7 @@ use std::ops::Range;
 use bytemuck::cast_slice;
 use glam::{Mat4, Vec3};
 
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::gpu::{
     Blend, DepthTest, Draw, Filter, Format, Geometry as Shape, Gpu, Program, Target, Texture, Uniform, VertexArray, Wrap,
 };
@@ -168,10 +168,22 @@ fn upload_table(gpu: &Gpu, mut texels: Vec<[f32; 4]>) -> Result<Texture> {
     Texture::from_texels(gpu, Format::Rgba32F, [TABLE_WIDTH as u32, rows as u32], Filter::Nearest, Wrap::Clamp, &texels)
 }
 
-/// All textures in one, and the row at which each begins.
+/// All textures in one, and the row at which each begins: no wider than needed to stay within the device's limit, for each begins a row.
 fn upload_texels(gpu: &Gpu, textures: &[Image]) -> Result<(Texture, Vec<usize>)> {
-    let width = 1 << gpu.info().limits.max_texture_size.min(4096).ilog2();
-    let (mut texels, mut first_rows) = (Vec::new(), Vec::new());
+    let limit = gpu.info().limits.max_texture_size as usize;
+    let rows_of = |texture: &Image, width: usize| texture.texels.len().div_ceil(width);
+    let rows = |width: usize| textures.iter().map(|texture| rows_of(texture, width)).sum::<usize>().max(1);
+    let widths = (10..=limit.ilog2()).map(|power| 1usize << power);
+    let Some(width) =
+        widths.into_iter().find(|&width| rows(width) <= limit.min(4 * width)).or((rows(limit) <= limit).then_some(limit))
+    else {
+        let total: usize = textures.iter().map(|texture| texture.texels.len()).sum();
+        return Err(Error::usage(
+            format!("the albedo textures have {total} texels together, and this GL device takes about {}", limit * limit),
+            "shrink some of them, or use another device",
+        ));
+    };
+    let (mut texels, mut first_rows) = (Vec::with_capacity(width * rows(width)), Vec::new());
     for texture in textures {
         first_rows.push(texels.len() / width);
         texels.extend(&texture.texels);

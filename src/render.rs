@@ -304,10 +304,10 @@ impl Render {
 
     fn gather_direction(&mut self, block: &mut Block) -> Result<()> {
         let start = Instant::now();
+        let subset = self.interleave.subset(self.done, block.index);
         // As the camera sees them, so that a scene turned together with its camera makes the same picture.
         let direction = self.directions.get(self.done);
         let direction = Direction { vector: self.scene.camera.axes() * direction.vector, ..direction };
-        let subset = self.interleave.subset(self.done, block.index);
         let points = self.camera.points(&block.visible).only(subset);
         let layers = match &mut self.method {
             Method::Layers { gather, sums } => {

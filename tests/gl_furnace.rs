@@ -51,7 +51,7 @@ fn check(name: &str, scene: &Scene, inset: Option<f32>) {
         let directions = directions(sequence, count);
         let rays = Reference::new(scene, &bvh, &grid).gather(&points, &vectors(&directions));
         let layers = gather(&gpu, scene, &photons, &points, &directions, size);
-        let fused = gather_fused(&gpu, scene, &photons, &points, &directions, size);
+        let (fused, _) = gather_fused(&gpu, scene, &photons, &points, &directions, size);
         for (pipeline, sums) in [("rays", rays), ("layers", layers), ("fused", fused)] {
             let errors: Vec<f32> = irradiance(&sums).iter().map(|e| (e / PI - 1.0).abs().max_element()).collect();
             let beyond = errors.iter().filter(|&&error| error > LIMIT).count();

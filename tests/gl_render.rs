@@ -142,9 +142,9 @@ fn estimators_differ_by_the_sum_of_weights() {
     let gpu = gpu();
     let images = [Estimator::SelfNormalised, Estimator::Plain]
         .map(|estimator| picture_with(&gpu, None, |settings| settings.estimator = estimator));
-    let (_, settings) = cornell();
+    let (scene, settings) = cornell();
     let directions = Directions::new(settings.sequence, settings.seed);
-    let weights: f32 = (0..settings.directions).map(|i| directions.get(i).vector.y.max(0.0)).sum();
+    let weights: f32 = (0..settings.directions).map(|i| (scene.camera.axes() * directions.get(i).vector).y.max(0.0)).sum();
     let expected = weights / (settings.directions as f32 / 4.0);
     assert!((expected - 1.0).abs() > 1e-3, "{expected}: these directions could not tell the two apart");
     let of = |image: &Image, name: &str| image.channel(name).unwrap().to_vec();
@@ -185,7 +185,8 @@ fn interleaved_subsets_break_the_bands_of_few_directions() {
         compare(&image, &truth, selection).unwrap().relative_rmse
     });
     eprintln!("64 directions to a pixel: relative RMSE {shared:.4} shared, {interleaved:.4} interleaved");
-    assert!(interleaved < 0.5 * shared, "{interleaved} of {shared}");
+    // Measured 0.34 of it; where all pixels take the first subset's turns, and sharing only blurs, 0.51.
+    assert!(interleaved < 0.45 * shared, "{interleaved} of {shared}");
 }
 
 #[test]
@@ -213,6 +214,7 @@ fn both_ends_of_a_direction_are_worth_two() {
     let one_end = error(Pipeline::Kill, 1, Estimator::SelfNormalised);
     for (interleave, estimator) in [(1, Estimator::SelfNormalised), (1, Estimator::Plain), (2, Estimator::Plain)] {
         let both_ends = error(Pipeline::Fused, interleave, estimator);
+        // Twice as many independent samples would leave 0.71 (measured 0.69 to 0.76), as many as before 1.
         assert!(both_ends < 0.85 * one_end, "interleave {interleave}, {estimator:?}: {both_ends} of {one_end}");
     }
 }

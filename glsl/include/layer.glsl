@@ -2,7 +2,7 @@
 
 uniform mat4 to_layer;              // unit space to texel x, texel y, window depth
 uniform mat4 from_layer;
-uniform float clearance;            // how far off its own tangent plane a point can see a surface
+uniform float clearance;            // how far off its own tangent plane a point can see a surface, for normals of length 1
 
 const ivec2 NEIGHBOURS[8] = ivec2[8](ivec2(-1, 0), ivec2(1, 0), ivec2(0, -1), ivec2(0, 1),
                                      ivec2(-1, -1), ivec2(1, -1), ivec2(-1, 1), ivec2(1, 1));
@@ -18,7 +18,7 @@ struct Sample
 {
     float triangle;                 // counted from 1; 0 where nothing is
     float ahead;                    // depth from the receiver to the texel's plane, on the receiver's own ray
-    float above;                    // distance of the texel from the receiver's tangent plane
+    float above;                    // distance of the texel from the receiver's tangent plane, times the length of its normal
 };
 
 const Sample NOTHING = Sample(0.0, -1.0, -1.0);

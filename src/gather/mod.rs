@@ -81,14 +81,13 @@ impl Gather {
 /// E(x) = π Σ L w / Σ w with w = |n·d|: every direction serves every point, which halves the geometry's share of the work.
 pub struct FusedGather {
     gpu: Gpu,
-    layer_size: u32,
     peel: Peel,
     any: SampleQuery,
     fused: Fused,
 }
 
 /// Layers kept at first; deeper scenes double it.
-const KEPT: u32 = 16;
+const KEPT: u32 = 8;
 
 impl FusedGather {
     /// # Errors
@@ -96,17 +95,17 @@ impl FusedGather {
     pub fn new(gpu: &Gpu, layer_size: u32) -> Result<Self> {
         Ok(Self {
             gpu: gpu.clone(),
-            layer_size,
             peel: Peel::new(gpu, layer_size, KEPT)?,
             any: SampleQuery::new(gpu)?,
             fused: Fused::new(gpu)?,
         })
     }
 
-    /// Gathers along one direction and against it, each point on its own side, and adds to `sums`. Returns the number of layers.
+    /// Gathers along one direction and against it, each point on its own side, and adds to `sums`, which are cleared when new and get nothing
+    /// from elsewhere. Returns the number of layers.
     ///
     /// # Errors
-    /// When the scene has more layers than the device has memory for: 16 bytes a texel each.
+    /// When the scene has more layers than the device has memory or array elements for: 16 bytes a texel each.
     pub fn direction(
         &mut self,
         geometry: &Geometry,
@@ -119,7 +118,7 @@ impl FusedGather {
             if let Some(layers) = self.peel_all(geometry, bundle) {
                 break layers;
             }
-            self.peel = Peel::new(&self.gpu, self.layer_size, 2 * self.peel.kept())?;
+            self.peel.keep_twice_as_many(&self.gpu)?;
         };
         self.fused.add(geometry, photons, points, bundle, (&self.peel, layers), sums);
         Ok(layers)

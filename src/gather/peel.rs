@@ -6,7 +6,7 @@
 //! Depth is a 32-bit float, so the strict comparison needs no epsilon and peeling ends.
 
 use super::bundle::Bundle;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::geometry::{Geometry, SurfacePass};
 use crate::gpu::{DepthTest, Format, Gpu, Program, Target, Texture, Uniform};
 use crate::shaders;
@@ -44,6 +44,27 @@ impl Peel {
         Ok(Self { peel: Program::new(gpu, &shaders::PEEL)?, layers: [array()?, array()?], count: 0 })
     }
 
+    /// Keeps twice as many from now on; those there are get lost.
+    ///
+    /// # Errors
+    /// When that is beyond the device's limits or memory.
+    pub fn keep_twice_as_many(&mut self, gpu: &Gpu) -> Result<()> {
+        let (kept, size) = (self.kept(), self.layers[0][0].size());
+        let limit = gpu.info().limits.max_array_layers;
+        if kept > limit {
+            return Err(Error::usage(
+                format!("the scene has more than {kept} layers along a direction, and this GL device keeps no more"),
+                "use the pipeline kill, which keeps none",
+            ));
+        }
+        // One array at a time, so that old and new are never there together.
+        for array in &mut self.layers {
+            array.drain(1..);
+            *array = Target::array(gpu, size, Format::Rgba32F, kept)?;
+        }
+        Ok(())
+    }
+
     /// Begins a bundle.
     pub fn start(&mut self) {
         self.count = 0;
@@ -52,9 +73,9 @@ impl Peel {
 
     /// The farthest layer not yet peeled; empty when there is none.
     pub fn next(&mut self, geometry: &Geometry, bundle: &Bundle) -> Layer<'_> {
-        let (layer, previous) = (self.slot(self.count), self.slot(self.count.max(1) - 1));
+        let layer = self.slot(self.count);
         // Before the first comes the one that was cleared.
-        let previous = if self.count == 0 { (1, 0) } else { previous };
+        let previous = self.count.checked_sub(1).map_or((1, 0), |before| self.slot(before));
         let target = &self.layers[layer.0][layer.1];
         target.clear(EMPTY, 0.0);
         geometry.draw(SurfacePass {

@@ -64,7 +64,8 @@ impl Draw<'_> {
                 DepthTest::Mark(depth) => (Some(glow::ALWAYS), true, [depth; 2]),
                 DepthTest::Unmarked(depth) => (Some(glow::NOTEQUAL), false, [depth; 2]),
             };
-            gl.depth_range_f32(range[0], range[1]);
+            // In 64 bits: the call in 32 came with OpenGL 4.1.
+            gl.depth_range_f64(range[0].into(), range[1].into());
             gl.depth_mask(write);
             match function {
                 None => gl.disable(glow::DEPTH_TEST),

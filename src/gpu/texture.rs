@@ -122,7 +122,11 @@ impl Texture {
         }
         let [width, height, depth] = size.map(|side| side as i32);
         if let Some(texels) = texels {
-            assert_eq!(texels.len(), size.iter().product::<u32>() as usize * format.bytes(), "texels fill the texture");
+            assert_eq!(
+                texels.len(),
+                size.iter().map(|&side| side as usize).product::<usize>() * format.bytes(),
+                "texels fill the texture"
+            );
         }
         let gl = gpu.gl();
         let resource = Resource::own(gpu, unsafe { gl.create_texture() })?;
@@ -175,7 +179,7 @@ impl Texture {
     /// The texels, first row at t = 0, those of an array one after the other. Waits for what renders into it.
     pub fn read<T: Pod>(&self) -> Vec<T> {
         let (_, layout, component) = self.format.gl();
-        let bytes = self.size.iter().product::<u32>() as usize * self.format.bytes();
+        let bytes = self.size.iter().map(|&side| side as usize).product::<usize>() * self.format.bytes();
         let mut texels = vec![T::zeroed(); bytes / size_of::<T>()];
         let gl = self.resource.gl();
         unsafe {

@@ -4,10 +4,10 @@
 //! All points share the directions of a bundle, so that at low counts their error is not noise but bands. With squares of k × k pixels, k²
 //! times as many directions cost the same passes over points, and the bands of one pixel's directions are no longer its neighbour's.
 
-use glam::{Vec3, Vec4};
+use glam::Vec4;
 use rayon::prelude::*;
 
-use super::Visible;
+use super::{GatherPoint, Visible};
 use crate::random::Random;
 
 /// Surfaces that bend or step more than this between two pixels, as the sine of an angle, share nothing.
@@ -44,7 +44,11 @@ pub struct Interleave {
 
 impl Interleave {
     /// For pictures of `size` pixels, in squares with a side of `stride`.
+    ///
+    /// # Panics
+    /// When `stride` is neither 1 nor even: the window of neighbours could not hold as many pixels of every subset.
     pub fn new(stride: u32, size: [u32; 2], seed: u64) -> Self {
+        assert!(stride == 1 || stride > 0 && stride.is_multiple_of(2), "a square of {stride} pixels");
         Self { stride, size, seed }
     }
 
@@ -53,8 +57,9 @@ impl Interleave {
         (self.stride * self.stride) as usize
     }
 
-    /// Which points gather along direction `index` of `block`. Consecutive directions go to different subsets, and the first of a block
-    /// to any, so that the directions of one pixel are as well spread as all.
+    /// Which points gather along direction `index`, in `block`. Directions go round all subsets, in each block beginning with another: what a
+    /// neighbourhood has at any time is then evenly spread. Runs of the sequence for each subset, which are so for the single pixel, were
+    /// measured and are worse (1.70 in place of 1.53 % for squares of 2 and 1000 directions).
     pub fn subset(&self, index: u32, block: u32) -> Subset {
         let turn = Random::new(self.seed ^ 0x1e4f, block.into()).bits() as u32;
         let number = index.wrapping_add(turn) % (self.stride * self.stride);
@@ -94,11 +99,12 @@ impl Interleave {
         }
         let all = taken.iter().sum::<u32>() as f32;
         let reach = self.stride as i32 / 2;
+        let points = visible.pixels();
         let share = |here: usize| {
             let (mut total, mut directions) = (Vec4::ZERO, 0.0);
             for dy in -reach..=reach {
                 for dx in -reach..=reach {
-                    let Some(there) = self.neighbour(visible, here, [dx, dy]) else { continue };
+                    let Some(there) = self.neighbour(&points, here, [dx, dy]) else { continue };
                     // Both ends of a window of odd side see the same subset: each counts half.
                     let weight = [dx, dy].map(|d| if d.abs() == reach { 0.5 } else { 1.0 }).iter().product::<f32>();
                     total += weight * sums[there];
@@ -111,11 +117,17 @@ impl Interleave {
     }
 
     /// The pixel a step away from pixel `here`, if it sees the same surface.
-    fn neighbour(&self, visible: &Visible, here: usize, step: [i32; 2]) -> Option<usize> {
+    /// So must the one half way, where there is one: what lies beyond something else is another surface.
+    fn neighbour(&self, points: &[Option<GatherPoint>], here: usize, step: [i32; 2]) -> Option<usize> {
+        let half = step.map(|d| d / 2);
+        if half != [0, 0] {
+            self.neighbour(points, here, half)?;
+        }
         let [width, height] = self.size.map(|side| side as usize);
         let x = (here % width).checked_add_signed(step[0] as isize).filter(|&x| x < width)?;
         let y = (here / width).checked_add_signed(step[1] as isize).filter(|&y| y < height)?;
-        Some(y * width + x).filter(|&there| same_surface(visible, here, there))
+        let there = y * width + x;
+        (here == there || same_surface(points[here].as_ref()?, points[there].as_ref()?)).then_some(there)
     }
 
     fn pixels(&self) -> impl Iterator<Item = [u32; 2]> {
@@ -124,19 +136,18 @@ impl Interleave {
     }
 }
 
-/// Whether two pixels see one surface, flat enough for the irradiance of one to be that of the other.
-fn same_surface(visible: &Visible, a: usize, b: usize) -> bool {
-    let [na, nb] = [a, b].map(|pixel| visible.normal[pixel].truncate());
-    if a == b || na == Vec3::ZERO || nb == Vec3::ZERO {
-        return a == b;
-    }
-    let way = (visible.position[b] - visible.position[a]).truncate();
-    let step = na.dot(way).abs().max(nb.dot(way).abs());
-    na.dot(nb) > (1.0 - FLAT * FLAT).sqrt() && step < FLAT * way.length()
+/// Whether two points lie on one surface, flat enough for the irradiance of one to be that of the other.
+fn same_surface(a: &GatherPoint, b: &GatherPoint) -> bool {
+    let way = b.position - a.position;
+    let step = a.surface_normal.dot(way).abs().max(b.surface_normal.dot(way).abs());
+    a.normal.dot(b.normal) > (1.0 - FLAT * FLAT).sqrt() && step < FLAT * way.length()
 }
 
 #[cfg(test)]
 mod tests {
+    use glam::Vec3;
+
+    use super::super::list::octahedral_encode;
     use super::*;
 
     const SIZE: [u32; 2] = [7, 5];
@@ -147,8 +158,8 @@ mod tests {
         let position = |(x, y): (u32, u32)| Vec3::new(x.min(wall) as f32, x.saturating_sub(wall) as f32, y as f32);
         let normal = |(x, _): (u32, u32)| if x < wall { Vec3::Y } else { Vec3::NEG_X };
         Visible {
-            position: pixels().map(|pixel| position(pixel).extend(0.0)).collect(),
-            normal: pixels().map(|pixel| normal(pixel).extend(0.0)).collect(),
+            position: pixels().map(|pixel| position(pixel).extend(octahedral_encode(normal(pixel)).x)).collect(),
+            normal: pixels().map(|pixel| normal(pixel).extend(octahedral_encode(normal(pixel)).y)).collect(),
             albedo: Vec::new(),
             emission: Vec::new(),
             count: SIZE[0] * SIZE[1],

@@ -92,7 +92,7 @@ impl PointList {
 }
 
 /// A unit vector as a point of the square [-1, 1]²; the twin of `octahedral_encode` in `glsl/include/points.glsl`.
-fn octahedral_encode(n: Vec3) -> Vec2 {
+pub(super) fn octahedral_encode(n: Vec3) -> Vec2 {
     let p = n.truncate() / n.abs().element_sum();
     let sign = Vec2::select(p.cmplt(Vec2::ZERO), Vec2::NEG_ONE, Vec2::ONE);
     if n.z < 0.0 { (1.0 - Vec2::new(p.y, p.x).abs()) * sign } else { p }

@@ -29,7 +29,7 @@ pub struct Points<'a> {
 impl<'a> Points<'a> {
     /// Of all points those in `subset`.
     pub fn only(self, subset: Subset) -> Self {
-        Self { subset, count: self.count / (subset.stride * subset.stride), ..self }
+        Self { subset, count: self.count.div_ceil(subset.stride * subset.stride), ..self }
     }
 
     /// Width and height of what holds one value for each point.

@@ -186,7 +186,7 @@ pub fn gather(
     })
 }
 
-/// The same for both ends of each direction by the fused method.
+/// The same for both ends of each direction by the fused method; and the most layers of a direction.
 pub fn gather_fused(
     gpu: &Gpu,
     scene: &Scene,
@@ -194,11 +194,13 @@ pub fn gather_fused(
     points: &[GatherPoint],
     directions: &[Direction],
     layer_size: u32,
-) -> Vec<Vec4> {
+) -> (Vec<Vec4>, u32) {
     let mut gather = FusedGather::new(gpu, layer_size).unwrap();
-    gather_by(gpu, scene, points, directions, layer_size, |geometry, points, bundle, sums| {
-        gather.direction(geometry, photons, points, bundle, sums).unwrap();
-    })
+    let mut most = 0;
+    let sums = gather_by(gpu, scene, points, directions, layer_size, |geometry, points, bundle, sums| {
+        most = most.max(gather.direction(geometry, photons, points, bundle, sums).unwrap());
+    });
+    (sums, most)
 }
 
 fn gather_by(

@@ -44,10 +44,15 @@ fn render(args: &RenderArgs, outputs: &[PathBuf], progress: &Progress, started: 
     progress.stage("tracing photons");
     let mut render = Render::new(&gpu, &scene, &settings)?;
     progress.begin_directions(settings.directions);
-    while !render.is_done() && interrupt.requested().is_none() {
-        render.step()?;
+    let mut failure = None;
+    while failure.is_none() && !render.is_done() && interrupt.requested().is_none() {
+        failure = render.step().err();
         interrupt.picture_begun();
         progress.directions_done(render.directions_done());
+    }
+    // What was gathered before the device failed is worth keeping.
+    if let Some(error) = failure.take_if(|_| render.directions_done() == 0) {
+        return Err(error);
     }
     let stopped = interrupt.requested().filter(|_| !render.is_done());
     let image = render.picture();
@@ -63,6 +68,11 @@ fn render(args: &RenderArgs, outputs: &[PathBuf], progress: &Progress, started: 
 
     let outputs: Vec<_> = outputs.iter().map(|path| path.display().to_string()).collect();
     let paths = outputs.join(", ");
+    if let Some(error) = failure {
+        let (done, all) = (render.directions_done(), settings.directions);
+        report::say(&format!("failed after {done} of {all} directions; picture so far written to {paths}"));
+        return Err(error);
+    }
     if stopped.is_some() {
         let (done, all) = (render.directions_done(), settings.directions);
         report::say(&format!("stopped after {done} of {all} directions; picture so far written to {paths}"));
