@@ -128,7 +128,7 @@ struct Overrides {
     #[arg(long, value_parser = named::<Sequence>(&["random", "r2", "sobol"]), help = setting("Where directions come from", |s| name(s.sequence)))]
     sequence: Option<Sequence>,
 
-    #[arg(long, value_name = "1|2|4", help = setting("In squares of N by N pixels, one gathers along each direction, and what they find is shared", |s| s.interleave))]
+    #[arg(long, value_name = "1|2|4", help = setting("In squares of N by N pixels, each gathers along its own share of the directions, and what they find is shared", |s| s.interleave))]
     interleave: Option<u32>,
 
     #[arg(long, value_name = "N", value_parser = count::<u64>, help = setting("Seed of everything random", |s| s.seed))]
@@ -137,7 +137,7 @@ struct Overrides {
     #[arg(long, value_name = "F", help = setting("A direction ends with the layer that fewer than this share of the points sample", |s| s.stop_fraction))]
     stop_fraction: Option<f32>,
 
-    #[arg(long, value_name = "ERROR", help = setting("Stop early once the picture's relative standard error is at most this; 0 is never", |s| s.until))]
+    #[arg(long, value_name = "ERROR", help = setting("Stop early once the picture's relative standard error, estimated a few times on the way, is at most this; 0 is never", |s| s.until))]
     until: Option<f64>,
 
     #[arg(long, value_name = "EV", help = setting("Exposure of .png in stops", |s| s.exposure))]
