@@ -47,6 +47,28 @@ impl Pictures {
         self.compare(picture, &self.path_traced)
     }
 
+    pub fn path_traced(&self) -> &Image {
+        &self.path_traced
+    }
+
+    /// Share of a picture's squared error against path tracing that averaging over 8 x 8 pixels leaves, over squares that count whole.
+    pub fn correlated(&self, picture: &Image) -> Result<f64> {
+        const SIDE: usize = 8;
+        let (width, height) = (picture.width, picture.height);
+        let (mut whole, mut averaged) = (0.0, 0.0);
+        for (a, b) in picture.rgb()?.into_iter().zip(self.path_traced.rgb()?) {
+            for (x, y) in (0..height / SIDE).flat_map(|y| (0..width / SIDE).map(move |x| (x * SIDE, y * SIDE))) {
+                let pixels = || (0..SIDE * SIDE).map(|i| (y + i / SIDE) * width + x + i % SIDE);
+                if pixels().all(|pixel| self.mask[pixel]) {
+                    let error = |pixel: usize| f64::from(a[pixel] - b[pixel]);
+                    whole += pixels().map(|pixel| error(pixel).powi(2)).sum::<f64>();
+                    averaged += pixels().map(error).sum::<f64>().powi(2) / (SIDE * SIDE) as f64;
+                }
+            }
+        }
+        Ok(averaged / whole)
+    }
+
     pub fn compare(&self, a: &Image, b: &Image) -> Result<Comparison> {
         Ok(compare(a, b, Selection { mask: Some(&self.mask), trim: TRIM })?)
     }
