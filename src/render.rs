@@ -275,6 +275,8 @@ impl Render {
         let first = u64::from(index) * light_samples;
         for sample in first..first + light_samples {
             self.direct.add(&self.geometry, &self.lights, sample, points, &self.direct_sums);
+            // llvmpipe of Mesa 22.3 can crash where a draw begins while others still run on its threads.
+            self.gpu.finish();
         }
         self.statistics.seconds.direct += self.finish("direct light", start)?;
 

@@ -218,6 +218,9 @@ fn gather_by(
     for direction in directions {
         let bundle = Bundle::new(direction, &geometry.positions, layer_size);
         gather(&geometry, list.points(), &bundle, &sums);
+        // As a render does. Also, llvmpipe of Mesa 22.3 sometimes crashes where a direction begins while the one before is being drawn: it looks
+        // through the resources of a scene that another of its threads is giving back.
+        gpu.finish();
     }
     gpu.check("gathering").unwrap();
     list.in_order(sums.read())
