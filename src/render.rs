@@ -16,7 +16,7 @@ use crate::direct::Direct;
 use crate::direction::{Direction, Directions};
 use crate::error::{Error, Result};
 use crate::film::{Film, PairwiseSum};
-use crate::gather::{Bundle, FusedGather, Gather};
+use crate::gather::{FusedGather, Gather, KillGather, Work};
 use crate::geometry::Geometry;
 use crate::gpu::Gpu;
 use crate::image::Image;
@@ -59,10 +59,8 @@ pub struct Render {
 
 /// Who gathers, and the sums of the block in progress.
 enum Method {
-    /// [`Pipeline::Kill`]
-    Layers { gather: Gather, sums: Sums },
-    /// [`Pipeline::Fused`]
-    Fused { gather: FusedGather, sums: Sums },
+    /// On the GL side.
+    Gl { gather: Box<dyn Gather>, sums: Sums },
     /// [`Pipeline::Raycast`]; points and sums row by row from the bottom, as the GL side has them.
     Rays { points: Vec<Option<GatherPoint>>, sums: Vec<Vec4> },
 }
@@ -71,6 +69,8 @@ enum Method {
 struct Block {
     index: u32,
     visible: Visible,
+    /// The directions left, those of one subset of the pixels after those of another, the next one last.
+    left: Vec<u32>,
     /// Directions that each subset of the pixels took so far.
     taken: Vec<u32>,
     light_samples: u32,
@@ -142,16 +142,16 @@ impl Render {
         let direct = Direct::new(gpu, settings.shadow_size, settings.seed)?;
         let direct_sums = Sums::new(gpu, points)?;
         let interleave = Interleave::new(settings.interleave, points, settings.seed);
-        let method = match settings.pipeline {
-            Pipeline::Kill => Method::Layers {
-                gather: Gather::new(gpu, settings.layer_size, interleave.subset(0, 0).size(points), settings.stop_fraction)?,
-                sums: Sums::new(gpu, interleave.sums_size())?,
-            },
-            Pipeline::Fused => Method::Fused {
-                gather: FusedGather::new(gpu, settings.layer_size)?,
-                sums: Sums::new(gpu, interleave.sums_size())?,
-            },
-            Pipeline::Raycast => Method::Rays { points: Vec::new(), sums: Vec::new() },
+        let gather: Option<Box<dyn Gather>> = match settings.pipeline {
+            Pipeline::Kill => {
+                Some(Box::new(KillGather::new(gpu, settings.layer_size, interleave.tile(), settings.stop_fraction)?))
+            }
+            Pipeline::Fused => Some(Box::new(FusedGather::new(gpu, settings.layer_size)?)),
+            Pipeline::Raycast => None,
+        };
+        let method = match gather {
+            Some(gather) => Method::Gl { gather, sums: Sums::new(gpu, interleave.sums_size())? },
+            None => Method::Rays { points: Vec::new(), sums: Vec::new() },
         };
 
         // The first photons also tell, for all maps, which surfaces light reaches.
@@ -217,7 +217,7 @@ impl Render {
         &self.statistics
     }
 
-    /// Gathers along the next direction, if one is left.
+    /// Gathers along the next directions, as many as the pipeline takes at once, if any are left.
     ///
     /// # Errors
     /// [`crate::Error::Gl`] when the device fails; what was done before stays.
@@ -229,12 +229,11 @@ impl Render {
             Some(block) => block,
             None => self.begin_block()?,
         };
-        if let Err(error) = self.gather_direction(&mut block) {
+        if let Err(error) = self.gather_directions(&mut block) {
             self.block = Some(block);
             return Err(error);
         }
-        self.done += 1;
-        if self.done.is_multiple_of(self.directions_per_block()) || self.is_done() {
+        if block.left.is_empty() {
             let film = self.film_of(&block);
             self.film.push(film);
             self.estimate_error();
@@ -275,20 +274,21 @@ impl Render {
         let first = u64::from(index) * light_samples;
         for sample in first..first + light_samples {
             self.direct.add(&self.geometry, &self.lights, sample, points, &self.direct_sums);
-            // llvmpipe of Mesa 22.3 can crash where a draw begins while others still run on its threads.
-            self.gpu.finish();
         }
         self.statistics.seconds.direct += self.finish("direct light", start)?;
 
         match &mut self.method {
-            Method::Layers { sums, .. } | Method::Fused { sums, .. } => sums.clear(),
+            Method::Gl { sums, .. } => sums.clear(),
             Method::Rays { points, sums } => {
                 *points = visible.pixels();
                 *sums = vec![Vec4::ZERO; points.len()];
             }
         }
         self.statistics.gather.points = visible.count;
-        Ok(Block { index, visible, taken: vec![0; self.interleave.subsets()], light_samples: light_samples as u32 })
+        let end = self.settings.directions.min(self.done + self.directions_per_block());
+        let mut left: Vec<u32> = (self.done..end).rev().collect();
+        left.sort_by_key(|&direction| self.interleave.subset(direction, index).index());
+        Ok(Block { index, visible, left, taken: vec![0; self.interleave.subsets()], light_samples: light_samples as u32 })
     }
 
     /// Replaces the photon map by one of fresh photons.
@@ -304,28 +304,34 @@ impl Render {
         Ok(())
     }
 
-    fn gather_direction(&mut self, block: &mut Block) -> Result<()> {
+    fn gather_directions(&mut self, block: &mut Block) -> Result<()> {
         let start = Instant::now();
-        let subset = self.interleave.subset(self.done, block.index);
+        let batch = match &self.method {
+            Method::Gl { gather, .. } => gather.batch(),
+            Method::Rays { .. } => 1,
+        };
+        let subset_of = |&direction: &u32| self.interleave.subset(direction, block.index);
+        let Some(subset) = block.left.last().map(subset_of) else { return Ok(()) };
+        let numbers: Vec<u32> =
+            block.left.iter().rev().take(batch).take_while(|&direction| subset_of(direction) == subset).copied().collect();
         // As the camera sees them, so that a scene turned together with its camera makes the same picture.
-        let direction = self.directions.get(self.done);
-        let direction = Direction { vector: self.scene.camera.axes() * direction.vector, ..direction };
+        let axes = self.scene.camera.axes();
+        let turned = |&number: &u32| {
+            let direction = self.directions.get(number);
+            Direction { vector: axes * direction.vector, ..direction }
+        };
+        let directions: Vec<Direction> = numbers.iter().map(turned).collect();
         let points = self.camera.points(&block.visible).only(subset);
         let layers = match &mut self.method {
-            Method::Layers { gather, sums } => {
-                let bundle = Bundle::new(&direction, &self.geometry.positions, self.settings.layer_size);
-                gather.direction(&self.geometry, &self.photons, points, &bundle, sums)
-            }
-            Method::Fused { gather, sums } => {
-                let bundle = Bundle::new(&direction, &self.geometry.positions, self.settings.layer_size);
-                gather.direction(&self.geometry, &self.photons, points, &bundle, sums)?
+            Method::Gl { gather, sums } => {
+                gather.add(Work { geometry: &self.geometry, photons: &self.photons, points, sums }, &directions)?
             }
             Method::Rays { points, sums } => {
                 let rays = Reference::new(&self.scene, &self.bvh, &self.grid);
                 let interleave = self.interleave;
                 let cast = |(i, (point, sum)): (usize, (&Option<GatherPoint>, &mut Vec4))| match point {
                     Some(point) if interleave.subset_of(i) == subset => {
-                        *sum += rays.sample(point, direction.vector).as_vec4();
+                        directions.iter().for_each(|direction| *sum += rays.sample(point, direction.vector).as_vec4());
                     }
                     _ => {}
                 };
@@ -334,19 +340,22 @@ impl Render {
             }
         };
         self.statistics.seconds.gather += self.finish("final gathering", start)?;
-        self.statistics.gather.add(points.count, layers, self.statistics.seconds.gather);
-        block.taken[subset.index()] += 1;
+        block.left.truncate(block.left.len() - numbers.len());
+        block.taken[subset.index()] += numbers.len() as u32;
+        self.done += numbers.len() as u32;
+        self.statistics.gather.add(points.count, numbers.len() as u32, layers, self.statistics.seconds.gather);
         Ok(())
     }
 
     fn film_of(&self, block: &Block) -> Film {
         let mut gathered = match &self.method {
-            Method::Layers { sums, .. } | Method::Fused { sums, .. } => self.interleave.in_order(sums.read()),
+            Method::Gl { sums, .. } => self.interleave.in_order(sums.read()),
             Method::Rays { sums, .. } => sums.clone(),
         };
         if self.settings.estimator == Estimator::Plain {
             // The weights' expected sum in place of their own: over the sphere, the mean of max(n·d, 0) is 1/4, that of |n·d| 1/2.
-            let mean = if self.settings.pipeline == Pipeline::Fused { 0.5 } else { 0.25 };
+            let both_ends = matches!(&self.method, Method::Gl { gather, .. } if gather.both_ends());
+            let mean = if both_ends { 0.5 } else { 0.25 };
             let taken = |pixel| block.taken[self.interleave.subset_of(pixel).index()];
             gathered.iter_mut().enumerate().for_each(|(pixel, sum)| sum.w = mean * taken(pixel) as f32);
         }
@@ -380,10 +389,10 @@ impl Render {
 }
 
 impl GatherCounts {
-    fn add(&mut self, points: u32, layers: u32, seconds: f64) {
-        self.directions += 1;
-        self.layers_sum += u64::from(layers);
-        self.samples += u64::from(points);
+    fn add(&mut self, points: u32, directions: u32, layers: u32, seconds: f64) {
+        self.directions += directions;
+        self.layers_sum += u64::from(layers) * u64::from(directions);
+        self.samples += u64::from(points) * u64::from(directions);
         self.layers_max = self.layers_max.max(layers);
         self.layers_mean = self.layers_sum as f64 / f64::from(self.directions);
         self.ms_per_direction = 1e3 * seconds / f64::from(self.directions);

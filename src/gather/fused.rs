@@ -1,12 +1,8 @@
 //! All layers of a direction sampled in one pass over the points, at both ends. Mirrors `glsl/fused.frag`.
 
-use super::bundle::Bundle;
-use super::peel::Peel;
+use super::{Bundle, Peel, Work};
 use crate::error::Result;
-use crate::geometry::Geometry;
 use crate::gpu::{DepthTest, Gpu, Program, Uniform};
-use crate::photon::PhotonTexture;
-use crate::points::{Points, Sums};
 use crate::shaders;
 
 /// Samples layers and adds what is seen to sums.
@@ -28,22 +24,15 @@ impl Fused {
         })
     }
 
-    /// Adds what the points see in the first layers of `peel` to `sums`: rgb radiance × weight, a weight.
-    pub fn add(
-        &mut self,
-        geometry: &Geometry,
-        photons: &PhotonTexture,
-        points: Points,
-        bundle: &Bundle,
-        (peel, layers): (&Peel, u32),
-        sums: &Sums,
-    ) {
+    /// Adds what the points see in the first layers of `peel` to the sums.
+    pub fn add(&mut self, work: Work, bundle: &Bundle, (peel, layers): (&Peel, u32)) {
         let own = [("layer_count", Uniform::Int(layers as i32))];
-        let uniforms = [&own[..], &peel.uniforms(), &bundle.uniforms(), &geometry.uniforms(), &photons.uniforms()].concat();
+        let uniforms =
+            [&own[..], &peel.uniforms(), &bundle.uniforms(), &work.geometry.uniforms(), &work.photons.uniforms()].concat();
         // What the first pass discards, it does not mark. A mark of its own for each direction needs no clearing.
         self.count += 1;
         let mark = (self.count & 0xffff) as f32 / 65536.0;
-        sums.add(points, &self.programs[usize::from(geometry.is_textured())], DepthTest::Mark(mark), &uniforms);
-        sums.add(points, &self.outline, DepthTest::Unmarked(mark), &uniforms);
+        work.sums.add(work.points, &self.programs[usize::from(work.geometry.is_textured())], DepthTest::Mark(mark), &uniforms);
+        work.sums.add(work.points, &self.outline, DepthTest::Unmarked(mark), &uniforms);
     }
 }

@@ -8,7 +8,7 @@
 //! The weights' own sum in the denominator, in place of its expected value N/4, makes a constant radiance exact. The cost of a direction is one pass over
 //! the triangles and one over the points for each layer, and does not depend on how the rays of other directions went.
 //!
-//! Source: Hachisuka 2004, "Final Gathering on GPU". [`Gather::direction`] is the method.
+//! Source: Hachisuka 2004, "Final Gathering on GPU". [`KillGather`] is the method; the other [`Gather`]s find the same sums in other ways.
 
 mod accumulate;
 mod bundle;
@@ -19,6 +19,7 @@ mod peel;
 pub use bundle::Bundle;
 pub use peel::{Layer, Peel};
 
+use crate::direction::Direction;
 use crate::error::Result;
 use crate::geometry::Geometry;
 use crate::gpu::{Gpu, SampleQuery};
@@ -28,21 +29,47 @@ use accumulate::Accumulate;
 use fused::Fused;
 use kill::Kill;
 
-/// The passes of the 2004 method, for one layer size and one size of point textures.
-pub struct Gather {
+/// What a gather reads, and the sums that it adds to: rgb Σ radiance × weight, a Σ weight.
+#[derive(Clone, Copy)]
+pub struct Work<'a> {
+    pub geometry: &'a Geometry,
+    pub photons: &'a PhotonTexture,
+    pub points: Points<'a>,
+    pub sums: &'a Sums,
+}
+
+/// A way to gather on the GL side.
+pub trait Gather {
+    /// How many directions one call takes at most.
+    fn batch(&self) -> usize;
+
+    /// Whether a direction counts at both its ends, each point on its own side: w = |n·d|.
+    fn both_ends(&self) -> bool;
+
+    /// Gathers along `directions` and adds to the sums. Returns the most layers that one of them had, 0 where nothing was peeled.
+    ///
+    /// # Errors
+    /// [`crate::Error::Usage`] when the device is too small for the scene.
+    fn add(&mut self, work: Work, directions: &[Direction]) -> Result<u32>;
+}
+
+/// The 2004 method, for one layer size and one size of point textures.
+pub struct KillGather {
+    layer_size: u32,
     peel: Peel,
     kill: Kill,
     accumulate: Accumulate,
     stop_fraction: f32,
 }
 
-impl Gather {
+impl KillGather {
     /// Peeling ends with the layer that fewer than `stop_fraction` of the points sample, or none.
     ///
     /// # Errors
     /// When a size is beyond the device's limits.
     pub fn new(gpu: &Gpu, layer_size: u32, points: [u32; 2], stop_fraction: f32) -> Result<Self> {
         Ok(Self {
+            layer_size,
             peel: Peel::new(gpu, layer_size, 2)?,
             kill: Kill::new(gpu, points)?,
             accumulate: Accumulate::new(gpu)?,
@@ -50,30 +77,37 @@ impl Gather {
         })
     }
 
-    /// Gathers along one direction and adds to `sums`. Returns the number of layers peeled.
-    pub fn direction(
-        &mut self,
-        geometry: &Geometry,
-        photons: &PhotonTexture,
-        points: Points,
-        bundle: &Bundle,
-        sums: &Sums,
-    ) -> u32 {
+    fn direction(&mut self, work: Work, direction: &Direction) -> u32 {
+        let bundle = Bundle::new(direction, &work.geometry.positions, self.layer_size);
         // A point samples every layer beyond it and none after, so the number of points that sample falls from layer to layer.
-        let enough = (self.stop_fraction * points.count as f32).max(1.0);
+        let enough = (self.stop_fraction * work.points.count as f32).max(1.0);
         let mut layers = 0;
         self.peel.start();
         self.kill.start();
         loop {
-            let layer = self.peel.next(geometry, bundle);
-            let sampled = self.kill.sample(points, bundle, layer, layers);
+            let layer = self.peel.next(work.geometry, &bundle);
+            let sampled = self.kill.sample(work.points, &bundle, layer, layers);
             layers += 1;
             if (sampled as f32) < enough {
                 break;
             }
         }
-        self.accumulate.add(geometry, photons, points, bundle, self.kill.hits(), sums);
+        self.accumulate.add(work, &bundle, self.kill.hits());
         layers
+    }
+}
+
+impl Gather for KillGather {
+    fn batch(&self) -> usize {
+        1
+    }
+
+    fn both_ends(&self) -> bool {
+        false
+    }
+
+    fn add(&mut self, work: Work, directions: &[Direction]) -> Result<u32> {
+        Ok(directions.iter().map(|direction| self.direction(work, direction)).max().unwrap_or(0))
     }
 }
 
@@ -81,6 +115,7 @@ impl Gather {
 /// E(x) = π Σ L w / Σ w with w = |n·d|: every direction serves every point, which halves the geometry's share of the work.
 pub struct FusedGather {
     gpu: Gpu,
+    layer_size: u32,
     peel: Peel,
     any: SampleQuery,
     fused: Fused,
@@ -95,38 +130,43 @@ impl FusedGather {
     pub fn new(gpu: &Gpu, layer_size: u32) -> Result<Self> {
         Ok(Self {
             gpu: gpu.clone(),
+            layer_size,
             peel: Peel::new(gpu, layer_size, KEPT)?,
             any: SampleQuery::new(gpu)?,
             fused: Fused::new(gpu)?,
         })
     }
 
-    /// Gathers along one direction and against it, each point on its own side, and adds to `sums`, which are cleared when new and get nothing
-    /// from elsewhere. Returns the number of layers.
-    ///
-    /// # Errors
-    /// When the scene has more layers than the device has memory or array elements for: 16 bytes a texel each.
-    pub fn direction(
-        &mut self,
-        geometry: &Geometry,
-        photons: &PhotonTexture,
-        points: Points,
-        bundle: &Bundle,
-        sums: &Sums,
-    ) -> Result<u32> {
-        let layers = loop {
-            if let Some(layers) = self.peel_all(geometry, bundle) {
-                break layers;
-            }
-            self.peel.keep_twice_as_many(&self.gpu)?;
-        };
-        self.fused.add(geometry, photons, points, bundle, (&self.peel, layers), sums);
-        Ok(layers)
-    }
-
     /// Peels until nothing is left and returns the number of layers, or `None` when more are left than can be kept.
     fn peel_all(&mut self, geometry: &Geometry, bundle: &Bundle) -> Option<u32> {
         self.peel.start();
         (0..self.peel.kept()).find(|_| self.any.count(|| _ = self.peel.next(geometry, bundle)) == 0)
+    }
+
+    /// Sums are cleared when new and get nothing from elsewhere.
+    fn direction(&mut self, work: Work, direction: &Direction) -> Result<u32> {
+        let bundle = Bundle::new(direction, &work.geometry.positions, self.layer_size);
+        let layers = loop {
+            if let Some(layers) = self.peel_all(work.geometry, &bundle) {
+                break layers;
+            }
+            self.peel.keep_twice_as_many(&self.gpu)?;
+        };
+        self.fused.add(work, &bundle, (&self.peel, layers));
+        Ok(layers)
+    }
+}
+
+impl Gather for FusedGather {
+    fn batch(&self) -> usize {
+        1
+    }
+
+    fn both_ends(&self) -> bool {
+        true
+    }
+
+    fn add(&mut self, work: Work, directions: &[Direction]) -> Result<u32> {
+        directions.iter().try_fold(0, |most, direction| Ok(most.max(self.direction(work, direction)?)))
     }
 }

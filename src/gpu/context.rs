@@ -131,6 +131,10 @@ impl Context {
         self.no_vertices
     }
 
+    pub(super) fn is_llvmpipe(&self) -> bool {
+        self.info.renderer.contains("llvmpipe")
+    }
+
     /// The functions, with this context current on the calling thread.
     pub(super) fn current(&self) -> &glow::Context {
         if CURRENT.get() != self.identity {

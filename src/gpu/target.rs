@@ -95,6 +95,15 @@ impl Target {
         }
     }
 
+    /// Waits where the driver must not be given more before it is done: llvmpipe (seen in Mesa 22.3) can crash where a draw begins while
+    /// others still run on its threads, for it looks through the resources of a scene that these are giving back.
+    pub fn settle(&self) {
+        let context = self.framebuffer.context();
+        if context.is_llvmpipe() {
+            unsafe { context.current().finish() };
+        }
+    }
+
     pub(super) fn context(&self) -> &Context {
         self.framebuffer.context()
     }

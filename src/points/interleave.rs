@@ -62,7 +62,7 @@ impl Interleave {
     /// measured and are worse (1.70 in place of 1.53 % for squares of 2 and 1000 directions).
     pub fn subset(&self, index: u32, block: u32) -> Subset {
         let turn = Random::new(self.seed ^ 0x1e4f, block.into()).bits() as u32;
-        let number = index.wrapping_add(turn) % (self.stride * self.stride);
+        let number = index.wrapping_add(turn) % self.subsets() as u32;
         Subset { stride: self.stride, offset: [number % self.stride, number / self.stride] }
     }
 
@@ -72,9 +72,14 @@ impl Interleave {
         Subset { stride: self.stride, offset: [x % self.stride, y % self.stride] }
     }
 
+    /// Width and height of what holds one value for each pixel of a subset.
+    pub fn tile(&self) -> [u32; 2] {
+        Subset { stride: self.stride, offset: [0, 0] }.size(self.size)
+    }
+
     /// Size of the sums of all subsets, one tile each.
     pub fn sums_size(&self) -> [u32; 2] {
-        Subset { stride: self.stride, offset: [0, 0] }.size(self.size).map(|side| side * self.stride)
+        self.tile().map(|side| side * self.stride)
     }
 
     /// Sums as the GL side holds them, subset by subset, in the order of pixels.
@@ -82,7 +87,7 @@ impl Interleave {
         if self.stride == 1 {
             return tiles;
         }
-        let tile = Subset { stride: self.stride, offset: [0, 0] }.size(self.size);
+        let tile = self.tile();
         let width = self.sums_size()[0];
         let place = |[x, y]: [u32; 2]| {
             let [tx, ty] = [(x, tile[0]), (y, tile[1])].map(|(at, side)| at % self.stride * side + at / self.stride);

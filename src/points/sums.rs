@@ -43,5 +43,6 @@ impl Sums {
             geometry: Geometry::FullScreen,
         }
         .run();
+        self.target.settle();
     }
 }

@@ -5,11 +5,11 @@ use std::f32::consts::{PI, TAU};
 use std::path::Path;
 
 use finalgather::direction::{Direction, Directions};
-use finalgather::gather::{Bundle, FusedGather, Gather};
+use finalgather::gather::{FusedGather, Gather, KillGather, Work};
 use finalgather::geometry::Geometry;
 use finalgather::gpu::{Backend, DeviceChoice, Gpu};
 use finalgather::photon::{PhotonGrid, PhotonTexture, PhotonTracer};
-use finalgather::points::{GatherPoint, PointList, Points, Sums};
+use finalgather::points::{GatherPoint, PointList, Sums};
 use finalgather::random::Random;
 use finalgather::scene::{Bvh, Camera, Lights, Material, Mesh, Scene, Triangle, UnitSpace};
 use finalgather::settings::{Sequence, Settings};
@@ -180,10 +180,8 @@ pub fn gather(
     layer_size: u32,
 ) -> Vec<Vec4> {
     let size = PointList::upload(gpu, points).unwrap().points().size();
-    let mut gather = Gather::new(gpu, layer_size, size, 0.0).unwrap();
-    gather_by(gpu, scene, points, directions, layer_size, |geometry, points, bundle, sums| {
-        gather.direction(geometry, photons, points, bundle, sums);
-    })
+    let mut gather = KillGather::new(gpu, layer_size, size, 0.0).unwrap();
+    gather_by(&mut gather, gpu, scene, photons, points, directions).0
 }
 
 /// The same for both ends of each direction by the fused method; and the most layers of a direction.
@@ -195,35 +193,26 @@ pub fn gather_fused(
     directions: &[Direction],
     layer_size: u32,
 ) -> (Vec<Vec4>, u32) {
-    let mut gather = FusedGather::new(gpu, layer_size).unwrap();
-    let mut most = 0;
-    let sums = gather_by(gpu, scene, points, directions, layer_size, |geometry, points, bundle, sums| {
-        most = most.max(gather.direction(geometry, photons, points, bundle, sums).unwrap());
-    });
-    (sums, most)
+    gather_by(&mut FusedGather::new(gpu, layer_size).unwrap(), gpu, scene, photons, points, directions)
 }
 
-fn gather_by(
+/// The sums that a gather finds, and the most layers of a direction.
+pub fn gather_by(
+    gather: &mut dyn Gather,
     gpu: &Gpu,
     scene: &Scene,
+    photons: &PhotonTexture,
     points: &[GatherPoint],
     directions: &[Direction],
-    layer_size: u32,
-    mut gather: impl FnMut(&Geometry, Points, &Bundle, &Sums),
-) -> Vec<Vec4> {
-    let geometry = Geometry::upload(gpu, scene).unwrap();
+) -> (Vec<Vec4>, u32) {
+    let geometry = &Geometry::upload(gpu, scene).unwrap();
     let list = PointList::upload(gpu, points).unwrap();
-    let sums = Sums::new(gpu, list.points().size()).unwrap();
+    let sums = &Sums::new(gpu, list.points().size()).unwrap();
     sums.clear();
-    for direction in directions {
-        let bundle = Bundle::new(direction, &geometry.positions, layer_size);
-        gather(&geometry, list.points(), &bundle, &sums);
-        // As a render does. Also, llvmpipe of Mesa 22.3 sometimes crashes where a direction begins while the one before is being drawn: it looks
-        // through the resources of a scene that another of its threads is giving back.
-        gpu.finish();
-    }
+    let work = Work { geometry, photons, points: list.points(), sums };
+    let layers = directions.chunks(gather.batch()).map(|batch| gather.add(work, batch).unwrap()).max().unwrap_or(0);
     gpu.check("gathering").unwrap();
-    list.in_order(sums.read())
+    (list.in_order(sums.read()), layers)
 }
 
 /// Each direction followed by its opposite.
