@@ -1,80 +1,129 @@
 #version 330 core
-// All layers of a direction in one pass, for the rays of both its ends: a point that faces along the direction looks for the nearest surface
-// beyond it, any other for the nearest before it, and what it sees is added to its sums (additive blending). Points in texels where no
-// layer has anything, on the scene's outline, are left to a second pass, the variant OUTLINE.
+// All layers of several directions in one pass, for the rays of both ends: a point that faces along the direction looks for the nearest surface
+// beyond it, any other for the nearest before it, and what it sees is added to its sums (additive blending).
+//
+// Loops are written to test at the end, for software drivers run a body once more to find that the test at the beginning fails.
 // Mirrors src/gather/fused.rs.
 
 #include "points.glsl"
 #include "layer.glsl"
+#include "layer_store.glsl"
 #include "radiance.glsl"
 
-uniform sampler2DArray even_layers; // layers 0, 2, ... from afar
-uniform sampler2DArray odd_layers;
-uniform int layer_count;
-uniform vec3 direction;
+uniform int direction_count;
+uniform vec4 directions[TILES];     // xyz: unit direction; w: clearance, see Receiver
+uniform mat4 to_layer[TILES];       // unit space to texel x, texel y, window depth
+uniform mat4 from_layer[TILES];
 uniform ivec2 first_texel;          // of the subset in the sums
 
 layout(location = 0) out vec4 sum;  // rgb: radiance x weight; a: weight
 
-#ifdef OUTLINE
-
-// The farthest layer seen along the direction; seen against it, the last that has anything at this texel.
-Sample sample_outline(Receiver receiver, ivec2 texel)
+struct Found
 {
-    if (receiver.side > 0.0)
-        return sample_around(receiver, even_layers, 0, texel);
-    Sample nearest = NOTHING;
-    for (int i = 0; i < 8; ++i) {
-        Sample last = NOTHING;
-        for (int layer = 0; layer < layer_count; ++layer) {
-            Sample beside = NOTHING;
-            if ((layer & 1) == 0)
-                beside = sample_texel(receiver, even_layers, layer >> 1, texel + NEIGHBOURS[i]);
-            else
-                beside = sample_texel(receiver, odd_layers, layer >> 1, texel + NEIGHBOURS[i]);
-            if (beside.triangle == 0.0)
-                break;
-            last = beside;
-        }
-        if (is_hit(last) && (nearest.triangle == 0.0 || last.ahead < nearest.ahead))
-            nearest = last;
+    Sample seen;                    // its id is the slot, counted from 1
+    ivec2 step;                     // to the texel it was found in
+};
+
+bool is_nearer(Receiver receiver, Sample seen, Found found)
+{
+    return is_hit(receiver, seen) && (found.seen.id == 0.0 || seen.ahead < found.seen.ahead);
+}
+
+// The receiver stands somewhere in the stack of its texel's surfaces, and there its search ends. Seen along the direction, the hits come first and
+// the last of them is the nearest; seen against it, what is no hit comes first, its own surface last of all, and the first hit is the nearest.
+struct Search
+{
+    Sample nearest;
+    Sample under;                   // next to the receiver on the far side of its hit
+    int under_slot;
+    bool ended;
+};
+
+void look(Receiver receiver, vec4 surface, int slot, inout Search search)
+{
+    if (search.ended)
+        return;
+    Sample own = sample_surface(receiver, surface, receiver.offset);
+    bool hit = is_hit(receiver, own);
+    bool along = receiver.side > 0.0;
+    search.ended = own.id == 0.0 || (along ? search.nearest.id > 0.0 && !hit : hit);
+    if (hit)
+        search.nearest = own;
+    else if (along ? search.under_slot < 0 || search.nearest.id > 0.0 : own.id > 0.0) {
+        search.under = own;
+        search.under_slot = slot;
     }
+}
+
+Found find_hit(Receiver receiver)
+{
+    Search search = Search(NOTHING, NOTHING, -1, false);
+    bool empty = false;
+    int slot = 0;
+    do {
+        uvec4 pair = texelFetch(planes, ivec3(receiver.texel, slot >> 1), 0);
+        vec4 far = unpack_surface(pair.xy, slot);
+        empty = empty || slot == 0 && far.w == 0.0;
+        look(receiver, far, slot, search);
+        look(receiver, unpack_surface(pair.zw, slot + 1), slot + 1, search);
+        slot += 2;
+    } while (!search.ended && slot < slot_count);
+    Found nearest = Found(search.nearest, ivec2(0));
+    Sample under = search.under;
+    int under_slot = search.under_slot;
+
+    // Beside a concave edge the neighbour's surface may be the hit. And a texel on the scene's outline may have its centre outside: what closes
+    // the scene there, its last layer as seen by the receiver, is in a texel around.
+    ivec2 step = under.id == 0.0 || under.above <= receiver.clearance ? step_beside_edge(receiver) : ivec2(0);
+    bool beside = step != ivec2(0) && under_slot >= 0 && !empty;
+    slot = beside ? under_slot : 0;
+    step = empty ? neighbour(0) : beside ? step : ivec2(0);
+    Sample last = NOTHING;
+    int around = 0;
+    do {
+        vec4 surface = fetch_surface_in(receiver.texel + step, slot);
+        Sample there = sample_surface(receiver, surface, receiver.offset - vec2(step));
+        if (!empty) {
+            if (beside && !has_ended(receiver, surface, step) && is_hit(receiver, there))
+                nearest = Found(there, step);
+            around = 8;
+        } else {
+            if (there.id > 0.0)
+                last = there;
+            ++slot;
+            if (there.id == 0.0 || receiver.side > 0.0 || slot == slot_count) {
+                if (is_nearer(receiver, last, nearest))
+                    nearest = Found(last, step);
+                last = NOTHING;
+                slot = 0;
+                ++around;
+                step = neighbour(around);
+            }
+        }
+    } while (around < 8);
     return nearest;
 }
 
-#endif
-
 void main()
 {
-    ivec2 place = ivec2(gl_FragCoord.xy) - first_texel;
-    GatherPoint point = fetch_point(place);
-    float side = dot(point.surface_normal, direction) < 0.0 ? -1.0 : 1.0;
-    float weight = cosine(point, side * direction);
-    Receiver receiver = receiver(point.position, point.surface_normal, side);
-    ivec2 texel = ivec2(floor(receiver.place.xy));
-#ifdef OUTLINE
-    Sample nearest = sample_outline(receiver, texel);
-#else
-    Sample nearest = NOTHING;
-    for (int layer = 0; layer < layer_count; layer += 2) {
-        Sample even = sample_texel(receiver, even_layers, layer >> 1, texel);
-        if (layer == 0 && even.triangle == 0.0 && weight > 0.0)
-            discard;
-        even = sample_beside_edge(receiver, even_layers, layer >> 1, texel, even);
-        if (is_hit(even) && (side > 0.0 || nearest.triangle == 0.0))
-            nearest = even;
-        if (layer + 1 < layer_count) {
-            Sample odd = sample_texel(receiver, odd_layers, layer >> 1, texel);
-            odd = sample_beside_edge(receiver, odd_layers, layer >> 1, texel, odd);
-            if (is_hit(odd) && (side > 0.0 || nearest.triangle == 0.0))
-                nearest = odd;
+    GatherPoint point = fetch_point(ivec2(gl_FragCoord.xy) - first_texel);
+    int size = textureSize(planes, 0).y;
+    vec4 total = vec4(0.0);
+    int i = 0;
+    do {
+        vec3 direction = directions[i].xyz;
+        float side = dot(point.surface_normal, direction) < 0.0 ? -1.0 : 1.0;
+        Receiver receiver = receiver(point.position, point.surface_normal, side, to_layer[i], from_layer[i], directions[i].w,
+                                     ivec2(i * size, 0), float(size));
+        Found found = find_hit(receiver);
+        vec3 radiance = vec3(0.0);
+        if (found.seen.id > 0.0) {
+            ivec3 place = ivec3(receiver.texel + found.step, int(found.seen.id) - 1);
+            float along = side * found.seen.ahead * dot(direction, from_layer[i][2].xyz);
+            vec3 position = point.position + along * direction;
+            radiance = hit_radiance(int(texelFetch(stored_triangles, place, 0).r), position, side * direction);
         }
-    }
-#endif
-    vec3 radiance = vec3(0.0);
-    if (nearest.triangle > 0.0) {
-        float along = nearest.ahead * dot(direction, from_layer[2].xyz);
-        radiance = hit_radiance(int(nearest.triangle) - 1, point.position + side * along * direction, side * direction);
-    }
-    sum = vec4(radiance, 1.0) * weight;
+        total += vec4(radiance, 1.0) * cosine(point, side * direction);
+    } while (++i < direction_count);
+    sum = total;
 }

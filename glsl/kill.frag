@@ -8,24 +8,52 @@
 uniform sampler2DArray layers;
 uniform int element;                // of the layer
 uniform vec3 direction;
+uniform mat4 to_layer;              // unit space to texel x, texel y, window depth
+uniform mat4 from_layer;
+uniform float clearance;            // see Receiver
 
 layout(location = 0) out vec2 hit;  // distance along the direction; triangle, counted from 1
+
+#ifdef FARTHEST
+
+// Receivers lie on the scene, but a texel on its outline may have its centre outside. What closes the scene there is in a texel around;
+// above the tangent plane, for about a convex body nothing is. Of several, the ray leaves the scene through the nearest.
+Sample sample_around(Receiver receiver)
+{
+    Sample nearest = NOTHING;
+    for (int i = 0; i < 8; ++i) {
+        ivec2 step = neighbour(i);
+        vec4 surface = texelFetch(layers, ivec3(receiver.texel + step, element), 0);
+        Sample beside = sample_surface(receiver, surface, receiver.offset - vec2(step));
+        if (is_hit(receiver, beside) && (nearest.id == 0.0 || beside.ahead < nearest.ahead))
+            nearest = beside;
+    }
+    return nearest;
+}
+
+#endif
 
 void main()
 {
     GatherPoint point = fetch_point(ivec2(gl_FragCoord.xy));
     if (cosine(point, direction) == 0.0)
         discard;
-    Receiver receiver = receiver(point.position, point.surface_normal, 1.0);
-    ivec2 texel = ivec2(floor(receiver.place.xy));
-    Sample nearest = sample_texel(receiver, layers, element, texel);
+    float size = float(textureSize(layers, 0).y);
+    Receiver receiver = receiver(point.position, point.surface_normal, 1.0, to_layer, from_layer, clearance, ivec2(0), size);
+    vec4 surface = texelFetch(layers, ivec3(receiver.texel, element), 0);
+    Sample nearest = sample_surface(receiver, surface, receiver.offset);
 #ifdef FARTHEST
-    if (nearest.triangle == 0.0)
-        nearest = sample_around(receiver, layers, element, texel);
+    if (nearest.id == 0.0)
+        nearest = sample_around(receiver);
     else
 #endif
-    nearest = sample_beside_edge(receiver, layers, element, texel, nearest);
-    if (!is_hit(nearest))
+    if (nearest.id == 0.0 || nearest.above <= receiver.clearance) {
+        ivec2 step = step_beside_edge(receiver);
+        vec4 beside = texelFetch(layers, ivec3(receiver.texel + step, element), 0);
+        if (step != ivec2(0) && !has_ended(receiver, beside, step))
+            nearest = sample_surface(receiver, beside, receiver.offset - vec2(step));
+    }
+    if (!is_hit(receiver, nearest))
         discard;                    // KILL
-    hit = vec2(nearest.ahead * dot(direction, from_layer[2].xyz), nearest.triangle);
+    hit = vec2(nearest.ahead * dot(direction, from_layer[2].xyz), nearest.id);
 }

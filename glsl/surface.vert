@@ -5,7 +5,11 @@
 layout(location = 0) in vec3 position;
 layout(location = 1) in vec3 normal;    // zero: flat shading
 
+#ifdef TILES
+uniform mat4 to_clip[TILES];            // one for each instance
+#else
 uniform mat4 to_clip;
+#endif
 
 out vec3 surface_position;
 out vec3 surface_normal;
@@ -16,5 +20,9 @@ void main()
     surface_position = position;
     surface_normal = normal;
     surface_triangle = gl_VertexID / 3;
+#ifdef TILES
+    gl_Position = to_clip[gl_InstanceID] * vec4(position, 1.0);
+#else
     gl_Position = to_clip * vec4(position, 1.0);
+#endif
 }

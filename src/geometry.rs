@@ -114,6 +114,11 @@ impl Geometry {
         self.textures.len() > 1
     }
 
+    /// All surfaces, so many times, whatever they are made of.
+    pub fn instances(&self, count: u32) -> Shape<'_> {
+        Shape::Instances(&self.vertices, count)
+    }
+
     /// Draws all surfaces.
     pub fn draw(&self, pass: SurfacePass) {
         for batch in &self.batches {

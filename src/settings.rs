@@ -113,7 +113,12 @@ impl Settings {
         at_least_one("size (width)", self.size[0].into())?;
         at_least_one("size (height)", self.size[1].into())?;
         at_least_one("directions", self.directions.into())?;
-        at_least_one("layer-size", self.layer_size.into())?;
+        if self.layer_size < 4 {
+            return Err(Error::usage(
+                format!("layer-size is {}", self.layer_size),
+                "give 4 texels or more, two of which are the layer's border",
+            ));
+        }
         at_least_one("photons", self.photons)?;
         at_least_one("bounces", self.bounces.into())?;
         at_least_one("light_samples", self.light_samples.into())?;

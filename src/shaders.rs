@@ -7,6 +7,7 @@ const INCLUDES: &[(&str, &str)] = &[
     ("octahedral.glsl", include_str!("../glsl/include/octahedral.glsl")),
     ("points.glsl", include_str!("../glsl/include/points.glsl")),
     ("layer.glsl", include_str!("../glsl/include/layer.glsl")),
+    ("layer_store.glsl", include_str!("../glsl/include/layer_store.glsl")),
     ("photon_grid.glsl", include_str!("../glsl/include/photon_grid.glsl")),
     ("radiance.glsl", include_str!("../glsl/include/radiance.glsl")),
 ];
@@ -29,23 +30,25 @@ pub static DIRECT: ShaderSource = shader!("fullscreen", "direct");
 pub static PEEL: ShaderSource = shader!("surface", "peel");
 pub static KILL: ShaderSource = shader!("fullscreen", "kill");
 pub static KILL_FARTHEST: ShaderSource = shader!("fullscreen", "kill", "FARTHEST");
-pub static FUSED: ShaderSource = shader!("fullscreen", "fused");
-pub static FUSED_TEXTURED: ShaderSource = shader!("fullscreen", "fused", "TEXTURED");
-pub static FUSED_OUTLINE: ShaderSource = shader!("fullscreen", "fused", "OUTLINE", "TEXTURED");
+pub static STORE: ShaderSource = shader!("surface", "layer_store", "TILES 8");
+pub static STORE_FARTHEST: ShaderSource = shader!("surface", "layer_store", "TILES 8", "FARTHEST");
+pub static FUSED: ShaderSource = shader!("fullscreen", "fused", "TILES 8");
+pub static FUSED_TEXTURED: ShaderSource = shader!("fullscreen", "fused", "TILES 8", "TEXTURED");
 pub static ACCUMULATE: ShaderSource = shader!("fullscreen", "accumulate");
 pub static ACCUMULATE_TEXTURED: ShaderSource = shader!("fullscreen", "accumulate", "TEXTURED");
 
 /// All of the above.
-pub static ALL: [&ShaderSource; 11] = [
+pub static ALL: [&ShaderSource; 12] = [
     &VISIBLE_POINTS,
     &SHADOW,
     &DIRECT,
     &PEEL,
     &KILL,
     &KILL_FARTHEST,
+    &STORE,
+    &STORE_FARTHEST,
     &FUSED,
     &FUSED_TEXTURED,
-    &FUSED_OUTLINE,
     &ACCUMULATE,
     &ACCUMULATE_TEXTURED,
 ];

@@ -11,7 +11,7 @@ use finalgather::points::GatherPoint;
 use finalgather::reference::Reference;
 use finalgather::scene::{Bvh, Scene};
 use finalgather::settings::Sequence;
-use glam::{Vec3, vec3};
+use glam::{Vec3, Vec4, vec3};
 
 /// A lost ray shows as more than this, unless it grazes: one of 64 directions has a share of some 1/16 at most. Sums of 64 terms round by less
 /// than 1e-5.
@@ -87,21 +87,29 @@ fn hollow_sphere() {
 }
 
 /// From outside, a convex body sees nothing of itself. Where a texel's centre is as near to an edge as vertices are rounded, a ray may take one
-/// face for the other: 19 of 4096 points do (mean 1.1e-5 of a furnace's light), and thousands do (5e-5) if texels beside the outline count
-/// below the tangent plane too.
+/// face for the other. That is rare, so the mean over several layer sizes is held (measured 2.7e-5 of a furnace's light over these; less by a third if
+/// the steepness of the other face is not allowed for, but then three of 49 152 points in a hollow sphere lose a ray); it is 5e-5 if texels
+/// beside the outline count below the tangent plane too.
 #[test]
 fn convex_bodies_see_nothing_of_themselves() {
     let gpu = gpu();
     // Of the few, one ray of 16 that one of 256 points takes wrongly is 3e-4 already; two are let pass.
-    let (count, size, points, limit) = sized(&gpu, (64, 256, 4096, 2e-5), (16, 64, 256, 6e-4));
+    let (count, sizes, points, limit) = sized(&gpu, (64, 252..260, 4096, 4e-5), (16, 64..65, 256, 6e-4));
     let mut model = Model::new();
     model.cuboid(Vec3::ZERO, vec3(1.0, 0.8, 0.6), 0.3, false, 0);
     let scene = model.finish();
     let photons = PhotonTexture::upload(&gpu, &furnace(&scene)).unwrap();
     let points = points_on(&scene, points);
-    let found = irradiance(&gather(&gpu, &scene, &photons, &points, &directions(Sequence::R2, count), size));
-    let lit = found.iter().filter(|e| e.max_element() > 0.0).count();
-    let mean = found.iter().map(|e| e.max_element()).sum::<f32>() / found.len() as f32 / PI;
-    eprintln!("convex body: {lit} of {} points see light, mean {mean:e} of a furnace's", found.len());
-    assert!(mean < limit, "the body sees itself: {lit} points, mean {mean}");
+    let directions = directions(Sequence::R2, count);
+    let total = |sums: &[Vec4]| irradiance(sums).iter().map(|e| e.max_element()).sum::<f32>();
+    let (mut kill, mut fused) = (0.0, 0.0);
+    for size in sizes.clone() {
+        kill += total(&gather(&gpu, &scene, &photons, &points, &directions, size));
+        fused += total(&gather_fused(&gpu, &scene, &photons, &points, &directions, size).0);
+    }
+    for (pipeline, total) in [("kill", kill), ("fused", fused)] {
+        let mean = total / (points.len() * sizes.len()) as f32 / PI;
+        eprintln!("convex body, {pipeline}: it sees {mean:e} of a furnace's light");
+        assert!(mean < limit, "by {pipeline}, the body sees {mean} of itself");
+    }
 }

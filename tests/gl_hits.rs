@@ -27,10 +27,10 @@ fn both_ways(gpu: &Gpu, scene: &Scene, points: &[GatherPoint], count: u32, sizes
 }
 
 /// The mean difference is aliasing: at an outline the texel's centre may see another surface than the point's ray, so it falls with
-/// the size of a texel (measured: 0.43 to 0.46 % at 512², 0.82 to 0.85 % at 256², by the directions' seed). It must hardly favour light or dark,
-/// hence the lower limit on bias (measured 0.048 to 0.058 % and 0.078 to 0.101 %).
+/// the size of a texel (measured: 0.34 to 0.37 % at 512², 0.66 to 0.71 % at 256²). It must hardly favour light or dark, hence the lower limit on
+/// bias (measured within 0.029 % and 0.058 %).
 const AT_512: Difference = Difference { mean: 0.006, bias: 0.001 };
-const AT_256: Difference = Difference { mean: 0.01, bias: 0.0012 };
+const AT_256: Difference = Difference { mean: 0.01, bias: 0.001 };
 /// Among few points and directions, the light that a few rays find or miss no longer averages out: with softpipe's sizes, llvmpipe
 /// too has a bias of -0.33 %, while four times the points have one of +0.03 %.
 const SMALL_512: Difference = Difference { mean: 0.012, bias: 0.006 };
@@ -159,6 +159,31 @@ fn both_ends_in_one_pass() {
         let fused = irradiance(&gather_fused(&gpu, &scene, &photons, &points, &directions, size).0);
         check("Cornell box, fused", size, &fused, &oracle, most);
     }
+}
+
+/// Points need not lie on the scene: off it they see it from outside, or pass it by.
+#[test]
+fn points_off_the_scene() {
+    let gpu = gpu();
+    let (points, count) = sized(&gpu, (1024, 256), (128, 16));
+    let mut model = Model::new();
+    model.cuboid(Vec3::ZERO, vec3(1.0, 0.8, 0.6), 0.3, false, 0);
+    let scene = model.finish();
+    let off = |point: GatherPoint| GatherPoint::flat(point.position + 1.5 * point.normal, -point.normal);
+    let points: Vec<_> = points_on(&scene, points).into_iter().map(off).collect();
+    let directions = directions(Sequence::R2, count);
+    let bvh = Bvh::new(&scene.mesh);
+    let mut grid = photon_grid(&scene, &bvh, 0);
+    grid.sums.fill([1.0; 4]);
+    let photons = PhotonTexture::upload(&gpu, &grid).unwrap();
+    let oracle = |directions| irradiance(&Reference::new(&scene, &bvh, &grid).gather(&points, &vectors(directions)));
+    let kill = irradiance(&gather(&gpu, &scene, &photons, &points, &directions, 256));
+    let fused = irradiance(&gather_fused(&gpu, &scene, &photons, &points, &directions, 256).0);
+    // What lets no ray of a point on the outline pass beside the scene makes it half a texel larger for others: 2.8 % here. Seen where it is not,
+    // or not at all, the block would be off by all of its light.
+    let most = sized(&gpu, Difference { mean: 0.035, bias: 0.035 }, Difference { mean: 0.1, bias: 0.1 });
+    check("off the scene, kill", 256, &kill, &oracle(&directions), most);
+    check("off the scene, fused", 256, &fused, &oracle(&both_ends(&directions)), most);
 }
 
 #[test]

@@ -4,7 +4,7 @@ mod common;
 
 use common::{Model, gpu, sized};
 use finalgather::direction::Direction;
-use finalgather::gather::{Bundle, Peel};
+use finalgather::gather::{Bundle, LayerStore, Peel};
 use finalgather::geometry::Geometry;
 use finalgather::gpu::Gpu;
 use finalgather::random::Random;
@@ -31,6 +31,17 @@ fn peel(gpu: &Gpu, geometry: &Geometry, bundle: &Bundle, size: u32) -> Vec<Vec<V
     }
     gpu.check("peeling").unwrap();
     layers
+}
+
+/// The layers of bundles, each as [`peel`] has them, but that there may be further empty ones, from the store of all layers.
+fn store(gpu: &Gpu, geometry: &Geometry, bundles: &[Bundle], size: u32) -> Vec<Vec<Vec<Vec4>>> {
+    let mut store = LayerStore::new(gpu, size).unwrap();
+    // The second time it knows how many there are.
+    for _ in 0..2 {
+        store.peel(geometry, bundles).unwrap();
+    }
+    gpu.check("peeling").unwrap();
+    (0..bundles.len() as u32).map(|tile| store.read(tile)).collect()
 }
 
 /// What the line through (x, y) of layer space meets: (depth, triangle counted from 1), far to near. `None` too near an edge to tell.
@@ -108,8 +119,11 @@ fn stacked_planes_in_any_draw_order() {
     for count in 1..=32 {
         let scene = stack(count, u64::from(count));
         let geometry = Geometry::upload(&gpu, &scene).unwrap();
-        for vector in [Vec3::Z, vec3(0.1, -0.2, -1.0)] {
-            let bundle = Bundle::new(&along(vector), &geometry.positions, size);
+        let vectors = [Vec3::Z, vec3(0.1, -0.2, -1.0)];
+        let bundles = vectors.map(|vector| Bundle::new(&along(vector), &geometry.positions, size));
+        let stored = store(&gpu, &geometry, &bundles, size);
+        for ((vector, bundle), stored) in vectors.into_iter().zip(bundles).zip(stored) {
+            check(&stored, &scene.mesh, &bundle, size);
             let layers = peel(&gpu, &geometry, &bundle, size);
             check(&layers, &scene.mesh, &bundle, size);
             // Straight on, all plates cover the same texels.
@@ -149,9 +163,11 @@ fn crossing_planes_are_in_order_at_each_texel() {
     model.cuboid(vec3(0.1, 0.2, 0.0), Vec3::splat(0.5), 0.5, false, 0);
     let scene = model.finish();
     let geometry = Geometry::upload(&gpu, &scene).unwrap();
-    for vector in [Vec3::Z, Vec3::NEG_Z, vec3(0.3, -0.4, 0.8), vec3(1.0, 0.2, -0.3)] {
-        let bundle = Bundle::new(&along(vector), &geometry.positions, size);
-        check(&peel(&gpu, &geometry, &bundle, size), &scene.mesh, &bundle, size);
+    let vectors = [Vec3::Z, Vec3::NEG_Z, vec3(0.3, -0.4, 0.8), vec3(1.0, 0.2, -0.3)];
+    let bundles = vectors.map(|vector| Bundle::new(&along(vector), &geometry.positions, size));
+    for (bundle, stored) in bundles.iter().zip(store(&gpu, &geometry, &bundles, size)) {
+        check(&peel(&gpu, &geometry, bundle, size), &scene.mesh, bundle, size);
+        check(&stored, &scene.mesh, bundle, size);
     }
 }
 
@@ -164,10 +180,19 @@ fn slopes_are_those_of_the_surfaces() {
     let scene = model.finish();
     let geometry = Geometry::upload(&gpu, &scene).unwrap();
     let bundle = Bundle::new(&along(vec3(0.5, 0.3, -0.7)), &geometry.positions, size);
-    let layers = peel(&gpu, &geometry, &bundle, size);
+    // The store keeps slopes to 1/4096.
+    for (layers, rounded) in
+        [(peel(&gpu, &geometry, &bundle, size), 0.0), (store(&gpu, &geometry, &[bundle], size).remove(0), 1.0 / 4096.0)]
+    {
+        check_slopes(&layers, size, rounded);
+    }
+}
+
+/// Fails unless the surface in a texel, followed by its slopes, which may be `rounded` by this share, is where the next texel has it.
+fn check_slopes(layers: &[Vec<Vec4>], size: u32, rounded: f32) {
     let at = |layer: &[Vec4], x: u32, y: u32| layer[(y * size + x) as usize];
     let mut compared = 0;
-    for layer in &layers {
+    for layer in layers {
         for (x, y) in (0..size * size).map(|texel| (texel % size, texel / size)) {
             let here = at(layer, x, y);
             for (step, slope) in [((1, 0), here.y), ((0, 1), here.z)] {
@@ -179,7 +204,7 @@ fn slopes_are_those_of_the_surfaces() {
                     compared += 1;
                     // Slope and check are differences of depths, each rounded to 6e-8; and a rasteriser that steps across
                     // the target rounds products of its size and the slopes, in both of the depths.
-                    let rounding = 3e-7 + 1.2e-7 * size as f32 * (here.y.abs() + here.z.abs());
+                    let rounding = 3e-7 + (1.2e-7 * size as f32 + rounded) * (here.y.abs() + here.z.abs());
                     assert!((here.x + slope - next.x).abs() < rounding, "({x}, {y}): {here} and {next}");
                 }
             }

@@ -12,7 +12,7 @@ struct GatherPoint
     bool exists;
     vec3 position;
     vec3 normal;                    // shading normal: the hemisphere that is integrated
-    vec3 surface_normal;            // geometric normal on the same side: the surface the point lies on; of length 0.57 to 1
+    vec3 surface_normal;            // unit geometric normal on the same side: the surface the point lies on
 };
 
 // The point that the fragment at `place` of a target for one subset is about.
@@ -23,7 +23,7 @@ GatherPoint fetch_point(ivec2 place)
         return GatherPoint(false, vec3(0.0), vec3(0.0), vec3(0.0));
     vec4 position = texelFetch(point_position, texel, 0);
     vec4 normal = texelFetch(point_normal, texel, 0);
-    vec3 surface_normal = octahedral_decode(vec2(position.w, normal.w));
+    vec3 surface_normal = normalize(octahedral_decode(vec2(position.w, normal.w)));
     return GatherPoint(dot(normal.xyz, normal.xyz) > 0.0, position.xyz, normal.xyz, surface_normal);
 }
 

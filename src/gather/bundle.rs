@@ -24,14 +24,15 @@ pub struct Bundle {
 }
 
 impl Bundle {
-    /// Fits the projection to `positions` as seen along the direction, `size` texels on a side.
+    /// Fits the projection to `positions` as seen along the direction, `size` texels on a side: a border of a texel stays empty, so that readers
+    /// need not ask whether a neighbour is still in the layer.
     pub fn new(direction: &Direction, positions: &[Vec3], size: u32) -> Self {
         let axes = frame(direction.vector) * Mat3::from_rotation_z(direction.turn);
         let to_axes = axes.transpose();
         let bounds = Aabb::from_points(positions.iter().map(|&position| to_axes * position));
-        // One texel less than there are leaves room for the shift.
-        let texel = (bounds.extent().truncate() / (size as f32 - 1.0).max(1.0)).max(Vec2::splat(1e-6));
-        let corner = bounds.min.truncate() - direction.shift * texel;
+        // Beside the border, one texel less than there are leaves room for the shift.
+        let texel = (bounds.extent().truncate() / (size as f32 - 3.0).max(1.0)).max(Vec2::splat(1e-6));
+        let corner = bounds.min.truncate() - (1.0 + direction.shift) * texel;
         let depth = (bounds.extent().z * (1.0 + 2.0 * DEPTH_MARGIN)).max(1e-6);
         let origin = corner.extend(bounds.min.z - 0.5 * (depth - bounds.extent().z));
         let unit = texel.extend(depth);
@@ -45,6 +46,12 @@ impl Bundle {
             // Rasterisers round vertices to at least 1/16 of a texel, in practice to 1/256; the rest is float precision at 1.
             clearance: texel.max_element() / 256.0 + 2e-6,
         }
+    }
+
+    /// Unit space to clip space of a row of `tiles` layers side by side, of which this one is in tile `tile`.
+    pub fn to_clip_of_tile(&self, tile: u32, tiles: u32) -> Mat4 {
+        let middle = (2 * tile + 1) as f32 / tiles as f32 - 1.0;
+        Mat4::from_translation(Vec3::X * middle) * Mat4::from_scale(Vec3::new(1.0 / tiles as f32, 1.0, 1.0)) * self.to_clip
     }
 
     /// The uniforms that shaders of points read.

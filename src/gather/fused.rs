@@ -1,6 +1,8 @@
-//! All layers of a direction sampled in one pass over the points, at both ends. Mirrors `glsl/fused.frag`.
+//! All layers of a batch of directions sampled in one pass over the points, at both ends. Mirrors `glsl/fused.frag`.
 
-use super::{Bundle, Peel, Work};
+use glam::{Mat4, Vec4};
+
+use super::{Bundle, LayerStore, Work};
 use crate::error::Result;
 use crate::gpu::{DepthTest, Gpu, Program, Uniform};
 use crate::shaders;
@@ -9,30 +11,26 @@ use crate::shaders;
 pub struct Fused {
     /// Without and with albedo textures.
     programs: [Program; 2],
-    outline: Program,
-    /// Directions so far.
-    count: u32,
 }
 
 impl Fused {
     pub fn new(gpu: &Gpu) -> Result<Self> {
         let program = |source| Program::new(gpu, source);
-        Ok(Self {
-            programs: [program(&shaders::FUSED)?, program(&shaders::FUSED_TEXTURED)?],
-            outline: program(&shaders::FUSED_OUTLINE)?,
-            count: 0,
-        })
+        Ok(Self { programs: [program(&shaders::FUSED)?, program(&shaders::FUSED_TEXTURED)?] })
     }
 
-    /// Adds what the points see in the first layers of `peel` to the sums.
-    pub fn add(&mut self, work: Work, bundle: &Bundle, (peel, layers): (&Peel, u32)) {
-        let own = [("layer_count", Uniform::Int(layers as i32))];
-        let uniforms =
-            [&own[..], &peel.uniforms(), &bundle.uniforms(), &work.geometry.uniforms(), &work.photons.uniforms()].concat();
-        // What the first pass discards, it does not mark. A mark of its own for each direction needs no clearing.
-        self.count += 1;
-        let mark = (self.count & 0xffff) as f32 / 65536.0;
-        work.sums.add(work.points, &self.programs[usize::from(work.geometry.is_textured())], DepthTest::Mark(mark), &uniforms);
-        work.sums.add(work.points, &self.outline, DepthTest::Unmarked(mark), &uniforms);
+    /// Adds what the points see in the layers of `store`, peeled along the directions of `bundles`, to the sums.
+    pub fn add(&self, work: Work, bundles: &[Bundle], store: &LayerStore) {
+        let directions: Vec<Vec4> = bundles.iter().map(|bundle| bundle.direction.extend(bundle.clearance)).collect();
+        let to_layer: Vec<Mat4> = bundles.iter().map(|bundle| bundle.to_layer).collect();
+        let from_layer: Vec<Mat4> = to_layer.iter().map(Mat4::inverse).collect();
+        let own = [
+            ("direction_count", Uniform::Int(bundles.len() as i32)),
+            ("directions", Uniform::Vec4s(&directions)),
+            ("to_layer", Uniform::Mat4s(&to_layer)),
+            ("from_layer", Uniform::Mat4s(&from_layer)),
+        ];
+        let uniforms = [&own[..], &store.uniforms(), &work.geometry.uniforms(), &work.photons.uniforms()].concat();
+        work.sums.add(work.points, &self.programs[usize::from(work.geometry.is_textured())], DepthTest::Off, &uniforms);
     }
 }

@@ -14,15 +14,17 @@ mod accumulate;
 mod bundle;
 mod fused;
 mod kill;
+mod layer_store;
 mod peel;
 
 pub use bundle::Bundle;
+pub use layer_store::LayerStore;
 pub use peel::{Layer, Peel};
 
 use crate::direction::Direction;
 use crate::error::Result;
 use crate::geometry::Geometry;
-use crate::gpu::{Gpu, SampleQuery};
+use crate::gpu::Gpu;
 use crate::photon::PhotonTexture;
 use crate::points::{Points, Sums};
 use accumulate::Accumulate;
@@ -111,55 +113,24 @@ impl Gather for KillGather {
     }
 }
 
-/// The passes of the fused method: all layers of a direction are kept, and one pass over the points samples them for the rays at both ends.
+/// The fused method: all layers of a batch of directions are kept, and one pass over the points samples them for the rays at both ends.
 /// E(x) = π Σ L w / Σ w with w = |n·d|: every direction serves every point, which halves the geometry's share of the work.
 pub struct FusedGather {
-    gpu: Gpu,
-    layer_size: u32,
-    peel: Peel,
-    any: SampleQuery,
+    store: LayerStore,
     fused: Fused,
 }
-
-/// Layers kept at first; deeper scenes double it.
-const KEPT: u32 = 8;
 
 impl FusedGather {
     /// # Errors
     /// When a size is beyond the device's limits.
     pub fn new(gpu: &Gpu, layer_size: u32) -> Result<Self> {
-        Ok(Self {
-            gpu: gpu.clone(),
-            layer_size,
-            peel: Peel::new(gpu, layer_size, KEPT)?,
-            any: SampleQuery::new(gpu)?,
-            fused: Fused::new(gpu)?,
-        })
-    }
-
-    /// Peels until nothing is left and returns the number of layers, or `None` when more are left than can be kept.
-    fn peel_all(&mut self, geometry: &Geometry, bundle: &Bundle) -> Option<u32> {
-        self.peel.start();
-        (0..self.peel.kept()).find(|_| self.any.count(|| _ = self.peel.next(geometry, bundle)) == 0)
-    }
-
-    /// Sums are cleared when new and get nothing from elsewhere.
-    fn direction(&mut self, work: Work, direction: &Direction) -> Result<u32> {
-        let bundle = Bundle::new(direction, &work.geometry.positions, self.layer_size);
-        let layers = loop {
-            if let Some(layers) = self.peel_all(work.geometry, &bundle) {
-                break layers;
-            }
-            self.peel.keep_twice_as_many(&self.gpu)?;
-        };
-        self.fused.add(work, &bundle, (&self.peel, layers));
-        Ok(layers)
+        Ok(Self { store: LayerStore::new(gpu, layer_size)?, fused: Fused::new(gpu)? })
     }
 }
 
 impl Gather for FusedGather {
     fn batch(&self) -> usize {
-        1
+        self.store.tiles() as usize
     }
 
     fn both_ends(&self) -> bool {
@@ -167,6 +138,10 @@ impl Gather for FusedGather {
     }
 
     fn add(&mut self, work: Work, directions: &[Direction]) -> Result<u32> {
-        directions.iter().try_fold(0, |most, direction| Ok(most.max(self.direction(work, direction)?)))
+        let bundle = |direction| Bundle::new(direction, &work.geometry.positions, self.store.layer_size());
+        let bundles: Vec<Bundle> = directions.iter().map(bundle).collect();
+        let layers = self.store.peel(work.geometry, &bundles)?;
+        self.fused.add(work, &bundles, &self.store);
+        Ok(layers)
     }
 }

@@ -6,7 +6,7 @@
 //! Depth is a 32-bit float, so the strict comparison needs no epsilon and peeling ends.
 
 use super::bundle::Bundle;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::geometry::{Geometry, SurfacePass};
 use crate::gpu::{DepthTest, Format, Gpu, Program, Target, Texture, Uniform};
 use crate::shaders;
@@ -44,27 +44,6 @@ impl Peel {
         Ok(Self { peel: Program::new(gpu, &shaders::PEEL)?, layers: [array()?, array()?], count: 0 })
     }
 
-    /// Keeps twice as many from now on; those there are get lost.
-    ///
-    /// # Errors
-    /// When that is beyond the device's limits or memory.
-    pub fn keep_twice_as_many(&mut self, gpu: &Gpu) -> Result<()> {
-        let (kept, size) = (self.kept(), self.layers[0][0].size());
-        let limit = gpu.info().limits.max_array_layers;
-        if kept > limit {
-            return Err(Error::usage(
-                format!("the scene has more than {kept} layers along a direction, and this GL device keeps no more"),
-                "use the pipeline kill, which keeps none",
-            ));
-        }
-        // One array at a time, so that old and new are never there together.
-        for array in &mut self.layers {
-            array.drain(1..);
-            *array = Target::array(gpu, size, Format::Rgba32F, kept)?;
-        }
-        Ok(())
-    }
-
     /// Begins a bundle.
     pub fn start(&mut self) {
         self.count = 0;
@@ -91,19 +70,6 @@ impl Peel {
         });
         self.count += 1;
         Layer { layers: target.color(0), element: layer.1 as u32 }
-    }
-
-    /// How many layers are kept.
-    pub fn kept(&self) -> u32 {
-        2 * self.layers[0].len() as u32
-    }
-
-    /// The layers kept, as the uniforms that shaders of all of them read.
-    pub fn uniforms(&self) -> [(&'static str, Uniform<'_>); 2] {
-        [
-            ("even_layers", Uniform::Texture(self.layers[0][0].color(0))),
-            ("odd_layers", Uniform::Texture(self.layers[1][0].color(0))),
-        ]
     }
 
     /// Array and element of a layer.

@@ -38,6 +38,8 @@ pub enum DepthTest {
 pub enum Blend {
     Replace,
     Add,
+    /// Of the first colour texture, replaces the first two channels (0) or the last two (1) and leaves the others; of more, all.
+    ReplaceHalf(u32),
 }
 
 /// What is drawn.
@@ -46,6 +48,8 @@ pub enum Geometry<'a> {
     FullScreen,
     /// A range of triangles of a vertex array.
     Triangles(&'a VertexArray, Range<u32>),
+    /// All triangles of a vertex array, so many times.
+    Instances(&'a VertexArray, u32),
 }
 
 impl Draw<'_> {
@@ -76,6 +80,11 @@ impl Draw<'_> {
             }
             match self.blend {
                 Blend::Replace => gl.disable(glow::BLEND),
+                Blend::ReplaceHalf(half) => {
+                    gl.disable(glow::BLEND);
+                    let [first, last] = [half == 0, half != 0];
+                    gl.color_mask_draw_buffer(0, first, first, last, last);
+                }
                 Blend::Add => {
                     gl.enable(glow::BLEND);
                     gl.blend_equation(glow::FUNC_ADD);
@@ -86,6 +95,10 @@ impl Draw<'_> {
                 Geometry::FullScreen => {
                     gl.bind_vertex_array(Some(self.target.context().no_vertices()));
                     gl.draw_arrays(glow::TRIANGLES, 0, 3);
+                }
+                Geometry::Instances(vertices, count) => {
+                    gl.bind_vertex_array(Some(vertices.name()));
+                    gl.draw_arrays_instanced(glow::TRIANGLES, 0, vertices.count() as i32, *count as i32);
                 }
                 Geometry::Triangles(vertices, range) => {
                     gl.bind_vertex_array(Some(vertices.name()));

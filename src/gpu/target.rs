@@ -26,7 +26,7 @@ impl Target {
         let texture = |format| Texture::empty(gpu, format, width, height).map(Rc::new);
         let colors = colors.iter().map(|&format| texture(format)).collect::<Result<Vec<_>>>()?;
         let depth = depth.then(|| texture(Format::Depth32F)).transpose()?;
-        Self::of(gpu, colors, 0, depth)
+        Self::of(gpu, colors.into_iter().map(|color| (color, 0)).collect(), depth)
     }
 
     /// Targets for the `count` elements of a new array of textures, each with the same depth texture: draw into one after the other.
@@ -36,21 +36,24 @@ impl Target {
     pub fn array(gpu: &Gpu, size: [u32; 2], color: Format, count: u32) -> Result<Vec<Self>> {
         let color = Rc::new(Texture::empty_array(gpu, color, size, count)?);
         let depth = Rc::new(Texture::empty(gpu, Format::Depth32F, size[0], size[1])?);
-        (0..count).map(|element| Self::of(gpu, vec![color.clone()], element, Some(depth.clone()))).collect()
+        (0..count).map(|element| Self::of(gpu, vec![(color.clone(), element)], Some(depth.clone()))).collect()
     }
 
-    /// Renders into `element` of `colors` that are arrays.
-    fn of(gpu: &Gpu, colors: Vec<Rc<Texture>>, element: u32, depth: Option<Rc<Texture>>) -> Result<Self> {
-        let [width, height] = [colors[0].width(), colors[0].height()];
+    /// Renders into textures that others share, all of one size; of arrays, into the element given.
+    ///
+    /// # Errors
+    /// [`Error::Gl`] when the device refuses the target.
+    pub fn of(gpu: &Gpu, colors: Vec<(Rc<Texture>, u32)>, depth: Option<Rc<Texture>>) -> Result<Self> {
+        let [width, height] = [colors[0].0.width(), colors[0].0.height()];
         let gl = gpu.gl();
         let framebuffer = Resource::own(gpu, unsafe { gl.create_framebuffer() })?;
         let mut buffers = Vec::new();
         let status = unsafe {
             gl.bind_framebuffer(glow::FRAMEBUFFER, Some(framebuffer.name()));
-            for (i, color) in (0..).zip(&colors) {
+            for (i, (color, element)) in (0..).zip(&colors) {
                 let attachment = glow::COLOR_ATTACHMENT0 + i;
                 if color.kind() == glow::TEXTURE_2D_ARRAY {
-                    let element = element as i32;
+                    let element = *element as i32;
                     gl.framebuffer_texture_layer(glow::FRAMEBUFFER, attachment, Some(color.name()), 0, element);
                 } else {
                     gl.framebuffer_texture_2d(glow::FRAMEBUFFER, attachment, glow::TEXTURE_2D, Some(color.name()), 0);
@@ -70,6 +73,7 @@ impl Target {
                 "try another device or driver (--gl-device, --backend)",
             ));
         }
+        let colors = colors.into_iter().map(|(color, _)| color).collect();
         Ok(Self { framebuffer, colors, depth, size: [width, height] })
     }
 
@@ -81,17 +85,28 @@ impl Target {
         self.size
     }
 
-    /// Fills every colour texture with `color` and the depth texture with `depth`.
+    /// Fills every colour texture, of floats, with `color` and the depth texture with `depth`.
     pub fn clear(&self, color: [f32; 4], depth: f32) {
         let gl = self.bind();
+        for i in (0..).zip(&self.colors).map(|(i, _)| i) {
+            unsafe { gl.clear_buffer_f32_slice(glow::COLOR, i, &color) };
+        }
+        if self.depth.is_some() {
+            self.clear_depth(depth);
+        }
+    }
+
+    /// Fills colour texture `index`, of unsigned integers, with `color`.
+    pub fn clear_unsigned(&self, index: u32, color: [u32; 4]) {
+        unsafe { self.bind().clear_buffer_u32_slice(glow::COLOR, index, &color) };
+    }
+
+    /// Fills the depth texture with `depth`.
+    pub fn clear_depth(&self, depth: f32) {
+        let gl = self.bind();
         unsafe {
-            for i in (0..).zip(&self.colors).map(|(i, _)| i) {
-                gl.clear_buffer_f32_slice(glow::COLOR, i, &color);
-            }
-            if self.depth.is_some() {
-                gl.depth_mask(true);
-                gl.clear_buffer_f32_slice(glow::DEPTH, 0, &[depth]);
-            }
+            gl.depth_mask(true);
+            gl.clear_buffer_f32_slice(glow::DEPTH, 0, &[depth]);
         }
     }
 
@@ -114,6 +129,7 @@ impl Target {
         unsafe {
             gl.bind_framebuffer(glow::FRAMEBUFFER, Some(self.framebuffer.name()));
             gl.viewport(0, 0, self.size[0] as i32, self.size[1] as i32);
+            gl.color_mask(true, true, true, true);
         }
         gl
     }

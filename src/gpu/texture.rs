@@ -12,6 +12,9 @@ use crate::error::{Error, Result};
 pub enum Format {
     Rgba32F,
     Rg32F,
+    /// Unsigned integers.
+    Rgba32Ui,
+    R32Ui,
     /// Four bytes, decoded from sRGB when sampled.
     Srgb8Alpha8,
     Depth32F,
@@ -45,6 +48,8 @@ impl Format {
         match self {
             Self::Rgba32F => (glow::RGBA32F, glow::RGBA, glow::FLOAT),
             Self::Rg32F => (glow::RG32F, glow::RG, glow::FLOAT),
+            Self::Rgba32Ui => (glow::RGBA32UI, glow::RGBA_INTEGER, glow::UNSIGNED_INT),
+            Self::R32Ui => (glow::R32UI, glow::RED_INTEGER, glow::UNSIGNED_INT),
             Self::Srgb8Alpha8 => (glow::SRGB8_ALPHA8, glow::RGBA, glow::UNSIGNED_BYTE),
             Self::Depth32F => (glow::DEPTH_COMPONENT32F, glow::DEPTH_COMPONENT, glow::FLOAT),
         }
@@ -52,9 +57,9 @@ impl Format {
 
     fn bytes(self) -> usize {
         match self {
-            Self::Rgba32F => 16,
+            Self::Rgba32F | Self::Rgba32Ui => 16,
             Self::Rg32F => 8,
-            Self::Srgb8Alpha8 | Self::Depth32F => 4,
+            Self::R32Ui | Self::Srgb8Alpha8 | Self::Depth32F => 4,
         }
     }
 }

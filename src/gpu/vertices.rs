@@ -9,6 +9,7 @@ use crate::error::Result;
 /// Triangles, three vertices each, with float attributes, each tightly packed in a buffer of its own.
 pub struct VertexArray {
     array: Resource<glow::NativeVertexArray>,
+    count: u32,
     _buffers: Vec<Resource<glow::NativeBuffer>>,
 }
 
@@ -30,7 +31,13 @@ impl VertexArray {
             }
         }
         gpu.check("uploading vertices")?;
-        Ok(Self { array, _buffers: buffers })
+        let count = attributes.first().map_or(0, |&(components, data)| data.len() as u32 / (4 * components as u32));
+        Ok(Self { array, count, _buffers: buffers })
+    }
+
+    /// Number of vertices.
+    pub(super) fn count(&self) -> u32 {
+        self.count
     }
 
     pub(super) fn name(&self) -> glow::NativeVertexArray {
