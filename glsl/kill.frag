@@ -26,6 +26,10 @@ void main()
 #endif
     nearest = sample_beside_edge(receiver, layers, element, texel, nearest);
     if (!is_hit(nearest))
+#ifdef EARLY
+        nearest = NOTHING;          // facing, and so not culled yet: see Kill::early
+#else
         discard;                    // KILL
+#endif
     hit = vec2(nearest.ahead * dot(direction, from_layer[2].xyz), nearest.triangle);
 }

@@ -29,6 +29,8 @@ pub static DIRECT: ShaderSource = shader!("fullscreen", "direct");
 pub static PEEL: ShaderSource = shader!("surface", "peel");
 pub static KILL: ShaderSource = shader!("fullscreen", "kill");
 pub static KILL_FARTHEST: ShaderSource = shader!("fullscreen", "kill", "FARTHEST");
+pub static KILL_FARTHEST_EARLY: ShaderSource = shader!("fullscreen", "kill", "FARTHEST", "EARLY");
+pub static REJECT: ShaderSource = shader!("fullscreen", "reject");
 pub static FUSED: ShaderSource = shader!("fullscreen", "fused");
 pub static FUSED_TEXTURED: ShaderSource = shader!("fullscreen", "fused", "TEXTURED");
 pub static FUSED_OUTLINE: ShaderSource = shader!("fullscreen", "fused", "OUTLINE", "TEXTURED");
@@ -36,13 +38,15 @@ pub static ACCUMULATE: ShaderSource = shader!("fullscreen", "accumulate");
 pub static ACCUMULATE_TEXTURED: ShaderSource = shader!("fullscreen", "accumulate", "TEXTURED");
 
 /// All of the above.
-pub static ALL: [&ShaderSource; 11] = [
+pub static ALL: [&ShaderSource; 13] = [
     &VISIBLE_POINTS,
     &SHADOW,
     &DIRECT,
     &PEEL,
     &KILL,
     &KILL_FARTHEST,
+    &KILL_FARTHEST_EARLY,
+    &REJECT,
     &FUSED,
     &FUSED_TEXTURED,
     &FUSED_OUTLINE,

@@ -29,6 +29,15 @@ impl Target {
         Self::of(gpu, colors, 0, depth)
     }
 
+    /// One colour texture, and depth of 24 bits with a stencil.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub fn with_stencil(gpu: &Gpu, [width, height]: [u32; 2], color: Format) -> Result<Self> {
+        let texture = |format| Texture::empty(gpu, format, width, height).map(Rc::new);
+        Self::of(gpu, vec![texture(color)?], 0, Some(texture(Format::Depth24Stencil8)?))
+    }
+
     /// Targets for the `count` elements of a new array of textures, each with the same depth texture: draw into one after the other.
     ///
     /// # Errors
@@ -58,7 +67,8 @@ impl Target {
                 buffers.push(attachment);
             }
             if let Some(depth) = &depth {
-                gl.framebuffer_texture_2d(glow::FRAMEBUFFER, glow::DEPTH_ATTACHMENT, glow::TEXTURE_2D, Some(depth.name()), 0);
+                let attachment = if depth.has_stencil() { glow::DEPTH_STENCIL_ATTACHMENT } else { glow::DEPTH_ATTACHMENT };
+                gl.framebuffer_texture_2d(glow::FRAMEBUFFER, attachment, glow::TEXTURE_2D, Some(depth.name()), 0);
             }
             gl.draw_buffers(&buffers);
             gl.check_framebuffer_status(glow::FRAMEBUFFER)
@@ -81,16 +91,22 @@ impl Target {
         self.size
     }
 
-    /// Fills every colour texture with `color` and the depth texture with `depth`.
+    /// Fills every colour texture with `color` and the depth texture with `depth`; nothing is rejected by the stencil any more.
     pub fn clear(&self, color: [f32; 4], depth: f32) {
         let gl = self.bind();
         unsafe {
+            gl.color_mask(true, true, true, true);
             for i in (0..).zip(&self.colors).map(|(i, _)| i) {
                 gl.clear_buffer_f32_slice(glow::COLOR, i, &color);
             }
-            if self.depth.is_some() {
+            if let Some(texture) = &self.depth {
                 gl.depth_mask(true);
-                gl.clear_buffer_f32_slice(glow::DEPTH, 0, &[depth]);
+                if texture.has_stencil() {
+                    gl.stencil_mask(0xff);
+                    gl.clear_buffer_depth_stencil(glow::DEPTH_STENCIL, 0, depth, 0);
+                } else {
+                    gl.clear_buffer_f32_slice(glow::DEPTH, 0, &[depth]);
+                }
             }
         }
     }

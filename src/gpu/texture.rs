@@ -15,6 +15,7 @@ pub enum Format {
     /// Four bytes, decoded from sRGB when sampled.
     Srgb8Alpha8,
     Depth32F,
+    Depth24Stencil8,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -47,6 +48,7 @@ impl Format {
             Self::Rg32F => (glow::RG32F, glow::RG, glow::FLOAT),
             Self::Srgb8Alpha8 => (glow::SRGB8_ALPHA8, glow::RGBA, glow::UNSIGNED_BYTE),
             Self::Depth32F => (glow::DEPTH_COMPONENT32F, glow::DEPTH_COMPONENT, glow::FLOAT),
+            Self::Depth24Stencil8 => (glow::DEPTH24_STENCIL8, glow::DEPTH_STENCIL, glow::UNSIGNED_INT_24_8),
         }
     }
 
@@ -54,7 +56,7 @@ impl Format {
         match self {
             Self::Rgba32F => 16,
             Self::Rg32F => 8,
-            Self::Srgb8Alpha8 | Self::Depth32F => 4,
+            Self::Srgb8Alpha8 | Self::Depth32F | Self::Depth24Stencil8 => 4,
         }
     }
 }
@@ -188,6 +190,10 @@ impl Texture {
             gl.get_tex_image(self.kind, 0, layout, component, data);
         }
         texels
+    }
+
+    pub(super) fn has_stencil(&self) -> bool {
+        self.format == Format::Depth24Stencil8
     }
 
     pub(super) fn name(&self) -> glow::NativeTexture {
