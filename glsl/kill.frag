@@ -5,8 +5,7 @@
 #include "points.glsl"
 #include "layer.glsl"
 
-uniform sampler2DArray layers;
-uniform int element;                // of the layer
+uniform sampler2D layer;
 uniform vec3 direction;
 uniform mat4 to_layer;              // unit space to texel x, texel y, window depth
 uniform mat4 from_layer;
@@ -23,7 +22,7 @@ Sample sample_around(Receiver receiver)
     Sample nearest = NOTHING;
     for (int i = 0; i < 8; ++i) {
         ivec2 step = neighbour(i);
-        vec4 surface = texelFetch(layers, ivec3(receiver.texel + step, element), 0);
+        vec4 surface = texelFetch(layer, receiver.texel + step, 0);
         Sample beside = sample_surface(receiver, surface, receiver.offset - vec2(step));
         if (is_hit(receiver, beside) && (nearest.id == 0.0 || beside.ahead < nearest.ahead))
             nearest = beside;
@@ -38,9 +37,9 @@ void main()
     GatherPoint point = fetch_point(ivec2(gl_FragCoord.xy));
     if (cosine(point, direction) == 0.0)
         discard;
-    float size = float(textureSize(layers, 0).y);
+    float size = float(textureSize(layer, 0).y);
     Receiver receiver = receiver(point.position, point.surface_normal, 1.0, to_layer, from_layer, clearance, ivec2(0), size);
-    vec4 surface = texelFetch(layers, ivec3(receiver.texel, element), 0);
+    vec4 surface = texelFetch(layer, receiver.texel, 0);
     Sample nearest = sample_surface(receiver, surface, receiver.offset);
 #ifdef FARTHEST
     if (nearest.id == 0.0)
@@ -49,11 +48,15 @@ void main()
 #endif
     if (nearest.id == 0.0 || nearest.above <= receiver.clearance) {
         ivec2 step = step_beside_edge(receiver);
-        vec4 beside = texelFetch(layers, ivec3(receiver.texel + step, element), 0);
+        vec4 beside = texelFetch(layer, receiver.texel + step, 0);
         if (step != ivec2(0) && !has_ended(receiver, beside, step))
             nearest = sample_surface(receiver, beside, receiver.offset - vec2(step));
     }
     if (!is_hit(receiver, nearest))
+#ifdef EARLY
+        nearest = NOTHING;          // facing, and so not culled yet: see Kill::early
+#else
         discard;                    // KILL
+#endif
     hit = vec2(nearest.ahead * dot(direction, from_layer[2].xyz), nearest.id);
 }

@@ -4,8 +4,7 @@
 
 flat in int surface_triangle;
 
-uniform sampler2DArray previous_layers;
-uniform int previous_element;       // of the layer before
+uniform sampler2D previous_layer;
 
 // Depth along the direction and its change to the next texel in x and y, so that a reader can evaluate the surface's plane where it
 // stands; and the triangle, counted from 1.
@@ -16,7 +15,7 @@ void main()
     float depth = gl_FragCoord.z;
     vec2 slope = vec2(dFdx(depth), dFdy(depth));
     // Both depths come from the same arithmetic at the same place, so that equality is exact and no epsilon is needed.
-    if (depth >= texelFetch(previous_layers, ivec3(gl_FragCoord.xy, previous_element), 0).x)
+    if (depth >= texelFetch(previous_layer, ivec2(gl_FragCoord.xy), 0).x)
         discard;
     layer = vec4(depth, slope, float(surface_triangle + 1));
 }

@@ -58,7 +58,7 @@ impl Direct {
             ("intensity", Uniform::Vec3(light.radiance_area)),
             ("clearance", Uniform::Float(clearance)),
         ];
-        sums.add(points, &self.direct, DepthTest::Off, &uniforms);
+        sums.add(points, &self.direct, &uniforms);
     }
 
     /// Draws the hemicube of `light` and returns the way from unit space to the light's frame.

@@ -146,6 +146,9 @@ impl Render {
             Pipeline::Kill => {
                 Some(Box::new(KillGather::new(gpu, settings.layer_size, interleave.tile(), settings.stop_fraction)?))
             }
+            Pipeline::EarlyKill => {
+                Some(Box::new(KillGather::early(gpu, settings.layer_size, interleave.tile(), settings.stop_fraction)?))
+            }
             Pipeline::Fused => Some(Box::new(FusedGather::new(gpu, settings.layer_size)?)),
             Pipeline::Raycast => None,
         };

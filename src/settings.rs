@@ -71,6 +71,8 @@ pub enum Pipeline {
     /// The 2004 method: layers peeled far to near, one culling (KILL) pass over the points for each layer.
     #[default]
     Kill,
+    /// The same, but points that a layer culls are not shaded again: the poster's "early KILL operation".
+    EarlyKill,
     /// All layers sampled in one pass, for rays at both ends of each direction: as many samples from half the directions, and to the last
     /// layer, whatever the stop fraction. Keeps all layers of a direction, at least eight, in 16 bytes a texel each.
     Fused,

@@ -30,6 +30,8 @@ pub static DIRECT: ShaderSource = shader!("fullscreen", "direct");
 pub static PEEL: ShaderSource = shader!("surface", "peel");
 pub static KILL: ShaderSource = shader!("fullscreen", "kill");
 pub static KILL_FARTHEST: ShaderSource = shader!("fullscreen", "kill", "FARTHEST");
+pub static KILL_FARTHEST_EARLY: ShaderSource = shader!("fullscreen", "kill", "FARTHEST", "EARLY");
+pub static REJECT: ShaderSource = shader!("fullscreen", "reject");
 pub static STORE: ShaderSource = shader!("surface", "layer_store", "TILES 8");
 pub static STORE_FARTHEST: ShaderSource = shader!("surface", "layer_store", "TILES 8", "FARTHEST");
 pub static FUSED: ShaderSource = shader!("fullscreen", "fused", "TILES 8");
@@ -38,13 +40,15 @@ pub static ACCUMULATE: ShaderSource = shader!("fullscreen", "accumulate");
 pub static ACCUMULATE_TEXTURED: ShaderSource = shader!("fullscreen", "accumulate", "TEXTURED");
 
 /// All of the above.
-pub static ALL: [&ShaderSource; 12] = [
+pub static ALL: [&ShaderSource; 14] = [
     &VISIBLE_POINTS,
     &SHADOW,
     &DIRECT,
     &PEEL,
     &KILL,
     &KILL_FARTHEST,
+    &KILL_FARTHEST_EARLY,
+    &REJECT,
     &STORE,
     &STORE_FARTHEST,
     &FUSED,

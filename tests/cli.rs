@@ -180,6 +180,23 @@ fn json_tells_all_about_the_run() {
 }
 
 #[test]
+fn pipelines_go_by_name() {
+    let folder = folder();
+    let picture = |pipeline: &str| {
+        let mut command = small_render(&folder, &["--pipeline", pipeline, "--json", "-o", "a.exr"]);
+        let report: Value = serde_json::from_slice(&success(&mut command).stdout).unwrap();
+        assert_eq!(report["settings"]["pipeline"], pipeline);
+        let image = Image::read(&folder.path().join("a.exr")).unwrap();
+        image.rgb().unwrap().map(<[f32]>::to_vec)
+    };
+    let [kill, early, fused, _] = ["kill", "early-kill", "fused", "raycast"].map(picture);
+    let differ = |other: &[Vec<f32>; 3]| (0..32 * 32).filter(|&pixel| (0..3).any(|c| kill[c][pixel] != other[c][pixel])).count();
+    // With layers as coarse as here, one of 8000 hits is early KILL's own.
+    assert!(differ(&early) < 5, "early KILL has {} of 1024 pixels of its own", differ(&early));
+    assert!(differ(&fused) > 500, "only {} of 1024 pixels tell the pipelines apart", differ(&fused));
+}
+
+#[test]
 fn info_lists_what_works() {
     let folder = folder();
     let info: Value = serde_json::from_slice(&success(tool(&folder).args(["info", "--json"])).stdout).unwrap();

@@ -22,12 +22,12 @@ const EMPTY: Vec4 = Vec4::new(-1.0, 0.0, 0.0, 0.0);
 
 /// All layers of a bundle up to and with the first empty one, row by row.
 fn peel(gpu: &Gpu, geometry: &Geometry, bundle: &Bundle, size: u32) -> Vec<Vec<Vec4>> {
-    let mut peel = Peel::new(gpu, size, 2).unwrap();
+    let mut peel = Peel::new(gpu, size).unwrap();
     peel.start();
     let mut layers: Vec<Vec<Vec4>> = Vec::new();
     // More layers than there are in any test, so that peeling that never ends fails.
     while layers.len() < 100 && layers.last().is_none_or(|layer| layer.iter().any(|texel| texel.w > 0.0)) {
-        layers.push(peel.next(geometry, bundle).layers.read());
+        layers.push(peel.next(geometry, bundle).read());
     }
     gpu.check("peeling").unwrap();
     layers

@@ -3,7 +3,7 @@
 
 use super::{Bundle, Work};
 use crate::error::Result;
-use crate::gpu::{DepthTest, Gpu, Program, Texture, Uniform};
+use crate::gpu::{Gpu, Program, Texture, Uniform};
 use crate::shaders;
 
 /// Adds hits to sums.
@@ -22,6 +22,6 @@ impl Accumulate {
     pub fn add(&self, work: Work, bundle: &Bundle, hits: &Texture) {
         let own = [("hits", Uniform::Texture(hits)), ("direction", Uniform::Vec3(bundle.direction))];
         let uniforms = [&own[..], &work.geometry.uniforms(), &work.photons.uniforms()].concat();
-        work.sums.add(work.points, &self.programs[usize::from(work.geometry.is_textured())], DepthTest::Off, &uniforms);
+        work.sums.add(work.points, &self.programs[usize::from(work.geometry.is_textured())], &uniforms);
     }
 }

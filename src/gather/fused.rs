@@ -4,7 +4,7 @@ use glam::{Mat4, Vec4};
 
 use super::{Bundle, LayerStore, Work};
 use crate::error::Result;
-use crate::gpu::{DepthTest, Gpu, Program, Uniform};
+use crate::gpu::{Gpu, Program, Uniform};
 use crate::shaders;
 
 /// Samples layers and adds what is seen to sums.
@@ -31,6 +31,6 @@ impl Fused {
             ("from_layer", Uniform::Mat4s(&from_layer)),
         ];
         let uniforms = [&own[..], &store.uniforms(), &work.geometry.uniforms(), &work.photons.uniforms()].concat();
-        work.sums.add(work.points, &self.programs[usize::from(work.geometry.is_textured())], DepthTest::Off, &uniforms);
+        work.sums.add(work.points, &self.programs[usize::from(work.geometry.is_textured())], &uniforms);
     }
 }

@@ -18,8 +18,9 @@ mod layer_store;
 mod peel;
 
 pub use bundle::Bundle;
+pub use kill::Kill;
 pub use layer_store::LayerStore;
-pub use peel::{Layer, Peel};
+pub use peel::Peel;
 
 use crate::direction::Direction;
 use crate::error::Result;
@@ -29,7 +30,6 @@ use crate::photon::PhotonTexture;
 use crate::points::{Points, Sums};
 use accumulate::Accumulate;
 use fused::Fused;
-use kill::Kill;
 
 /// What a gather reads, and the sums that it adds to: rgb Σ radiance × weight, a Σ weight.
 #[derive(Clone, Copy)]
@@ -70,13 +70,19 @@ impl KillGather {
     /// # Errors
     /// When a size is beyond the device's limits.
     pub fn new(gpu: &Gpu, layer_size: u32, points: [u32; 2], stop_fraction: f32) -> Result<Self> {
-        Ok(Self {
-            layer_size,
-            peel: Peel::new(gpu, layer_size, 2)?,
-            kill: Kill::new(gpu, points)?,
-            accumulate: Accumulate::new(gpu)?,
-            stop_fraction,
-        })
+        Self::with(gpu, layer_size, Kill::new(gpu, points)?, stop_fraction)
+    }
+
+    /// The same with early KILL: points that a layer culled are not shaded again.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub fn early(gpu: &Gpu, layer_size: u32, points: [u32; 2], stop_fraction: f32) -> Result<Self> {
+        Self::with(gpu, layer_size, Kill::early(gpu, points)?, stop_fraction)
+    }
+
+    fn with(gpu: &Gpu, layer_size: u32, kill: Kill, stop_fraction: f32) -> Result<Self> {
+        Ok(Self { layer_size, peel: Peel::new(gpu, layer_size)?, kill, accumulate: Accumulate::new(gpu)?, stop_fraction })
     }
 
     fn direction(&mut self, work: Work, direction: &Direction) -> u32 {

@@ -20,17 +20,19 @@ pub struct Draw<'a> {
     pub geometry: Geometry<'a>,
 }
 
-/// Which fragments pass the depth test; those that do write their depth.
+/// Which fragments pass the tests of depth and stencil; those that do write their depth.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum DepthTest {
     /// All of them; depth is not written.
     Off,
     Less,
     Greater,
-    /// All of them, and they write this depth in place of their own.
-    Mark(f32),
-    /// Those where another depth than this stands; depth is not written.
-    Unmarked(f32),
+    /// Those that [`Self::RejectUnmarked`] has not rejected, and they write this depth in place of their own. The stencil is only read: so a
+    /// driver can test before a shader that discards, and write after it.
+    MarkAccepted(f32),
+    /// Those not rejected yet where another depth than this stands: they are rejected from now on, until the target is cleared. Neither
+    /// depth nor colour is written. For targets with a stencil.
+    RejectUnmarked(f32),
 }
 
 /// What happens to the colour that is there.
@@ -65,8 +67,8 @@ impl Draw<'_> {
                 DepthTest::Off => (None, false, [0.0, 1.0]),
                 DepthTest::Less => (Some(glow::LESS), true, [0.0, 1.0]),
                 DepthTest::Greater => (Some(glow::GREATER), true, [0.0, 1.0]),
-                DepthTest::Mark(depth) => (Some(glow::ALWAYS), true, [depth; 2]),
-                DepthTest::Unmarked(depth) => (Some(glow::NOTEQUAL), false, [depth; 2]),
+                DepthTest::MarkAccepted(depth) => (Some(glow::ALWAYS), true, [depth; 2]),
+                DepthTest::RejectUnmarked(depth) => (Some(glow::NOTEQUAL), false, [depth; 2]),
             };
             // In 64 bits: the call in 32 came with OpenGL 4.1.
             gl.depth_range_f64(range[0].into(), range[1].into());
@@ -77,6 +79,19 @@ impl Draw<'_> {
                     gl.enable(glow::DEPTH_TEST);
                     gl.depth_func(function);
                 }
+            }
+            let rejects = matches!(self.depth, DepthTest::RejectUnmarked(_));
+            if rejects || matches!(self.depth, DepthTest::MarkAccepted(_)) {
+                // Stencil 1: rejected.
+                gl.enable(glow::STENCIL_TEST);
+                gl.stencil_func(glow::NOTEQUAL, 1, 0xff);
+                gl.stencil_op(glow::KEEP, glow::KEEP, glow::REPLACE);
+                gl.stencil_mask(if rejects { 0xff } else { 0 });
+            } else {
+                gl.disable(glow::STENCIL_TEST);
+            }
+            if rejects {
+                gl.color_mask(false, false, false, false);
             }
             match self.blend {
                 Blend::Replace => gl.disable(glow::BLEND),

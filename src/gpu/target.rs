@@ -29,14 +29,13 @@ impl Target {
         Self::of(gpu, colors.into_iter().map(|color| (color, 0)).collect(), depth)
     }
 
-    /// Targets for the `count` elements of a new array of textures, each with the same depth texture: draw into one after the other.
+    /// One colour texture, and depth of 24 bits with a stencil.
     ///
     /// # Errors
     /// As [`Self::new`].
-    pub fn array(gpu: &Gpu, size: [u32; 2], color: Format, count: u32) -> Result<Vec<Self>> {
-        let color = Rc::new(Texture::empty_array(gpu, color, size, count)?);
-        let depth = Rc::new(Texture::empty(gpu, Format::Depth32F, size[0], size[1])?);
-        (0..count).map(|element| Self::of(gpu, vec![(color.clone(), element)], Some(depth.clone()))).collect()
+    pub fn with_stencil(gpu: &Gpu, [width, height]: [u32; 2], color: Format) -> Result<Self> {
+        let texture = |format| Texture::empty(gpu, format, width, height).map(Rc::new);
+        Self::of(gpu, vec![(texture(color)?, 0)], Some(texture(Format::Depth24Stencil8)?))
     }
 
     /// Renders into textures that others share, all of one size; of arrays, into the element given.
@@ -61,7 +60,8 @@ impl Target {
                 buffers.push(attachment);
             }
             if let Some(depth) = &depth {
-                gl.framebuffer_texture_2d(glow::FRAMEBUFFER, glow::DEPTH_ATTACHMENT, glow::TEXTURE_2D, Some(depth.name()), 0);
+                let attachment = if depth.has_stencil() { glow::DEPTH_STENCIL_ATTACHMENT } else { glow::DEPTH_ATTACHMENT };
+                gl.framebuffer_texture_2d(glow::FRAMEBUFFER, attachment, glow::TEXTURE_2D, Some(depth.name()), 0);
             }
             gl.draw_buffers(&buffers);
             gl.check_framebuffer_status(glow::FRAMEBUFFER)
@@ -85,7 +85,7 @@ impl Target {
         self.size
     }
 
-    /// Fills every colour texture, of floats, with `color` and the depth texture with `depth`.
+    /// Fills every colour texture, of floats, with `color` and the depth texture with `depth`; nothing is rejected by the stencil any more.
     pub fn clear(&self, color: [f32; 4], depth: f32) {
         let gl = self.bind();
         for i in (0..).zip(&self.colors).map(|(i, _)| i) {
@@ -106,7 +106,12 @@ impl Target {
         let gl = self.bind();
         unsafe {
             gl.depth_mask(true);
-            gl.clear_buffer_f32_slice(glow::DEPTH, 0, &[depth]);
+            if self.depth.as_ref().is_some_and(|depth| depth.has_stencil()) {
+                gl.stencil_mask(0xff);
+                gl.clear_buffer_depth_stencil(glow::DEPTH_STENCIL, 0, depth, 0);
+            } else {
+                gl.clear_buffer_f32_slice(glow::DEPTH, 0, &[depth]);
+            }
         }
     }
 

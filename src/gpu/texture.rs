@@ -18,6 +18,7 @@ pub enum Format {
     /// Four bytes, decoded from sRGB when sampled.
     Srgb8Alpha8,
     Depth32F,
+    Depth24Stencil8,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -52,6 +53,7 @@ impl Format {
             Self::R32Ui => (glow::R32UI, glow::RED_INTEGER, glow::UNSIGNED_INT),
             Self::Srgb8Alpha8 => (glow::SRGB8_ALPHA8, glow::RGBA, glow::UNSIGNED_BYTE),
             Self::Depth32F => (glow::DEPTH_COMPONENT32F, glow::DEPTH_COMPONENT, glow::FLOAT),
+            Self::Depth24Stencil8 => (glow::DEPTH24_STENCIL8, glow::DEPTH_STENCIL, glow::UNSIGNED_INT_24_8),
         }
     }
 
@@ -59,7 +61,7 @@ impl Format {
         match self {
             Self::Rgba32F | Self::Rgba32Ui => 16,
             Self::Rg32F => 8,
-            Self::R32Ui | Self::Srgb8Alpha8 | Self::Depth32F => 4,
+            Self::R32Ui | Self::Srgb8Alpha8 | Self::Depth32F | Self::Depth24Stencil8 => 4,
         }
     }
 }
@@ -193,6 +195,10 @@ impl Texture {
             gl.get_tex_image(self.kind, 0, layout, component, data);
         }
         texels
+    }
+
+    pub(super) fn has_stencil(&self) -> bool {
+        self.format == Format::Depth24Stencil8
     }
 
     pub(super) fn name(&self) -> glow::NativeTexture {

@@ -15,11 +15,11 @@ impl Sums {
     /// # Errors
     /// When the size is beyond the device's limits.
     pub fn new(gpu: &Gpu, points: [u32; 2]) -> Result<Self> {
-        Ok(Self { target: Target::new(gpu, points, &[Format::Rgba32F], true)? })
+        Ok(Self { target: Target::new(gpu, points, &[Format::Rgba32F], false)? })
     }
 
     pub fn clear(&self) {
-        self.target.clear([0.0; 4], 1.0);
+        self.target.clear([0.0; 4], 0.0);
     }
 
     /// The sums, row by row from the bottom.
@@ -27,9 +27,8 @@ impl Sums {
         self.target.color(0).read()
     }
 
-    /// Adds a full-screen pass of `program` over `points` to the sums. Each subset of points has a tile of its own. The depth test can tell
-    /// which points a pass has added to.
-    pub(crate) fn add(&self, points: Points, program: &Program, depth: DepthTest, uniforms: &[(&'static str, Uniform)]) {
+    /// Adds a full-screen pass of `program` over `points` to the sums. Each subset of points has a tile of its own.
+    pub(crate) fn add(&self, points: Points, program: &Program, uniforms: &[(&'static str, Uniform)]) {
         let size = points.size().map(|side| side as i32);
         let [x, y] = [0, 1].map(|axis| points.subset.offset[axis] as i32 * size[axis]);
         let uniforms = &[uniforms, &points.uniforms(), &[("first_texel", Uniform::IVec2([x, y]))]].concat();
@@ -38,7 +37,7 @@ impl Sums {
             region: Some([x, y, size[0], size[1]]),
             program,
             uniforms,
-            depth,
+            depth: DepthTest::Off,
             blend: Blend::Add,
             geometry: Geometry::FullScreen,
         }

@@ -184,6 +184,20 @@ pub fn gather(
     gather_by(&mut gather, gpu, scene, photons, points, directions).0
 }
 
+/// The same with early KILL.
+pub fn gather_early(
+    gpu: &Gpu,
+    scene: &Scene,
+    photons: &PhotonTexture,
+    points: &[GatherPoint],
+    directions: &[Direction],
+    layer_size: u32,
+) -> Vec<Vec4> {
+    let size = PointList::upload(gpu, points).unwrap().points().size();
+    let mut gather = KillGather::early(gpu, layer_size, size, 0.0).unwrap();
+    gather_by(&mut gather, gpu, scene, photons, points, directions).0
+}
+
 /// The same for both ends of each direction by the fused method; and the most layers of a direction.
 pub fn gather_fused(
     gpu: &Gpu,
