@@ -55,6 +55,7 @@ pub trait Gather {
 
 /// The 2004 method, for one layer size and one size of point textures.
 pub struct KillGather {
+    gpu: Gpu,
     layer_size: u32,
     peel: Peel,
     kill: Kill,
@@ -69,6 +70,7 @@ impl KillGather {
     /// When a size is beyond the device's limits.
     pub fn new(gpu: &Gpu, layer_size: u32, points: [u32; 2], stop_fraction: f32) -> Result<Self> {
         Ok(Self {
+            gpu: gpu.clone(),
             layer_size,
             peel: Peel::new(gpu, layer_size, 2)?,
             kill: Kill::new(gpu, points)?,
@@ -85,14 +87,14 @@ impl KillGather {
         self.peel.start();
         self.kill.start();
         loop {
-            let layer = self.peel.next(work.geometry, &bundle);
-            let sampled = self.kill.sample(work.points, &bundle, layer, layers);
+            let layer = self.gpu.stage("peel", || self.peel.next(work.geometry, &bundle));
+            let sampled = self.gpu.stage("gather", || self.kill.sample(work.points, &bundle, layer, layers));
             layers += 1;
             if (sampled as f32) < enough {
                 break;
             }
         }
-        self.accumulate.add(work, &bundle, self.kill.hits());
+        self.gpu.stage("gather", || self.accumulate.add(work, &bundle, self.kill.hits()));
         layers
     }
 }
