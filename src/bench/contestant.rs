@@ -59,12 +59,13 @@ impl Contestant {
         matches!(self.kind, Kind::Gl(_))
     }
 
-    pub(super) fn enter(&self, bench: &Bench) -> Result<Entrant> {
+    /// `seed` is that of its own rays, where it has such.
+    pub(super) fn enter(&self, bench: &Bench, seed: u64) -> Result<Entrant> {
         let rays = || vec![Vec4::ZERO; bench.pixels.len()];
         Ok(match self.kind {
             Kind::Gl(make) => Entrant::Gl { gather: make(bench)?, sums: Sums::new(&bench.gpu, bench.points().size())? },
             Kind::SharedRays => Entrant::SharedRays { sums: rays() },
-            Kind::CosineRays => Entrant::CosineRays { sums: rays(), taken: 0 },
+            Kind::CosineRays => Entrant::CosineRays { sums: rays(), seed, taken: 0 },
         })
     }
 }
@@ -94,7 +95,7 @@ impl Rays {
 pub(super) enum Entrant {
     Gl { gather: Box<dyn Gather>, sums: Sums },
     SharedRays { sums: Vec<Vec4> },
-    CosineRays { sums: Vec<Vec4>, taken: u64 },
+    CosineRays { sums: Vec<Vec4>, seed: u64, taken: u64 },
 }
 
 impl Entrant {
@@ -119,7 +120,7 @@ impl Entrant {
         match self {
             Self::Gl { sums, .. } => sums.clear(),
             Self::SharedRays { sums } => sums.fill(Vec4::ZERO),
-            Self::CosineRays { sums, taken } => {
+            Self::CosineRays { sums, taken, .. } => {
                 sums.fill(Vec4::ZERO);
                 *taken = 0;
             }
@@ -143,9 +144,8 @@ impl Entrant {
                 }
                 Ok(0)
             }
-            Self::CosineRays { sums, taken } => {
-                let set = Recurrence::<2>::new(bench.settings.seed);
-                let seed = bench.settings.seed;
+            Self::CosineRays { sums, seed, taken } => {
+                let (set, seed) = (Recurrence::<2>::new(*seed), *seed);
                 let numbers = *taken..*taken + directions.len() as u64;
                 let cast = |(i, (point, sum)): (usize, (&Option<GatherPoint>, &mut Vec4))| {
                     let Some(point) = point else { return };

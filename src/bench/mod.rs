@@ -180,7 +180,8 @@ impl Bench {
         }
         let directions = Directions::new(self.settings.sequence, self.settings.seed);
         let directions: Vec<_> = (0..plan.directions).map(|index| directions.get(index)).collect();
-        let mut entrants = contestants.iter().map(|contestant| contestant.enter(self)).collect::<Result<Vec<_>>>()?;
+        let mut entrants =
+            contestants.iter().map(|contestant| contestant.enter(self, self.settings.seed)).collect::<Result<Vec<_>>>()?;
         // Drivers compile and allocate when they first draw.
         for entrant in &mut entrants {
             let first = entrant.batch().min(directions.len());
@@ -229,23 +230,14 @@ impl Bench {
         Ok(rows)
     }
 
-    /// Irradiance at every point as one contestant finds it after each of these numbers of directions, ascending.
+    /// A gather in progress, of one contestant along the directions of one seed.
     ///
     /// # Errors
     /// As [`Self::measure`].
-    pub fn converge(&self, contestant: &Contestant, directions: &[u32]) -> Result<Vec<Vec<DVec3>>> {
-        let sequence = Directions::new(self.settings.sequence, self.settings.seed);
-        let mut entrant = contestant.enter(self)?;
+    pub fn converging(&self, contestant: &Contestant, seed: u64) -> Result<Converging<'_>> {
+        let mut entrant = contestant.enter(self, seed)?;
         entrant.clear();
-        let mut done = 0;
-        let after = |&count: &u32| {
-            let next: Vec<_> = (done..count).map(|index| sequence.get(index)).collect();
-            entrant.gather(self, &next)?;
-            done = count;
-            let sums = entrant.sums();
-            Ok(self.spread(usize::MAX).into_iter().map(|place| irradiance(sums[place])).collect())
-        };
-        directions.iter().map(after).collect()
+        Ok(Converging { bench: self, entrant, sequence: Directions::new(self.settings.sequence, seed), done: 0 })
     }
 
     /// Irradiance at every point by exact rays along both ends of this many directions, none of which a contestant uses.
@@ -307,6 +299,29 @@ impl Bench {
             idle: busy.filter(|_| !times.stages.is_empty()).map(|busy| 1.0 - busy / wall),
             stages: times.stages.into_iter().map(stage).collect(),
         }))
+    }
+}
+
+/// What a contestant finds with more and more directions.
+pub struct Converging<'a> {
+    bench: &'a Bench,
+    entrant: Entrant,
+    sequence: Directions,
+    done: u32,
+}
+
+impl Converging<'_> {
+    /// Irradiance at every point once `directions` directions in all have been gathered.
+    ///
+    /// # Errors
+    /// As [`Bench::measure`].
+    pub fn after(&mut self, directions: u32) -> Result<Vec<DVec3>> {
+        let next: Vec<_> = (self.done..directions).map(|index| self.sequence.get(index)).collect();
+        self.entrant.gather(self.bench, &next)?;
+        self.bench.gpu.check("converging")?;
+        self.done = directions;
+        let sums = self.entrant.sums();
+        Ok(self.bench.spread(usize::MAX).into_iter().map(|place| irradiance(sums[place])).collect())
     }
 }
 
