@@ -249,8 +249,8 @@ pub fn whole(number: f64) -> String {
 
 /// As many digits as a number below 10 needs, down to thousandths.
 pub fn short(number: f64) -> String {
-    let digits = if number > 0.0 { (-number.log10() + 1e-9).ceil().clamp(0.0, 4.0) as usize } else { 0 };
-    let digits = if number.fract() != 0.0 { digits.max(1) } else { digits };
+    let digits = if number > 0.0 { (-number.log10() - 1e-9).ceil().clamp(0.0, 4.0) as usize } else { 0 };
+    let digits = if number.fract() == 0.0 { digits } else { digits.max(1) };
     format!("{number:.digits$}")
 }
 

@@ -64,7 +64,7 @@ impl Figure for SideBySide {
         let title = format!("Cornell box, {0} x {0}, {1} directions, {2}² layers", self.size, self.directions, self.layer_size);
         plot::svg((900, 130 + 44 * bars.len() as u32), |area| {
             // Room for what is written beyond the longest.
-            let ends = bars.iter().map(|bar| 1.8 * bar.values[0].0);
+            let ends = bars.iter().map(|bar| 2.3 * bar.values[0].0);
             let x = Axis::linear("ms for one sample at every point", ends, plot::whole);
             plot::bars(area, &title, &x, &[("ms a sample", plot::BLUE)], &bars)
         })
