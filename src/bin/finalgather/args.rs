@@ -3,7 +3,7 @@
 use std::fmt::Display;
 use std::path::PathBuf;
 
-use clap::builder::{PossibleValuesParser, TypedValueParser};
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Parser, Subcommand};
 use finalgather::bench::CONTESTANTS;
 use finalgather::gpu::{Backend, DeviceChoice};
@@ -70,7 +70,13 @@ turns, so that what else the machine does meets them alike; times are medians of
 Examples:
   finalgather bench
   finalgather bench scene.obj --size 1024 --directions 8 --pipelines fused,raycast
-  finalgather bench --json | jq '.rows[] | {name, ms_per_sample}'";
+  finalgather bench --json | jq '.rows[] | {name, ms_per_sample}'
+
+Exit codes:
+    0  done
+    2  the request cannot be met: an option out of range, no scene named and none there
+   65  the scene cannot be used: a file is missing or says something wrong
+   69  no OpenGL 3.3 here, or its driver failed";
 
 const EXIT_CODES: &str = "\
 Exit codes:
@@ -206,7 +212,7 @@ pub struct CompareArgs {
 
 /// Measure all pipelines, and rays on the CPU, side by side: time, where it goes, and error
 #[derive(Debug, clap::Args)]
-#[command(after_help = format!("{BENCH_NOTES}\n\n{EXIT_CODES}"), args_override_self = true)]
+#[command(after_help = BENCH_NOTES, args_override_self = true)]
 pub struct BenchArgs {
     /// Scene file: .toml, or a bare .obj with its .mtl [default: scenes/cornell.toml, where there is one]
     pub scene: Option<PathBuf>,
@@ -232,7 +238,7 @@ pub struct BenchArgs {
     pub photons: Option<u64>,
 
     /// Measure these alone, with commas between
-    #[arg(long, value_name = "NAMES", value_delimiter = ',', value_parser = PossibleValuesParser::new(CONTESTANTS.iter().map(|contestant| contestant.name)))]
+    #[arg(long, value_name = "NAMES", value_delimiter = ',', value_parser = contestants())]
     pub pipelines: Vec<String>,
 
     /// Print one JSON object on stdout
@@ -311,6 +317,10 @@ where
     T: for<'de> Deserialize<'de> + Clone + Send + Sync + 'static,
 {
     PossibleValuesParser::new(names).try_map(|name| -> Result<T, ValueError> { T::deserialize(name.into_deserializer()) })
+}
+
+fn contestants() -> PossibleValuesParser {
+    PossibleValuesParser::new(CONTESTANTS.iter().map(|contestant| PossibleValue::new(contestant.name).help(contestant.about)))
 }
 
 fn named_backend() -> impl TypedValueParser<Value = Backend> {
