@@ -37,6 +37,7 @@
 //! after loading work in *unit space* ([`scene::UnitSpace`]): the scene's bounding box centred on the origin with its corners on
 //! the unit sphere. OpenGL is named in [`gpu`] alone.
 
+pub mod bench;
 pub mod direct;
 pub mod direction;
 pub mod error;

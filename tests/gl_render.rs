@@ -138,14 +138,23 @@ fn layers_and_rays_make_the_same_picture() {
 
 #[test]
 fn estimators_differ_by_the_sum_of_weights() {
-    // Where a pixel sees nothing but floor, the plain sum is the self-normalised one times Σ w over its expected value, N/4.
+    // Where a pixel sees nothing but floor, the plain sum is the self-normalised one times Σ w over its expected value: N/4, or with both ends N/2.
+    estimators_differ(Pipeline::Kill, |up| up.max(0.0), 0.25);
+    estimators_differ(Pipeline::Fused, f32::abs, 0.5);
+}
+
+fn estimators_differ(pipeline: Pipeline, weight: impl Fn(f32) -> f32, mean_weight: f32) {
     let gpu = gpu();
-    let images = [Estimator::SelfNormalised, Estimator::Plain]
-        .map(|estimator| picture_with(&gpu, None, |settings| settings.estimator = estimator));
+    let images = [Estimator::SelfNormalised, Estimator::Plain].map(|estimator| {
+        picture_with(&gpu, None, |settings| {
+            settings.estimator = estimator;
+            settings.pipeline = pipeline;
+        })
+    });
     let (scene, settings) = cornell();
     let directions = Directions::new(settings.sequence, settings.seed);
-    let weights: f32 = (0..settings.directions).map(|i| (scene.camera.axes() * directions.get(i).vector).y.max(0.0)).sum();
-    let expected = weights / (settings.directions as f32 / 4.0);
+    let weights: f32 = (0..settings.directions).map(|i| weight((scene.camera.axes() * directions.get(i).vector).y)).sum();
+    let expected = weights / (settings.directions as f32 * mean_weight);
     assert!((expected - 1.0).abs() > 1e-3, "{expected}: these directions could not tell the two apart");
     let of = |image: &Image, name: &str| image.channel(name).unwrap().to_vec();
     let covered = of(&images[0], "A");

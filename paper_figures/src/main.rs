@@ -4,12 +4,14 @@
 //! that implements [`figure::Figure`]: a name, a function that measures, a function that draws. To add one, write a file in
 //! `src/figures/` (`src/figures/stop_fraction.rs` is the shortest) and name it in `src/figures/mod.rs`.
 
+mod contestants;
 mod cornell;
 mod figure;
 mod figures;
 mod machine;
 mod picture;
 mod plot;
+mod procedural;
 
 use std::fs;
 use std::path::{Path, PathBuf};

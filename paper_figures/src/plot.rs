@@ -247,6 +247,13 @@ pub fn whole(number: f64) -> String {
     format!("{number:.0}")
 }
 
+/// As many digits as a number below 10 needs, down to thousandths.
+pub fn short(number: f64) -> String {
+    let digits = if number > 0.0 { (-number.log10() - 1e-9).ceil().clamp(0.0, 4.0) as usize } else { 0 };
+    let digits = if number.fract() == 0.0 { digits } else { digits.max(1) };
+    format!("{number:.digits$}")
+}
+
 /// A number in millions, thousands or ones, in words short enough for a legend.
 pub fn count(number: u32) -> String {
     match number {

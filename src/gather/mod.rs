@@ -57,6 +57,7 @@ pub trait Gather {
 
 /// The 2004 method, for one layer size and one size of point textures.
 pub struct KillGather {
+    gpu: Gpu,
     layer_size: u32,
     peel: Peel,
     kill: Kill,
@@ -82,7 +83,8 @@ impl KillGather {
     }
 
     fn with(gpu: &Gpu, layer_size: u32, kill: Kill, stop_fraction: f32) -> Result<Self> {
-        Ok(Self { layer_size, peel: Peel::new(gpu, layer_size)?, kill, accumulate: Accumulate::new(gpu)?, stop_fraction })
+        let (peel, accumulate) = (Peel::new(gpu, layer_size)?, Accumulate::new(gpu)?);
+        Ok(Self { gpu: gpu.clone(), layer_size, peel, kill, accumulate, stop_fraction })
     }
 
     fn direction(&mut self, work: Work, direction: &Direction) -> u32 {
@@ -93,14 +95,14 @@ impl KillGather {
         self.peel.start();
         self.kill.start();
         loop {
-            let layer = self.peel.next(work.geometry, &bundle);
-            let sampled = self.kill.sample(work.points, &bundle, layer, layers);
+            let layer = self.gpu.stage("peel", || self.peel.next(work.geometry, &bundle));
+            let sampled = self.gpu.stage("gather", || self.kill.sample(work.points, &bundle, layer, layers));
             layers += 1;
             if (sampled as f32) < enough {
                 break;
             }
         }
-        self.accumulate.add(work, &bundle, self.kill.hits());
+        self.gpu.stage("gather", || self.accumulate.add(work, &bundle, self.kill.hits()));
         layers
     }
 }
@@ -122,6 +124,7 @@ impl Gather for KillGather {
 /// The fused method: all layers of a batch of directions are kept, and one pass over the points samples them for the rays at both ends.
 /// E(x) = π Σ L w / Σ w with w = |n·d|: every direction serves every point, which halves the geometry's share of the work.
 pub struct FusedGather {
+    gpu: Gpu,
     store: LayerStore,
     fused: Fused,
 }
@@ -130,7 +133,7 @@ impl FusedGather {
     /// # Errors
     /// When a size is beyond the device's limits.
     pub fn new(gpu: &Gpu, layer_size: u32) -> Result<Self> {
-        Ok(Self { store: LayerStore::new(gpu, layer_size)?, fused: Fused::new(gpu)? })
+        Ok(Self { gpu: gpu.clone(), store: LayerStore::new(gpu, layer_size)?, fused: Fused::new(gpu)? })
     }
 }
 
@@ -146,8 +149,8 @@ impl Gather for FusedGather {
     fn add(&mut self, work: Work, directions: &[Direction]) -> Result<u32> {
         let bundle = |direction| Bundle::new(direction, &work.geometry.positions, self.store.layer_size());
         let bundles: Vec<Bundle> = directions.iter().map(bundle).collect();
-        let layers = self.store.peel(work.geometry, &bundles)?;
-        self.fused.add(work, &bundles, &self.store);
+        let layers = self.gpu.stage("peel", || self.store.peel(work.geometry, &bundles))?;
+        self.gpu.stage("gather", || self.fused.add(work, &bundles, &self.store));
         Ok(layers)
     }
 }

@@ -1,11 +1,12 @@
 //! A GL context with its limits, made current on demand.
 
-use std::cell::Cell;
+use std::cell::{Cell, RefCell};
 use std::rc::Rc;
 
 use glow::HasContext;
 use serde::Serialize;
 
+use super::clock::Stages;
 use super::headless::{self, Backend, DeviceChoice, Platform};
 use crate::error::{Error, Result};
 
@@ -24,6 +25,8 @@ pub(super) struct Context {
     no_vertices: glow::NativeVertexArray,
     /// Distinguishes contexts that one thread uses in turn.
     identity: u64,
+    /// What a [`super::StageClock`] has measured; none while there is no such clock.
+    pub(super) stages: RefCell<Option<Stages>>,
 }
 
 /// What the driver says of itself.
@@ -70,7 +73,8 @@ impl Gpu {
             .map_err(|problem| Error::gl(format!("a GL object cannot be made: {problem}"), "try another device or driver"))?;
         let identity = NEXT.replace(NEXT.get() + 1);
         CURRENT.set(identity);
-        let gpu = Self { context: Rc::new(Context { functions, platform, info, no_vertices, identity }) };
+        let stages = RefCell::default();
+        let gpu = Self { context: Rc::new(Context { functions, platform, info, no_vertices, identity, stages }) };
         gpu.reset();
         Ok(gpu)
     }
@@ -81,7 +85,8 @@ impl Gpu {
 
     /// Waits until everything queued has run, so that a clock read next to it measures work and not queuing.
     pub fn finish(&self) {
-        unsafe { self.gl().finish() }
+        let gl = self.gl();
+        self.context.wait(|| unsafe { gl.finish() });
     }
 
     /// Turns GL errors since the last call into one that names `stage`.

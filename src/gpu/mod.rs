@@ -2,8 +2,9 @@
 //!
 //! [`Gpu::headless`] makes a context. Objects ([`Texture`], [`Target`], [`Program`], [`VertexArray`], [`SampleQuery`]) own their GL
 //! name and delete it when dropped. A draw is one value ([`Draw`]) with
-//! all the state that shapes it, so none is left behind for the next.
+//! all the state that shapes it, so none is left behind for the next. A [`StageClock`] measures what the device does meanwhile.
 
+mod clock;
 mod context;
 mod draw;
 mod headless;
@@ -15,6 +16,7 @@ mod target;
 mod texture;
 mod vertices;
 
+pub use clock::{StageClock, StageTimes};
 pub use context::{Gpu, GpuInfo, Limits};
 pub use draw::{Blend, DepthTest, Draw, Geometry};
 pub use headless::{Backend, DeviceChoice, DeviceInfo, list_devices};

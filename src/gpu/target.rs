@@ -120,7 +120,8 @@ impl Target {
     pub fn settle(&self) {
         let context = self.framebuffer.context();
         if context.is_llvmpipe() {
-            unsafe { context.current().finish() };
+            let gl = context.current();
+            context.wait(|| unsafe { gl.finish() });
         }
     }
 

@@ -1,18 +1,24 @@
 //! The figures, a file each.
 
 mod banding;
+mod bench;
 mod causes;
 mod convergence;
 mod photon_grid;
+mod scaling;
 mod stop_fraction;
+mod time_to_error;
 
 use crate::figure::Entry;
 
 /// In the order in which they are made.
-pub const FIGURES: [Entry; 5] = [
+pub const FIGURES: [Entry; 8] = [
     Entry::of::<convergence::Convergence>(),
     Entry::of::<photon_grid::PhotonGridErrors>(),
     Entry::of::<stop_fraction::StopFraction>(),
     Entry::of::<banding::Banding>(),
     Entry::of::<causes::Causes>(),
+    Entry::of::<bench::SideBySide>(),
+    Entry::of::<scaling::Scaling>(),
+    Entry::of::<time_to_error::TimeToError>(),
 ];

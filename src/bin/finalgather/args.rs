@@ -3,8 +3,9 @@
 use std::fmt::Display;
 use std::path::PathBuf;
 
-use clap::builder::{PossibleValuesParser, TypedValueParser};
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Parser, Subcommand};
+use finalgather::bench::CONTESTANTS;
 use finalgather::gpu::{Backend, DeviceChoice};
 use finalgather::settings::{Estimator, Pipeline, Sequence, Settings};
 use serde::Deserialize;
@@ -47,6 +48,36 @@ Exit codes:
    65  a picture is missing or damaged, does not match the other, or has a sample that is no number
    75  the map could not be written";
 
+const BENCH_NOTES: &str = "\
+All contestants gather at the same points (what the camera sees) along the same directions, in
+turns, so that what else the machine does meets them alike; times are medians of the rounds.
+  ends         how many ends of a direction count; own: each point has rays of its own
+  ms/dir       milliseconds a direction, for all points
+  ms/sample    milliseconds in which every point gets one ray that counts: twice ms/dir with one
+               end, for half of the points face away from it
+  Msamples/s   millions of rays that count, a second
+  xFUSED       how many times as fast fused is, by ms/sample
+  peel, gather the device's own time in these stages, ms a direction (timer queries, in a round
+               apart); n/a where a driver tells no time
+  wait, idle   shares of the wall-clock time: the CPU in waits for the device; the device in no
+               stage. A software driver works while the CPU waits, on the same cores
+  diff, bias   mean difference and bias of irradiance against exact rays along the same
+               directions and ends: what layers approximate. Own rays have no such oracle
+  RMSE         against exact rays along thousands of other directions: what so few rays leave,
+               diff included. The one error that own rays share with the others
+  offset       bias against these; of own rays, the error of their mean
+
+Examples:
+  finalgather bench
+  finalgather bench scene.obj --size 1024 --directions 8 --pipelines fused,raycast
+  finalgather bench --json | jq '.rows[] | {name, ms_per_sample}'
+
+Exit codes:
+    0  done
+    2  the request cannot be met: an option out of range, no scene named and none there
+   65  the scene cannot be used: a file is missing or says something wrong
+   69  no OpenGL 3.3 here, or its driver failed";
+
 const EXIT_CODES: &str = "\
 Exit codes:
     0  done
@@ -59,7 +90,7 @@ Exit codes:
 
 /// Final gathering by rasterised ray bundles: renders global illumination on OpenGL 3.3, headless
 #[derive(Debug, Parser)]
-#[command(version, after_help = format!("{RENDER_EXAMPLES}\n  finalgather compare box.exr reference.exr\n  finalgather info\n\n{EXIT_CODES}"))]
+#[command(version, after_help = format!("{RENDER_EXAMPLES}\n  finalgather compare box.exr reference.exr\n  finalgather bench\n  finalgather info\n\n{EXIT_CODES}"))]
 pub struct Args {
     #[command(subcommand)]
     pub command: Command,
@@ -69,6 +100,7 @@ pub struct Args {
 pub enum Command {
     Render(RenderArgs),
     Compare(CompareArgs),
+    Bench(BenchArgs),
     Info(InfoArgs),
 }
 
@@ -178,6 +210,50 @@ pub struct CompareArgs {
     pub outputs: Vec<PathBuf>,
 }
 
+/// Measure all pipelines, and rays on the CPU, side by side: time, where it goes, and error
+#[derive(Debug, clap::Args)]
+#[command(after_help = BENCH_NOTES, args_override_self = true)]
+pub struct BenchArgs {
+    /// Scene file: .toml, or a bare .obj with its .mtl [default: scenes/cornell.toml, where there is one]
+    pub scene: Option<PathBuf>,
+
+    /// Picture size in pixels; N is N by N
+    #[arg(long, value_name = "WxH|N", default_value = "512", value_parser = size)]
+    pub size: [u32; 2],
+
+    /// Directions of a round
+    #[arg(long, value_name = "N", default_value = "32", value_parser = count::<u32>)]
+    pub directions: u32,
+
+    /// Rounds, in each of which every contestant has its turn
+    #[arg(long, value_name = "N", default_value = "5", value_parser = count::<u32>)]
+    pub rounds: u32,
+
+    /// Side of the depth layers in texels [default: the scene file's, else 256]
+    #[arg(long, value_name = "N", value_parser = count::<u32>)]
+    pub layer_size: Option<u32>,
+
+    /// Photons emitted from the lights [default: the scene file's, else 1000000]
+    #[arg(long, value_name = "N", value_parser = count::<u64>)]
+    pub photons: Option<u64>,
+
+    /// Measure these alone, with commas between
+    #[arg(long, value_name = "NAMES", value_delimiter = ',', value_parser = contestants())]
+    pub pipelines: Vec<String>,
+
+    /// Print one JSON object on stdout
+    #[arg(long)]
+    pub json: bool,
+
+    /// Where the OpenGL context comes from
+    #[arg(long, default_value = "auto", value_parser = named_backend(), help_heading = "OpenGL")]
+    pub backend: Backend,
+
+    /// EGL device: auto, sw (a software renderer) or an index listed by `finalgather info`
+    #[arg(long, default_value = "auto", value_name = "auto|sw|INDEX", help_heading = "OpenGL")]
+    pub gl_device: DeviceChoice,
+}
+
 /// Show which OpenGL there is: backends that work, devices, renderer, limits
 #[derive(Debug, clap::Args)]
 pub struct InfoArgs {
@@ -241,6 +317,10 @@ where
     T: for<'de> Deserialize<'de> + Clone + Send + Sync + 'static,
 {
     PossibleValuesParser::new(names).try_map(|name| -> Result<T, ValueError> { T::deserialize(name.into_deserializer()) })
+}
+
+fn contestants() -> PossibleValuesParser {
+    PossibleValuesParser::new(CONTESTANTS.iter().map(|contestant| PossibleValue::new(contestant.name).help(contestant.about)))
 }
 
 fn named_backend() -> impl TypedValueParser<Value = Backend> {

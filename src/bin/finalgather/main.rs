@@ -7,6 +7,7 @@ use clap::Parser;
 use finalgather::error::Error;
 
 mod args;
+mod bench;
 mod compare;
 mod info;
 mod interrupt;
@@ -21,6 +22,7 @@ fn main() -> ExitCode {
     let outcome = match Args::parse().command {
         Command::Render(args) => render::run(&args, started),
         Command::Compare(args) => compare::run(&args),
+        Command::Bench(args) => bench::run(&args),
         Command::Info(args) => info::run(&args),
     };
     match outcome {

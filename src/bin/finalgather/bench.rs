@@ -1,0 +1,210 @@
+//! `finalgather bench`: all ways to gather side by side, as a table or as JSON.
+
+use std::path::{Path, PathBuf};
+use std::thread::available_parallelism;
+
+use finalgather::bench::{Bench, CONTESTANTS, Contestant, Plan, Row, Where};
+use finalgather::error::{Error, Result};
+use finalgather::gpu::Gpu;
+use finalgather::scene::{Camera, Scene, UnitSpace};
+use finalgather::settings::Settings;
+use serde::Serialize;
+
+use crate::args::BenchArgs;
+use crate::progress::Progress;
+use crate::report::{self, Gl};
+
+/// The one that the others are set against.
+const FUSED: &str = "fused";
+/// Directions of the converged oracle, both ends of each.
+const CONVERGED: u32 = 4096;
+
+#[derive(Serialize)]
+struct Report<'a> {
+    gl: Gl<'a>,
+    cores: usize,
+    scene: SceneReport,
+    /// What the points, directions and photons are; further settings are the scene's.
+    settings: BenchSettings,
+    rows: &'a [Row],
+    /// How many times as fast fused is, by the time for a sample at every point; empty when it was not measured.
+    fused_against: serde_json::Map<String, serde_json::Value>,
+}
+
+#[derive(Serialize)]
+struct SceneReport {
+    file: String,
+    triangles: usize,
+}
+
+#[derive(Serialize)]
+struct BenchSettings {
+    size: [u32; 2],
+    points: u32,
+    directions: u32,
+    layer_size: u32,
+    photons: u64,
+    rounds: u32,
+    converged_directions: u32,
+}
+
+/// The exit code, unless the run failed.
+pub fn run(args: &BenchArgs) -> Result<u8> {
+    let progress = Progress::new("loading");
+    let outcome = bench(args, &progress);
+    progress.clear();
+    outcome.map(|()| 0)
+}
+
+fn bench(args: &BenchArgs, progress: &Progress) -> Result<()> {
+    let file = args.scene.clone().map_or_else(default_scene, Ok)?;
+    let scene = Scene::load(&file)?;
+    scene.warnings.iter().for_each(|warning| progress.say(&format!("warning: {warning}")));
+    let from_scene = &scene.settings;
+    let settings = Settings {
+        size: args.size,
+        directions: args.directions,
+        layer_size: args.layer_size.unwrap_or(from_scene.layer_size),
+        photons: args.photons.unwrap_or(from_scene.photons),
+        interleave: 1,
+        ..from_scene.clone()
+    };
+    settings.validate()?;
+    if args.rounds == 0 {
+        return Err(Error::usage("rounds is 0", "give rounds of 1 or more"));
+    }
+
+    progress.stage("starting OpenGL");
+    let gpu = Gpu::headless(args.backend, args.gl_device)?;
+    progress.stage("tracing photons");
+    let framed = scene.framed;
+    let mut scene = UnitSpace::enter(&scene).0;
+    if framed {
+        scene.camera = Camera::framing(scene.mesh.bounds(), settings.size);
+    }
+    let bench = Bench::new(&gpu, scene, &settings, Where::Camera)?;
+    progress.stage("measuring");
+    let asked = |contestant: &&Contestant| args.pipelines.is_empty() || args.pipelines.iter().any(|name| name == contestant.name);
+    let contestants: Vec<_> = CONTESTANTS.iter().filter(asked).collect();
+    let plan = Plan { directions: args.directions, rounds: args.rounds, stages: true, converged: CONVERGED };
+    let rows = bench.measure(&contestants, plan)?;
+    progress.clear();
+
+    let gl = gpu.info();
+    let cores = available_parallelism().map_or(1, usize::from);
+    let fused = rows.iter().find(|row| row.name == FUSED).map(|row| row.ms_per_sample);
+    let report = Report {
+        gl: Gl { renderer: &gl.renderer, version: &gl.version, backend: &gl.backend },
+        cores,
+        scene: SceneReport { file: file.display().to_string(), triangles: bench.triangle_count() },
+        settings: BenchSettings {
+            size: settings.size,
+            points: bench.point_count(),
+            directions: settings.directions,
+            layer_size: settings.layer_size,
+            photons: settings.photons,
+            rounds: args.rounds,
+            converged_directions: CONVERGED,
+        },
+        rows: &rows,
+        fused_against: fused.map_or_else(Default::default, |fused| {
+            let others = rows.iter().filter(|row| row.name != FUSED);
+            others.map(|row| (row.name.clone(), (row.ms_per_sample / fused).into())).collect()
+        }),
+    };
+    if args.json { report::print_json(&report) } else { report::print(&table(&report, fused)) }
+}
+
+fn default_scene() -> Result<PathBuf> {
+    let default = Path::new("scenes/cornell.toml");
+    if default.is_file() {
+        return Ok(default.to_owned());
+    }
+    Err(Error::usage(
+        "no scene is given, and there is no scenes/cornell.toml here",
+        "name a scene: finalgather bench SCENE.toml, or a bare .obj",
+    ))
+}
+
+fn table(report: &Report, fused: Option<f64>) -> String {
+    let Report { gl, cores, scene, settings, rows, .. } = report;
+    let [width, height] = settings.size;
+    let mut lines = vec![
+        format!("{}, {cores} core{}", gl.renderer, if *cores == 1 { "" } else { "s" }),
+        format!(
+            "{}: {} triangles, {} points ({width}x{height}), {} directions, {layers}x{layers} layers, medians of {} rounds",
+            scene.file,
+            scene.triangles,
+            settings.points,
+            settings.directions,
+            settings.rounds,
+            layers = settings.layer_size,
+        ),
+        String::new(),
+    ];
+    let heads = [
+        "",
+        "ends",
+        "ms/dir",
+        "ms/sample",
+        "Msamples/s",
+        "xFUSED",
+        "peel",
+        "gather",
+        "wait",
+        "idle",
+        "diff",
+        "bias",
+        "RMSE",
+        "offset",
+    ];
+    let mut cells = vec![heads.map(str::to_owned)];
+    cells.extend(rows.iter().map(|row| cells_of(row, fused)));
+    let widths: Vec<_> =
+        (0..heads.len()).map(|column| cells.iter().map(|row| row[column].chars().count()).max().unwrap_or(0)).collect();
+    for row in &cells {
+        let line = row.iter().zip(&widths).enumerate().map(|(column, (cell, &width))| match column {
+            0 => format!("{cell:<width$}"),
+            _ => format!("  {cell:>width$}"),
+        });
+        lines.push(line.collect::<String>().trim_end().to_owned());
+    }
+    lines.extend([
+        String::new(),
+        "ms/sample: every point gets one ray that counts; xFUSED: how many times as fast fused is.".into(),
+        "diff and bias: against exact rays along the same directions; own rays have no such oracle.".into(),
+        format!(
+            "RMSE and offset of the mean: against exact rays along {} other directions. More: --help",
+            settings.converged_directions
+        ),
+    ]);
+    lines.join("\n")
+}
+
+fn cells_of(row: &Row, fused: Option<f64>) -> [String; 14] {
+    let or = |value: Option<String>, none: &str| value.unwrap_or_else(|| none.to_owned());
+    let percent = |share: f64, digits: usize| format!("{:.digits$} %", 100.0 * share);
+    let signed = |share: f64| format!("{:+.2} %", 100.0 * share);
+    let stage = |name: &str| {
+        let Some(device) = &row.device else { return "-".to_owned() };
+        let stage = device.stages.iter().find(|stage| stage.name == name);
+        stage.map_or("-".to_owned(), |stage| or(stage.ms_per_direction.map(|ms| format!("{ms:.2}")), "n/a"))
+    };
+    let device = row.device.as_ref();
+    [
+        row.name.clone(),
+        or(row.ends.map(|ends| ends.to_string()), "own"),
+        format!("{:.2}", row.ms_per_direction),
+        format!("{:.2}", row.ms_per_sample),
+        format!("{:.2}", 1e-6 * row.samples_per_second),
+        or(fused.map(|fused| format!("{:.2}", row.ms_per_sample / fused)), "-"),
+        stage("peel"),
+        stage("gather"),
+        or(device.map(|device| percent(device.waits, 0)), "-"),
+        or(device.map(|device| or(device.idle.map(|idle| percent(idle, 0)), "n/a")), "-"),
+        or(row.same_rays.map(|same| percent(same.mean_difference, 2)), "-"),
+        or(row.same_rays.map(|same| signed(same.bias)), "-"),
+        or(row.converged.map(|converged| percent(converged.rmse, 1)), "-"),
+        or(row.converged.map(|converged| signed(converged.bias)), "-"),
+    ]
+}
