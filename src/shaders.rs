@@ -9,6 +9,7 @@ const INCLUDES: &[(&str, &str)] = &[
     ("layer.glsl", include_str!("../glsl/include/layer.glsl")),
     ("photon_grid.glsl", include_str!("../glsl/include/photon_grid.glsl")),
     ("radiance.glsl", include_str!("../glsl/include/radiance.glsl")),
+    ("bvh.glsl", include_str!("../glsl/include/bvh.glsl")),
 ];
 
 macro_rules! shader {
@@ -34,9 +35,11 @@ pub static FUSED_TEXTURED: ShaderSource = shader!("fullscreen", "fused", "TEXTUR
 pub static FUSED_OUTLINE: ShaderSource = shader!("fullscreen", "fused", "OUTLINE", "TEXTURED");
 pub static ACCUMULATE: ShaderSource = shader!("fullscreen", "accumulate");
 pub static ACCUMULATE_TEXTURED: ShaderSource = shader!("fullscreen", "accumulate", "TEXTURED");
+pub static RAYS: ShaderSource = shader!("fullscreen", "rays");
+pub static RAYS_TEXTURED: ShaderSource = shader!("fullscreen", "rays", "TEXTURED");
 
 /// All of the above.
-pub static ALL: [&ShaderSource; 11] = [
+pub static ALL: [&ShaderSource; 13] = [
     &VISIBLE_POINTS,
     &SHADOW,
     &DIRECT,
@@ -48,4 +51,6 @@ pub static ALL: [&ShaderSource; 11] = [
     &FUSED_OUTLINE,
     &ACCUMULATE,
     &ACCUMULATE_TEXTURED,
+    &RAYS,
+    &RAYS_TEXTURED,
 ];

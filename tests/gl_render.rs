@@ -128,11 +128,13 @@ fn layers_and_rays_make_the_same_picture() {
                     (pipeline, interleave, 128, [47, 37]);
             }
         };
-        let [layers, rays] =
-            [Pipeline::Kill, Pipeline::Raycast].map(|pipeline| indirect(&picture_with(&gpu, None, change(pipeline))));
-        let found = compare(&layers, &rays, Selection::default()).unwrap();
-        eprintln!("interleave {interleave}: mean difference {:.4}, bias {:+.4}", found.mae / found.mean_b, found.bias);
-        assert!(found.mae / found.mean_b < 0.03, "interleave {interleave}: {found:?}");
+        for pair in [[Pipeline::Kill, Pipeline::Raycast], [Pipeline::Fused, Pipeline::RaycastGl]] {
+            let [layers, rays] = pair.map(|pipeline| indirect(&picture_with(&gpu, None, change(pipeline))));
+            let found = compare(&layers, &rays, Selection::default()).unwrap();
+            let difference = found.mae / found.mean_b;
+            eprintln!("{pair:?}, interleave {interleave}: mean difference {difference:.4}, bias {:+.4}", found.bias);
+            assert!(difference < 0.03, "{pair:?}, interleave {interleave}: {found:?}");
+        }
     }
 }
 

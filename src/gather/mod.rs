@@ -15,9 +15,11 @@ mod bundle;
 mod fused;
 mod kill;
 mod peel;
+mod rays;
 
 pub use bundle::Bundle;
 pub use peel::{Layer, Peel};
+pub use rays::RayGather;
 
 use crate::direction::Direction;
 use crate::error::Result;

@@ -1,6 +1,7 @@
 //! Shader programs: compiled from embedded sources, with uniforms given whole at each draw.
 
-use glam::{Mat4, Vec3};
+use bytemuck::cast_slice;
+use glam::{Mat4, Vec3, Vec4};
 use glow::HasContext;
 
 use super::context::Gpu;
@@ -29,6 +30,8 @@ pub enum Uniform<'a> {
     IVec2([i32; 2]),
     Vec3(Vec3),
     Mat4(Mat4),
+    /// Elements of an array from the first on.
+    Vec4s(&'a [Vec4]),
     Texture(&'a Texture),
 }
 
@@ -103,7 +106,8 @@ impl Program {
             let uniforms = (0..gl.get_active_uniforms(program.name()))
                 .filter_map(|i| gl.get_active_uniform(program.name(), i))
                 .filter_map(|uniform| Some((gl.get_uniform_location(program.name(), &uniform.name)?, uniform.name)))
-                .map(|(location, name)| (name, location))
+                // Arrays go by their first element.
+                .map(|(location, name)| (name.trim_end_matches("[0]").to_owned(), location))
                 .collect();
             gpu.check("making a shader program")?;
             Ok(Self { program, name: source.name, uniforms })
@@ -132,6 +136,7 @@ impl Program {
                     Uniform::IVec2([x, y]) => gl.uniform_2_i32(location, x, y),
                     Uniform::Vec3(v) => gl.uniform_3_f32(location, v.x, v.y, v.z),
                     Uniform::Mat4(v) => gl.uniform_matrix_4_f32_slice(location, false, &v.to_cols_array()),
+                    Uniform::Vec4s(v) => gl.uniform_4_f32_slice(location, cast_slice(v)),
                     Uniform::Texture(texture) => {
                         gl.active_texture(glow::TEXTURE0 + unit);
                         gl.bind_texture(texture.kind(), Some(texture.name()));

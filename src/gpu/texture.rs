@@ -12,6 +12,8 @@ use crate::error::{Error, Result};
 pub enum Format {
     Rgba32F,
     Rg32F,
+    /// Four integers without sign; never filtered.
+    Rgba32Ui,
     /// Four bytes, decoded from sRGB when sampled.
     Srgb8Alpha8,
     Depth32F,
@@ -45,6 +47,7 @@ impl Format {
         match self {
             Self::Rgba32F => (glow::RGBA32F, glow::RGBA, glow::FLOAT),
             Self::Rg32F => (glow::RG32F, glow::RG, glow::FLOAT),
+            Self::Rgba32Ui => (glow::RGBA32UI, glow::RGBA_INTEGER, glow::UNSIGNED_INT),
             Self::Srgb8Alpha8 => (glow::SRGB8_ALPHA8, glow::RGBA, glow::UNSIGNED_BYTE),
             Self::Depth32F => (glow::DEPTH_COMPONENT32F, glow::DEPTH_COMPONENT, glow::FLOAT),
         }
@@ -52,7 +55,7 @@ impl Format {
 
     fn bytes(self) -> usize {
         match self {
-            Self::Rgba32F => 16,
+            Self::Rgba32F | Self::Rgba32Ui => 16,
             Self::Rg32F => 8,
             Self::Srgb8Alpha8 | Self::Depth32F => 4,
         }

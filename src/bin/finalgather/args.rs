@@ -113,7 +113,7 @@ struct Overrides {
     #[arg(long, value_name = "N", value_parser = count::<u32>, help = setting("Side of the depth layers in texels", |s| s.layer_size))]
     layer_size: Option<u32>,
 
-    #[arg(long, value_parser = named::<Pipeline>(&["kill", "fused", "raycast"]), help = setting("How the gather is computed: by the method of 2004, in one pass for both ends of a direction, or by exact rays on the CPU", |s| name(s.pipeline)))]
+    #[arg(long, value_parser = named::<Pipeline>(&["kill", "fused", "raycast", "raycast-gl"]), help = setting("How the gather is computed: by the method of 2004, in one pass for both ends of a direction, by exact rays on the CPU, or by exact rays on the GL side, again for both ends", |s| name(s.pipeline)))]
     pipeline: Option<Pipeline>,
 
     #[arg(long, value_name = "N", value_parser = count::<u64>, help = setting("Photons emitted from the lights, afresh for every 1024 directions; 1e6 and 1_000_000 are numbers too", |s| s.photons))]
