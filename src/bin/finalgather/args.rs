@@ -321,13 +321,13 @@ mod tests {
     fn options_override_settings() {
         let scene = Settings { grid_cells: 7, seed: 3, ..Settings::default() };
         assert_eq!(parse("finalgather render a.toml").override_settings(scene.clone()), scene);
-        let all = "finalgather render a.toml --size 3x4 --directions 5 --layer-size 6 --pipeline raycast --photons 1e2 \
+        let all = "finalgather render a.toml --size 3x4 --directions 5 --layer-size 6 --pipeline raycast-gl --photons 1e2 \
                    --bounces 8 --estimator plain --sequence sobol --interleave 4 --seed 9 --stop-fraction 0.5 --until 0.25 --exposure -1.5";
         let expected = Settings {
             size: [3, 4],
             directions: 5,
             layer_size: 6,
-            pipeline: Pipeline::Raycast,
+            pipeline: Pipeline::RaycastGl,
             photons: 100,
             bounces: 8,
             estimator: Estimator::Plain,
