@@ -3,6 +3,8 @@
 //! Each point casts one ray along each direction, towards the end on its side of its surface: E(x) = π Σ L w / Σ w with w = |n·d|. What a ray
 //! meets first is found in a bounding volume hierarchy, so hits are exact, and the cost of a direction grows with the logarithm of the
 //! number of triangles, times the number of points.
+//!
+//! The tables take some 130 bytes a triangle; devices with textures of 16384² hold four million.
 
 use glam::{DVec3, Vec3, Vec4};
 

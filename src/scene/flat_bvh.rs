@@ -6,7 +6,7 @@
 //!
 //! Inner nodes that a ray is likely to meet are left out, for their children are tested anyway: of a node with k children that is as large as a
 //! share p of its parent, the test pays where 1 + p k < k. That leaves out a fifth of the nodes, those that are visited most: a third of all
-//! visits in the Cornell box, an eighth among 10 000 triangles.
+//! visits in the Cornell box, a seventh among 10 000 triangles.
 
 use std::time::Duration;
 
@@ -26,7 +26,7 @@ const LEAF: u32 = 1 << 31;
 /// Bits of a leaf's number of triangles.
 const COUNT_BITS: u32 = 3;
 
-/// How the tree is built, in 0.4 s for 200 000 triangles. From 1 to 4 triangles in a leaf, and with more effort, rays are as fast to some
+/// How the tree is built, in 0.4 s for 200 000 triangles. With 2 to 4 triangles in a leaf, or more effort, rays are as fast to some
 /// 5 %; copies of large triangles in several leaves gain nothing.
 const BUILD: BvhBuildParams =
     BvhBuildParams { pre_split: false, max_prims_per_leaf: 4, collapse_traversal_cost: 2.0, ..BvhBuildParams::slow_build() };
