@@ -3,7 +3,7 @@
 
 use std::ops::Range;
 
-use bytemuck::cast_slice;
+use bytemuck::{Pod, cast_slice};
 use glam::{Mat4, Vec3};
 
 use crate::error::{Error, Result};
@@ -42,9 +42,8 @@ impl Geometry {
     pub fn upload(gpu: &Gpu, scene: &Scene) -> Result<Self> {
         let mesh = &scene.mesh;
         let white = scene.textures.len();
-        let texture_of = |triangle: usize| scene.material(triangle).albedo_texture.unwrap_or(white);
-        let mut order: Vec<usize> = (0..mesh.triangles.len()).collect();
-        order.sort_by_key(|&triangle| texture_of(triangle));
+        let texture_of = |triangle: usize| texture_of(scene, triangle);
+        let order = triangle_order(scene);
 
         let mut batches: Vec<Batch> = Vec::new();
         let mut table = Vec::with_capacity(order.len());
@@ -90,8 +89,8 @@ impl Geometry {
         let attributes: [(i32, &[u8]); 2] = [(3, cast_slice(&positions)), (3, cast_slice(&normals))];
         Ok(Self {
             vertices: VertexArray::new(gpu, &attributes)?,
-            triangles: upload_table(gpu, table)?,
-            materials: upload_table(gpu, materials)?,
+            triangles: upload_table(gpu, Format::Rgba32F, table)?,
+            materials: upload_table(gpu, Format::Rgba32F, materials)?,
             textures,
             texels,
             batches,
@@ -139,6 +138,18 @@ impl Geometry {
     }
 }
 
+/// Into the textures of a [`Geometry`].
+fn texture_of(scene: &Scene, triangle: usize) -> usize {
+    scene.material(triangle).albedo_texture.unwrap_or(scene.textures.len())
+}
+
+/// The scene's triangles in the order of the shaders' table.
+pub(crate) fn triangle_order(scene: &Scene) -> Vec<usize> {
+    let mut order: Vec<usize> = (0..scene.mesh.triangles.len()).collect();
+    order.sort_by_key(|&triangle| texture_of(scene, triangle));
+    order
+}
+
 /// How surfaces are drawn.
 pub struct SurfacePass<'a> {
     pub target: &'a Target,
@@ -166,11 +177,11 @@ fn texture_planes(mesh: &Mesh, triangle: usize) -> [[f32; 4]; 2] {
     })
 }
 
-/// A list as a texture, row by row.
-fn upload_table(gpu: &Gpu, mut texels: Vec<[f32; 4]>) -> Result<Texture> {
+/// A list of texels of four 32-bit numbers as a texture, row by row.
+pub(crate) fn upload_table<T: Pod + Default>(gpu: &Gpu, format: Format, mut texels: Vec<[T; 4]>) -> Result<Texture> {
     let rows = texels.len().div_ceil(TABLE_WIDTH).max(1);
-    texels.resize(rows * TABLE_WIDTH, [0.0; 4]);
-    Texture::from_texels(gpu, Format::Rgba32F, [TABLE_WIDTH as u32, rows as u32], Filter::Nearest, Wrap::Clamp, &texels)
+    texels.resize(rows * TABLE_WIDTH, [T::default(); 4]);
+    Texture::from_texels(gpu, format, [TABLE_WIDTH as u32, rows as u32], Filter::Nearest, Wrap::Clamp, &texels)
 }
 
 /// All textures in one, and the row at which each begins: no wider than needed to stay within the device's limit, for each begins a row.

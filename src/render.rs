@@ -16,7 +16,7 @@ use crate::direct::Direct;
 use crate::direction::{Direction, Directions};
 use crate::error::{Error, Result};
 use crate::film::{Film, PairwiseSum};
-use crate::gather::{FusedGather, Gather, KillGather, Work};
+use crate::gather::{FusedGather, Gather, KillGather, RayGather, Work};
 use crate::geometry::Geometry;
 use crate::gpu::Gpu;
 use crate::image::Image;
@@ -150,6 +150,7 @@ impl Render {
                 Some(Box::new(KillGather::early(gpu, settings.layer_size, interleave.tile(), settings.stop_fraction)?))
             }
             Pipeline::Fused => Some(Box::new(FusedGather::new(gpu, settings.layer_size)?)),
+            Pipeline::RaycastGl => Some(Box::new(RayGather::new(gpu, &scene)?)),
             Pipeline::Raycast => None,
         };
         let method = match gather {

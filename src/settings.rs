@@ -78,6 +78,9 @@ pub enum Pipeline {
     Fused,
     /// Exact rays on the CPU along the same directions: what the layers approximate. Layer size and stop fraction mean nothing to it.
     Raycast,
+    /// Exact rays on the GL side, for both ends of each direction as `fused`: ray shooting, by the same device. Layer size and stop fraction mean
+    /// nothing to it.
+    RaycastGl,
 }
 
 /// How radiance along N directions makes an irradiance. Both tend to the same value.

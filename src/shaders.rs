@@ -10,6 +10,7 @@ const INCLUDES: &[(&str, &str)] = &[
     ("layer_store.glsl", include_str!("../glsl/include/layer_store.glsl")),
     ("photon_grid.glsl", include_str!("../glsl/include/photon_grid.glsl")),
     ("radiance.glsl", include_str!("../glsl/include/radiance.glsl")),
+    ("bvh.glsl", include_str!("../glsl/include/bvh.glsl")),
 ];
 
 macro_rules! shader {
@@ -38,9 +39,11 @@ pub static FUSED: ShaderSource = shader!("fullscreen", "fused", "TILES 8");
 pub static FUSED_TEXTURED: ShaderSource = shader!("fullscreen", "fused", "TILES 8", "TEXTURED");
 pub static ACCUMULATE: ShaderSource = shader!("fullscreen", "accumulate");
 pub static ACCUMULATE_TEXTURED: ShaderSource = shader!("fullscreen", "accumulate", "TEXTURED");
+pub static RAYS: ShaderSource = shader!("fullscreen", "rays");
+pub static RAYS_TEXTURED: ShaderSource = shader!("fullscreen", "rays", "TEXTURED");
 
 /// All of the above.
-pub static ALL: [&ShaderSource; 14] = [
+pub static ALL: [&ShaderSource; 16] = [
     &VISIBLE_POINTS,
     &SHADOW,
     &DIRECT,
@@ -55,4 +58,6 @@ pub static ALL: [&ShaderSource; 14] = [
     &FUSED_TEXTURED,
     &ACCUMULATE,
     &ACCUMULATE_TEXTURED,
+    &RAYS,
+    &RAYS_TEXTURED,
 ];

@@ -5,7 +5,7 @@ mod common;
 
 use std::f32::consts::PI;
 
-use common::{Model, directions, gather, gather_early, gather_fused, gpu, irradiance, points_on, sized, vectors};
+use common::{Model, directions, gather, gather_early, gather_fused, gather_rays, gpu, irradiance, points_on, sized, vectors};
 use finalgather::photon::{PhotonGrid, PhotonTexture};
 use finalgather::points::GatherPoint;
 use finalgather::reference::Reference;
@@ -53,7 +53,10 @@ fn check(name: &str, scene: &Scene, inset: Option<f32>) {
         let layers = gather(&gpu, scene, &photons, &points, &directions, size);
         let early = gather_early(&gpu, scene, &photons, &points, &directions, size);
         let (fused, _) = gather_fused(&gpu, scene, &photons, &points, &directions, size);
-        for (pipeline, sums) in [("rays", rays), ("layers", layers), ("early KILL", early), ("fused", fused)] {
+        let gl_rays = gather_rays(&gpu, scene, &photons, &points, &directions);
+        let found =
+            [("rays", rays), ("layers", layers), ("early KILL", early), ("fused", fused), ("rays on the GL side", gl_rays)];
+        for (pipeline, sums) in found {
             let errors: Vec<f32> = irradiance(&sums).iter().map(|e| (e / PI - 1.0).abs().max_element()).collect();
             let beyond = errors.iter().filter(|&&error| error > LIMIT).count();
             let worst = errors.iter().copied().fold(0.0, f32::max);

@@ -128,11 +128,13 @@ fn layers_and_rays_make_the_same_picture() {
                     (pipeline, interleave, 128, [47, 37]);
             }
         };
-        let [layers, rays] =
-            [Pipeline::Kill, Pipeline::Raycast].map(|pipeline| indirect(&picture_with(&gpu, None, change(pipeline))));
-        let found = compare(&layers, &rays, Selection::default()).unwrap();
-        eprintln!("interleave {interleave}: mean difference {:.4}, bias {:+.4}", found.mae / found.mean_b, found.bias);
-        assert!(found.mae / found.mean_b < 0.03, "interleave {interleave}: {found:?}");
+        for pair in [[Pipeline::Kill, Pipeline::Raycast], [Pipeline::Fused, Pipeline::RaycastGl]] {
+            let [layers, rays] = pair.map(|pipeline| indirect(&picture_with(&gpu, None, change(pipeline))));
+            let found = compare(&layers, &rays, Selection::default()).unwrap();
+            let difference = found.mae / found.mean_b;
+            eprintln!("{pair:?}, interleave {interleave}: mean difference {difference:.4}, bias {:+.4}", found.bias);
+            assert!(difference < 0.03, "{pair:?}, interleave {interleave}: {found:?}");
+        }
     }
 }
 
@@ -221,9 +223,11 @@ fn both_ends_of_a_direction_are_worth_two() {
         found.relative_rmse
     };
     let one_end = error(Pipeline::Kill, 1, Estimator::SelfNormalised);
-    for (interleave, estimator) in [(1, Estimator::SelfNormalised), (1, Estimator::Plain), (2, Estimator::Plain)] {
-        let both_ends = error(Pipeline::Fused, interleave, estimator);
-        // Twice as many independent samples would leave 0.71 (measured 0.69 to 0.76), as many as before 1.
-        assert!(both_ends < 0.85 * one_end, "interleave {interleave}, {estimator:?}: {both_ends} of {one_end}");
+    for pipeline in [Pipeline::Fused, Pipeline::RaycastGl] {
+        for (interleave, estimator) in [(1, Estimator::SelfNormalised), (1, Estimator::Plain), (2, Estimator::Plain)] {
+            let both_ends = error(pipeline, interleave, estimator);
+            // Twice as many independent samples would leave 0.71 (measured 0.69 to 0.76), as many as before 1.
+            assert!(both_ends < 0.85 * one_end, "{pipeline:?}, interleave {interleave}, {estimator:?}: {both_ends} of {one_end}");
+        }
     }
 }

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use super::Bench;
 use crate::direction::Direction;
 use crate::error::Result;
-use crate::gather::{FusedGather, Gather, KillGather, Work};
+use crate::gather::{FusedGather, Gather, KillGather, RayGather, Work};
 use crate::math::cosine_direction;
 use crate::points::{GatherPoint, Sums};
 use crate::random::{Random, Recurrence};
@@ -52,6 +52,11 @@ pub const CONTESTANTS: &[Contestant] = &[
         name: "fused",
         about: "all layers of a direction in one pass, both its ends",
         kind: Kind::Gl(|bench| Ok(Box::new(FusedGather::new(&bench.gpu, bench.settings.layer_size)?))),
+    },
+    Contestant {
+        name: "raycast-gl",
+        about: "rays on the GL side, both ends of each direction",
+        kind: Kind::Gl(|bench| Ok(Box::new(RayGather::new(&bench.gpu, &bench.scene)?))),
     },
     Contestant { name: "raycast", about: "rays on the CPU along the shared directions", kind: Kind::SharedRays },
     Contestant { name: "raycast-cosine", about: "rays on the CPU, cosine-sampled at each point", kind: Kind::CosineRays },

@@ -16,11 +16,13 @@ mod fused;
 mod kill;
 mod layer_store;
 mod peel;
+mod rays;
 
 pub use bundle::Bundle;
 pub use kill::Kill;
 pub use layer_store::LayerStore;
 pub use peel::Peel;
+pub use rays::RayGather;
 
 use crate::direction::Direction;
 use crate::error::Result;

@@ -13,6 +13,7 @@ use crate::settings::Settings;
 
 mod bvh;
 mod camera;
+mod flat_bvh;
 mod light;
 mod load;
 mod mtl;
@@ -23,6 +24,7 @@ mod texture;
 mod unit_space;
 
 pub use bvh::{Bvh, Hit, RAY_OFFSET};
+pub use flat_bvh::FlatBvh;
 pub use light::{LightPoint, Lights};
 pub use unit_space::UnitSpace;
 

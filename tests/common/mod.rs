@@ -5,7 +5,7 @@ use std::f32::consts::{PI, TAU};
 use std::path::Path;
 
 use finalgather::direction::{Direction, Directions};
-use finalgather::gather::{FusedGather, Gather, KillGather, Work};
+use finalgather::gather::{FusedGather, Gather, KillGather, RayGather, Work};
 use finalgather::geometry::Geometry;
 use finalgather::gpu::{Backend, DeviceChoice, Gpu};
 use finalgather::photon::{PhotonGrid, PhotonTexture, PhotonTracer};
@@ -208,6 +208,17 @@ pub fn gather_fused(
     layer_size: u32,
 ) -> (Vec<Vec4>, u32) {
     gather_by(&mut FusedGather::new(gpu, layer_size).unwrap(), gpu, scene, photons, points, directions)
+}
+
+/// The same for both ends of each direction by exact rays.
+pub fn gather_rays(
+    gpu: &Gpu,
+    scene: &Scene,
+    photons: &PhotonTexture,
+    points: &[GatherPoint],
+    directions: &[Direction],
+) -> Vec<Vec4> {
+    gather_by(&mut RayGather::new(gpu, scene).unwrap(), gpu, scene, photons, points, directions).0
 }
 
 /// The sums that a gather finds, and the most layers of a direction.

@@ -145,7 +145,7 @@ struct Overrides {
     #[arg(long, value_name = "N", value_parser = count::<u32>, help = setting("Side of the depth layers in texels", |s| s.layer_size))]
     layer_size: Option<u32>,
 
-    #[arg(long, value_parser = named::<Pipeline>(&["kill", "early-kill", "fused", "raycast"]), help = setting("How the gather is computed: by the method of 2004, the same with early KILL, in one pass for both ends of a direction, or by exact rays on the CPU", |s| name(s.pipeline)))]
+    #[arg(long, value_parser = named::<Pipeline>(&["fused", "kill", "early-kill", "raycast", "raycast-gl"]), help = setting("How the gather is computed: in one pass for both ends of several directions, by the method of 2004, the same with early KILL, by exact rays on the CPU, or by exact rays on the GL side, again for both ends", |s| name(s.pipeline)))]
     pipeline: Option<Pipeline>,
 
     #[arg(long, value_name = "N", value_parser = count::<u64>, help = setting("Photons emitted from the lights, afresh for every 1024 directions; 1e6 and 1_000_000 are numbers too", |s| s.photons))]
@@ -401,13 +401,13 @@ mod tests {
     fn options_override_settings() {
         let scene = Settings { grid_cells: 7, seed: 3, ..Settings::default() };
         assert_eq!(parse("finalgather render a.toml").override_settings(scene.clone()), scene);
-        let all = "finalgather render a.toml --size 3x4 --directions 5 --layer-size 6 --pipeline raycast --photons 1e2 \
+        let all = "finalgather render a.toml --size 3x4 --directions 5 --layer-size 6 --pipeline raycast-gl --photons 1e2 \
                    --bounces 8 --estimator plain --sequence sobol --interleave 4 --seed 9 --stop-fraction 0.5 --until 0.25 --exposure -1.5";
         let expected = Settings {
             size: [3, 4],
             directions: 5,
             layer_size: 6,
-            pipeline: Pipeline::Raycast,
+            pipeline: Pipeline::RaycastGl,
             photons: 100,
             bounces: 8,
             estimator: Estimator::Plain,

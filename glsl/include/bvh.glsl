@@ -1,0 +1,79 @@
+// The nearest triangle on a ray, by a bounding volume hierarchy that needs no stack. Mirrors `FlatBvh` in src/scene/flat_bvh.rs, which lays
+// the tables out, and src/gather/rays.rs. Needs surface.glsl.
+//
+// Software drivers run both sides of every branch but leave a loop when no ray is left in it, so all that can be skipped is a loop, with its
+// condition at the end: it is checked once less. Two cares for llvmpipe (Mesa 22.3): a ray that has left a loop keeps
+// only what the loop hands on from turn to turn, so nothing else is read behind one; and tests are products of comparisons, not branches.
+
+uniform usampler2D bvh_nodes;       // a texel each, 1024 in a row
+uniform int bvh_count;              // nodes of one order
+uniform vec3 bvh_origin;            // where boxes count from, in
+uniform vec3 bvh_step;              // steps of this length
+uniform sampler2D bvh_triangles;    // in the order of the leaves, four texels each: plane; weights of two corners as functions of
+                                    // the position; index
+
+const float FARTHEST = 4.0;         // beyond the scene, whose diameter is 2
+const float NOWHERE = -1.0;         // as the reach of a ray that is not to be cast
+
+struct BvhHit
+{
+    float distance;
+    int place;                      // of the triangle in the leaves; -1: nothing
+};
+
+// What a triangle of the leaves is to the rest of the shader.
+int triangle_at(int place)
+{
+    return int(texelFetch(bvh_triangles, table_texel(place) + ivec2(3, 0), 0).x);
+}
+
+// Both sides of triangles count. The plane gives the distance, and the weights of the corners there tell whether the ray meets the triangle
+// (Baldwin and Weber 2016, "Fast ray-triangle intersections by coordinate transformation").
+void meet_triangle(int place, vec3 origin, vec3 direction, inout BvhHit nearest)
+{
+    ivec2 texel = table_texel(place);
+    vec4 plane = texelFetch(bvh_triangles, texel, 0);
+    vec4 second = texelFetch(bvh_triangles, texel + ivec2(1, 0), 0);
+    vec4 third = texelFetch(bvh_triangles, texel + ivec2(2, 0), 0);
+    float distance = -(dot(plane.xyz, origin) + plane.w) / dot(plane.xyz, direction);
+    vec3 position = origin + distance * direction;
+    float u = dot(second.xyz, position) + second.w;
+    float v = dot(third.xyz, position) + third.w;
+    bool met = distance > 0.0 && distance < nearest.distance && min(min(u, v), 1.0 - u - v) >= 0.0;
+    nearest.distance = met ? distance : nearest.distance;
+    nearest.place = met ? place : nearest.place;
+}
+
+// Of the triangles that a ray meets within its reach, the nearest.
+BvhHit nearest_hit(vec3 origin, vec3 direction, float reach)
+{
+    // Where the ray hardly moves along an axis, it moves by less than boxes have to spare.
+    vec3 slope = mix(direction, vec3(1e-7), lessThan(abs(direction), vec3(1e-7)));
+    // Distance to a box's side at a step.
+    vec3 factor = bvh_step / slope;
+    vec3 offset = (bvh_origin - origin) / slope;
+    ivec3 octant = ivec3(lessThan(slope, vec3(0.0))) * ivec3(1, 2, 4);
+    int node = (octant.x + octant.y + octant.z) * bvh_count;
+    int end = node + bvh_count;
+    BvhHit nearest = BvhHit(reach, -1);
+    do {
+        int leaf = 0;
+        do {
+            uvec4 words = texelFetch(bvh_nodes, ivec2(node & 1023, node >> 10), 0);
+            vec3 enter = vec3(ivec3(words.xyz & 0xffffu)) * factor + offset;
+            vec3 leave = vec3(ivec3(words.xyz >> 16)) * factor + offset;
+            bool met = max(max(enter.x, enter.y), max(enter.z, 0.0)) <= min(min(leave.x, leave.y), min(leave.z, nearest.distance));
+            int code = int(words.w);    // below zero for leaves
+            leaf = met && code < 0 ? code & 0x7fffffff : leaf;
+            node = met || code < 0 ? node + 1 : code;
+        } while (leaf == 0 && node < end);
+        // A ray without a leaf tries the first triangle of all, which does no harm.
+        int place = leaf >> 3;
+        int last = place + (leaf & 7);
+        do {
+            meet_triangle(place, origin, direction, nearest);
+            ++place;
+        } while (place < last);
+    } while (node < end);
+    return nearest;
+}

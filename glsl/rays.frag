@@ -1,0 +1,32 @@
+#version 330 core
+// Exact rays: each point casts one along every direction of a batch, towards the end on its side of the surface, and what the ray meets
+// first is added to the point's sums (additive blending). Mirrors src/gather/rays.rs.
+
+#include "points.glsl"
+#include "radiance.glsl"
+#include "bvh.glsl"
+
+uniform vec4 directions[8];         // xyz
+uniform int direction_count;        // at least 1
+uniform ivec2 first_texel;          // of the subset in the sums
+
+layout(location = 0) out vec4 sum;  // rgb: radiance x weight; a: weight
+
+const float RAY_OFFSET = 1e-6;      // as in src/scene/bvh.rs
+
+void main()
+{
+    GatherPoint point = fetch_point(ivec2(gl_FragCoord.xy) - first_texel);
+    vec3 origin = point.position + RAY_OFFSET * point.surface_normal;
+    sum = vec4(0.0);
+    int i = 0;
+    do {
+        vec3 direction = directions[i].xyz;
+        direction = dot(point.surface_normal, direction) < 0.0 ? -direction : direction;
+        float weight = cosine(point, direction);
+        BvhHit hit = nearest_hit(origin, direction, weight > 0.0 ? FARTHEST : NOWHERE);
+        vec3 radiance = hit_radiance(triangle_at(hit.place), origin + hit.distance * direction, direction);
+        sum += vec4(hit.place < 0 ? vec3(0.0) : radiance, 1.0) * weight;
+        ++i;
+    } while (i < direction_count);
+}
