@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use finalgather::scene::{Mesh, Scene, Texture, UnitSpace};
-use finalgather::settings::Settings;
+use finalgather::settings::{Pipeline, Settings};
 use glam::{Vec2, Vec3, vec2, vec3};
 use tempfile::TempDir;
 
@@ -285,7 +285,7 @@ fn scene_files_override_the_model() {
     let red = png(1, 1, [255, 0, 0]);
     let files: [(&str, &[u8]); 4] = [("m.obj", obj.as_bytes()), ("m.mtl", MTL.as_bytes()), ("s.TOML", toml), ("red.png", &red)];
     let scene = Folder::new(&files).load("s.TOML");
-    assert_eq!(scene.settings, Settings { seed: 4, ..Settings::default() });
+    assert_eq!(scene.settings, Settings { seed: 4, pipeline: Pipeline::Kill, ..Settings::default() });
     assert_eq!((scene.materials[0].albedo, scene.materials[0].emission), (vec3(0.1, 0.2, 0.3), Vec3::ZERO));
     assert_eq!((scene.materials[1].albedo, scene.materials[1].emission), (vec3(0.2, 0.4, 0.6), vec3(7.0, 8.0, 9.0)));
     assert_eq!(scene.albedo(1, Vec3::X), vec3(0.2, 0.0, 0.0));
