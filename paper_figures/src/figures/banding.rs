@@ -1,6 +1,6 @@
 //! Bands: the structured error of few shared directions, and interleaved subsets against it.
 
-use finalgather::{Image, Pipeline};
+use finalgather::{Image, Pipeline, Settings};
 use serde::{Deserialize, Serialize};
 
 use crate::figure::{Figure, Result, Scale};
@@ -59,7 +59,7 @@ impl Figure for Banding {
                 let directions = scale.of(directions, squares);
                 // Exact rays, so that no aliasing of layers is in it.
                 let settings =
-                    finalgather::Settings { pipeline: Pipeline::Raycast, directions, interleave, ..pictures.settings(scale) };
+                    Settings { pipeline: Pipeline::Raycast, directions, interleave, ..pictures.settings(scale) };
                 let (picture, statistics) = pictures.render(&settings)?;
                 let error = pictures.against_path_tracing(&picture)?;
                 runs.push(Run {

@@ -73,7 +73,8 @@ impl Figure for Causes {
 
     fn measure(scale: Scale) -> Result<Self> {
         let pictures = Pictures::new()?;
-        let default = pictures.settings(scale);
+        // Of both ends, rays on the CPU have one only.
+        let default = Settings { pipeline: Pipeline::Kill, ..pictures.settings(scale) };
         let changes = changes(&default);
         let mut first: Option<Image> = None;
         let mut run = |Change { cause, value, settings }| {

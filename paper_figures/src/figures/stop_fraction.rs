@@ -1,5 +1,6 @@
 //! The poster's stop criterion: error against path tracing and cost of the gather for each threshold.
 
+use finalgather::{Pipeline, Settings};
 use serde::{Deserialize, Serialize};
 
 use crate::figure::{Figure, Result, Scale};
@@ -30,7 +31,7 @@ impl Figure for StopFraction {
 
     fn measure(scale: Scale) -> Result<Self> {
         let pictures = Pictures::new()?;
-        let mut settings = pictures.settings(scale);
+        let mut settings = Settings { pipeline: Pipeline::Kill, ..pictures.settings(scale) };
         let mut run = |stop_fraction| {
             settings.stop_fraction = stop_fraction;
             let (picture, statistics) = pictures.render(&settings)?;
