@@ -11,9 +11,9 @@
 #include "radiance.glsl"
 
 uniform int direction_count;
-uniform vec4 directions[TILES];     // xyz: unit direction; w: clearance, see Receiver
-uniform mat4 to_layer[TILES];       // unit space to texel x, texel y, window depth
-uniform mat4 from_layer[TILES];
+uniform vec4 directions[BATCH];     // xyz: unit direction; w: clearance, see Receiver
+uniform mat4 to_layer[BATCH];       // unit space to texel x, texel y, window depth
+uniform mat4 from_layer[BATCH];
 uniform ivec2 first_texel;          // of the subset in the sums
 
 layout(location = 0) out vec4 sum;  // rgb: radiance x weight; a: weight

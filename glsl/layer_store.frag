@@ -15,6 +15,7 @@ void main()
     float depth = gl_FragCoord.z;
     vec2 slope = vec2(dFdx(depth), dFdy(depth));
 #ifndef FARTHEST
+    // The depth buffer holds what the same arithmetic made at the same place: equality is exact, as in peel.frag.
     if (depth >= texelFetch(previous_depth, ivec2(gl_FragCoord.xy), 0).x)
         discard;
 #endif

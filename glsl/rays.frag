@@ -6,7 +6,7 @@
 #include "radiance.glsl"
 #include "bvh.glsl"
 
-uniform vec4 directions[8];         // xyz
+uniform vec4 directions[BATCH];        // xyz
 uniform int direction_count;        // at least 1
 uniform ivec2 first_texel;          // of the subset in the sums
 
@@ -25,7 +25,7 @@ void main()
         direction = dot(point.surface_normal, direction) < 0.0 ? -direction : direction;
         float weight = cosine(point, direction);
         BvhHit hit = nearest_hit(origin, direction, weight > 0.0 ? FARTHEST : NOWHERE);
-        vec3 radiance = hit_radiance(triangle_at(hit.place), origin + hit.distance * direction, direction);
+        vec3 radiance = hit_radiance(triangle_at(max(hit.place, 0)), origin + hit.distance * direction, direction);
         sum += vec4(hit.place < 0 ? vec3(0.0) : radiance, 1.0) * weight;
         ++i;
     } while (i < direction_count);

@@ -1,6 +1,6 @@
 //! A picture of a scene, from photons to pixels: the job that the tool, the tests and the figures run.
 //!
-//! [`Render::new`] prepares the scene; each [`Render::step`] gathers along one more direction; [`Render::picture`] is the mean so far.
+//! [`Render::new`] prepares the scene; each [`Render::step`] gathers along a few more directions; [`Render::picture`] is the mean so far.
 //!
 //! Directions come in blocks of a power of two. A block has its own sub-pixel offset and its own samples on the lights, which makes
 //! anti-aliasing and soft shadows free of extra gather work, and its sums are independent of all other blocks. Photons are
@@ -69,7 +69,7 @@ enum Method {
 struct Block {
     index: u32,
     visible: Visible,
-    /// The directions left, those of one subset of the pixels after those of another, the next one last.
+    /// The directions left, those of one subset of the pixels after those of another, so that a batch has one subset; the next one last.
     left: Vec<u32>,
     /// Directions that each subset of the pixels took so far.
     taken: Vec<u32>,
@@ -109,6 +109,7 @@ pub struct GatherCounts {
     pub points: u32,
     pub directions: u32,
     pub layer_size: u32,
+    /// Peeled for a direction; where a pipeline takes several at once, all of them count as the deepest.
     pub layers_mean: f64,
     pub layers_max: u32,
     pub ms_per_direction: f64,

@@ -13,6 +13,9 @@ const INCLUDES: &[(&str, &str)] = &[
     ("bvh.glsl", include_str!("../glsl/include/bvh.glsl")),
 ];
 
+/// Most directions that a shader takes at once, as its define says.
+pub const BATCH: usize = 8;
+
 macro_rules! shader {
     ($vertex:literal, $fragment:literal $(, $define:literal)*) => {
         ShaderSource {
@@ -33,14 +36,14 @@ pub static KILL: ShaderSource = shader!("fullscreen", "kill");
 pub static KILL_FARTHEST: ShaderSource = shader!("fullscreen", "kill", "FARTHEST");
 pub static KILL_FARTHEST_EARLY: ShaderSource = shader!("fullscreen", "kill", "FARTHEST", "EARLY");
 pub static REJECT: ShaderSource = shader!("fullscreen", "reject");
-pub static STORE: ShaderSource = shader!("surface", "layer_store", "TILES 8");
-pub static STORE_FARTHEST: ShaderSource = shader!("surface", "layer_store", "TILES 8", "FARTHEST");
-pub static FUSED: ShaderSource = shader!("fullscreen", "fused", "TILES 8");
-pub static FUSED_TEXTURED: ShaderSource = shader!("fullscreen", "fused", "TILES 8", "TEXTURED");
+pub static STORE: ShaderSource = shader!("surface", "layer_store", "BATCH 8");
+pub static STORE_FARTHEST: ShaderSource = shader!("surface", "layer_store", "BATCH 8", "FARTHEST");
+pub static FUSED: ShaderSource = shader!("fullscreen", "fused", "BATCH 8");
+pub static FUSED_TEXTURED: ShaderSource = shader!("fullscreen", "fused", "BATCH 8", "TEXTURED");
 pub static ACCUMULATE: ShaderSource = shader!("fullscreen", "accumulate");
 pub static ACCUMULATE_TEXTURED: ShaderSource = shader!("fullscreen", "accumulate", "TEXTURED");
-pub static RAYS: ShaderSource = shader!("fullscreen", "rays");
-pub static RAYS_TEXTURED: ShaderSource = shader!("fullscreen", "rays", "TEXTURED");
+pub static RAYS: ShaderSource = shader!("fullscreen", "rays", "BATCH 8");
+pub static RAYS_TEXTURED: ShaderSource = shader!("fullscreen", "rays", "BATCH 8", "TEXTURED");
 
 /// All of the above.
 pub static ALL: [&ShaderSource; 16] = [

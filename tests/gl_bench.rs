@@ -51,6 +51,8 @@ fn every_contestant_is_measured_with_its_error() {
         if contestant.is_gl() {
             let waits = row["device"]["waits"].as_f64().unwrap();
             assert!((0.0..=1.0).contains(&waits), "{name}: {row}");
+            let stages = row["device"]["stages"].as_array().unwrap();
+            assert!(stages.iter().any(|stage| stage["name"] == "gather"), "{name}: {row}");
         } else {
             assert!(row["device"].is_null(), "{name}: {row}");
         }

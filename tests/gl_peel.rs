@@ -135,6 +135,25 @@ fn stacked_planes_in_any_draw_order() {
 }
 
 #[test]
+fn a_store_peels_shallow_scenes_after_deep_ones_in_all_tiles() {
+    let gpu = gpu();
+    let size = 16;
+    let mut store = LayerStore::new(&gpu, size).unwrap();
+    let tiles = store.tiles();
+    assert_eq!(tiles, 8);
+    for count in [32, 2, 3, 2] {
+        let scene = stack(count, 5);
+        let geometry = Geometry::upload(&gpu, &scene).unwrap();
+        let tilted = |tile: u32| Bundle::new(&along(vec3(0.05 * tile as f32, 0.1, 1.0)), &geometry.positions, size);
+        let bundles: Vec<Bundle> = (0..tiles).map(tilted).collect();
+        store.peel(&geometry, &bundles).unwrap();
+        for (tile, bundle) in (0..tiles).zip(&bundles) {
+            check(&store.read(tile), &scene.mesh, bundle, size);
+        }
+    }
+}
+
+#[test]
 fn coplanar_duplicates_come_once() {
     let gpu = gpu();
     let mut model = Model::new();

@@ -9,7 +9,7 @@ use std::{fs, io};
 use common::gpu;
 use finalgather::error::Error;
 use finalgather::gpu::{Program, ShaderSource};
-use finalgather::shaders::ALL;
+use finalgather::shaders::{self, ALL};
 
 /// The names and texts of the files in a folder.
 fn files(folder: &str) -> Vec<(String, String)> {
@@ -100,6 +100,13 @@ fn stages_that_do_not_fit_are_shown_both() {
     let message = failure(&ShaderSource { name: "apart", vertex, fragment, defines: &[], includes: &[] });
     assert!(message.contains("shader apart does not link on "), "{message}");
     assert!(message.contains("   2 out float shade;") && message.contains("   2 in vec3 shade;"), "{message}");
+}
+
+#[test]
+fn arrays_hold_as_many_as_a_batch_has() {
+    let sized: Vec<_> = ALL.iter().flat_map(|source| source.defines).filter(|define| define.starts_with("BATCH")).collect();
+    assert!(sized.len() >= 6, "{sized:?}");
+    assert!(sized.iter().all(|define| **define == format!("BATCH {}", shaders::BATCH)), "{sized:?}");
 }
 
 #[test]

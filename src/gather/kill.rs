@@ -22,7 +22,7 @@ pub struct Kill {
 
 /// The depth that marks points which have sampled a layer: not that of the layer before, nor of a cleared target.
 fn mark(index: u32) -> f32 {
-    if index.is_multiple_of(2) { 0.0 } else { 0.5 }
+    if index.is_multiple_of(2) { 0.0 } else { 1.0 }
 }
 
 impl Kill {
@@ -51,7 +51,7 @@ impl Kill {
 
     /// Begins a bundle: every ray misses, and none is marked or rejected.
     pub fn start(&self) {
-        self.hits.clear([0.0; 4], 1.0);
+        self.hits.clear([0.0; 4], 0.5);
     }
 
     /// Lets each point sample `layer`, the `index`-th from afar. Returns how many did; for the farthest with early KILL, how many face it.

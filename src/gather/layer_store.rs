@@ -14,8 +14,6 @@ use crate::geometry::Geometry;
 use crate::gpu::{Blend, DepthTest, Draw, Format, Gpu, Program, SampleQuery, Target, Texture, Uniform};
 use crate::shaders;
 
-/// Most directions at once, as the shaders have it.
-pub const TILES: u32 = 8;
 /// Texels in a row of tiles, as far as one layer is not wider.
 const WIDTH: u32 = 2048;
 /// Slots at first; deeper scenes double them.
@@ -43,7 +41,7 @@ impl LayerStore {
     /// # Errors
     /// When sizes are beyond the device's limits.
     pub fn new(gpu: &Gpu, layer_size: u32) -> Result<Self> {
-        let tiles = (WIDTH / layer_size).clamp(1, TILES);
+        let tiles = (WIDTH.min(gpu.info().limits.max_texture_size) / layer_size).clamp(1, shaders::BATCH as u32);
         let depth = || Texture::empty(gpu, Format::Depth32F, tiles * layer_size, layer_size).map(Rc::new);
         let depths = [depth()?, depth()?];
         let (planes, triangles, slots) = store(gpu, [tiles * layer_size, layer_size], SLOTS, &depths)?;
@@ -70,14 +68,16 @@ impl LayerStore {
         self.layer_size
     }
 
-    /// Peels all layers of `bundles`, each into a tile, from the first on. Returns the most that one of them has.
+    /// Peels all layers of `bundles`, each into a tile, from the first on. Returns how many layers were drawn: the most that one
+    /// of them has, or a little fewer than the bundles before had, whichever is more.
     ///
     /// # Errors
     /// When the scene has more layers than the device has memory or array elements for: 12 bytes a texel each.
     pub fn peel(&mut self, geometry: &Geometry, bundles: &[Bundle]) -> Result<u32> {
         let to_clip: Vec<Mat4> = (0..).zip(bundles).map(|(tile, bundle)| bundle.to_clip_of_tile(tile, self.tiles)).collect();
-        // To ask whether anything is left, one must wait; as many layers as the last directions had, less one, are taken for granted.
-        let granted = self.layers.saturating_sub(1);
+        assert!((1..=self.tiles as usize).contains(&bundles.len()), "{} bundles for {} tiles", bundles.len(), self.tiles);
+        // To ask whether anything is left, one must wait; most of the layers that were drawn last time are taken for granted.
+        let granted = self.layers.saturating_sub(1 + self.layers / 4);
         let mut layer = 0;
         loop {
             if layer == self.slots.len() as u32 {
@@ -116,15 +116,17 @@ impl LayerStore {
 
     /// Keeps twice as many layers from now on; those there are get lost.
     fn grow(&mut self) -> Result<()> {
-        let slots = 2 * self.slots.len() as u32;
-        if slots > self.gpu.info().limits.max_array_layers {
-            return Err(Error::usage(
-                format!("the scene has more than {} layers along a direction, and this GL device keeps no more", slots / 2),
-                "use the pipeline kill, which keeps none",
-            ));
-        }
+        let now = self.slots.len() as u32;
+        let slots = (2 * now).min(self.gpu.info().limits.max_array_layers);
         let size = [self.planes.width(), self.planes.height()];
-        (self.planes, self.triangles, self.slots) = store(&self.gpu, size, slots, &self.depths)?;
+        let grown = if slots > now { store(&self.gpu, size, slots, &self.depths).ok() } else { None };
+        let Some(grown) = grown else {
+            return Err(Error::usage(
+                format!("the scene has at least {now} layers along a direction, and this GL device keeps no more"),
+                "use the pipeline kill, which keeps none, or smaller layers (--layer-size)",
+            ));
+        };
+        (self.planes, self.triangles, self.slots) = grown;
         Ok(())
     }
 

@@ -44,13 +44,13 @@ pub struct Work<'a> {
 
 /// A way to gather on the GL side.
 pub trait Gather {
-    /// How many directions one call takes at most.
+    /// How many directions it takes at once; a call may have more, or fewer.
     fn batch(&self) -> usize;
 
     /// Whether a direction counts at both its ends, each point on its own side: w = |n·d|.
     fn both_ends(&self) -> bool;
 
-    /// Gathers along `directions` and adds to the sums. Returns the most layers that one of them had, 0 where nothing was peeled.
+    /// Gathers along `directions` and adds to the sums. Returns the most layers that were peeled for one of them, 0 where none were.
     ///
     /// # Errors
     /// [`crate::Error::Usage`] when the device is too small for the scene.
@@ -149,10 +149,14 @@ impl Gather for FusedGather {
     }
 
     fn add(&mut self, work: Work, directions: &[Direction]) -> Result<u32> {
-        let bundle = |direction| Bundle::new(direction, &work.geometry.positions, self.store.layer_size());
-        let bundles: Vec<Bundle> = directions.iter().map(bundle).collect();
-        let layers = self.gpu.stage("peel", || self.store.peel(work.geometry, &bundles))?;
-        self.gpu.stage("gather", || self.fused.add(work, &bundles, &self.store));
-        Ok(layers)
+        let size = self.store.layer_size();
+        let bundle = |direction| Bundle::new(direction, &work.geometry.positions, size);
+        let mut most = 0;
+        for batch in directions.chunks(self.batch()) {
+            let bundles: Vec<Bundle> = batch.iter().map(bundle).collect();
+            most = most.max(self.gpu.stage("peel", || self.store.peel(work.geometry, &bundles))?);
+            self.gpu.stage("gather", || self.fused.add(work, &bundles, &self.store));
+        }
+        Ok(most)
     }
 }

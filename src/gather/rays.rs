@@ -16,17 +16,16 @@ use crate::gpu::{Format, Gpu, Program, Texture, Uniform};
 use crate::scene::{FlatBvh, Scene};
 use crate::shaders;
 
-/// Directions of one pass, as in `glsl/rays.frag`.
-const BATCH: usize = 8;
-
 /// How far triangles reach beyond their edges, so that no ray slips through between two: a few times what a hit's position is rounded
 /// by, at coordinates of 1.
 const EDGE: f64 = 3e-7;
 
 /// Rays through one scene.
 pub struct RayGather {
+    gpu: Gpu,
     /// Without and with albedo textures.
     programs: [Program; 2],
+    /// Without its nodes and triangles, which are in textures.
     tree: FlatBvh,
     nodes: Texture,
     triangles: Texture,
@@ -39,11 +38,14 @@ impl RayGather {
     /// When the device's limits are below the scene's size.
     pub fn new(gpu: &Gpu, scene: &Scene) -> Result<Self> {
         let corners: Vec<_> = triangle_order(scene).into_iter().map(|triangle| scene.mesh.corners(triangle)).collect();
-        let tree = FlatBvh::new(&corners);
-        let triangles = tree.triangles.iter().flat_map(|&index| texels(corners[index as usize], index)).collect();
+        let mut tree = FlatBvh::new(&corners);
+        let nodes = std::mem::take(&mut tree.nodes);
+        let order = std::mem::take(&mut tree.triangles);
+        let triangles = order.into_iter().flat_map(|index| texels(corners[index as usize], index)).collect();
         Ok(Self {
+            gpu: gpu.clone(),
             programs: [Program::new(gpu, &shaders::RAYS)?, Program::new(gpu, &shaders::RAYS_TEXTURED)?],
-            nodes: upload_table(gpu, Format::Rgba32Ui, tree.nodes.clone())?,
+            nodes: upload_table(gpu, Format::Rgba32Ui, nodes)?,
             triangles: upload_table(gpu, Format::Rgba32F, triangles)?,
             tree,
         })
@@ -52,7 +54,7 @@ impl RayGather {
 
 impl Gather for RayGather {
     fn batch(&self) -> usize {
-        BATCH
+        shaders::BATCH
     }
 
     fn both_ends(&self) -> bool {
@@ -60,7 +62,7 @@ impl Gather for RayGather {
     }
 
     fn add(&mut self, work: Work, directions: &[Direction]) -> Result<u32> {
-        for batch in directions.chunks(BATCH) {
+        for batch in directions.chunks(shaders::BATCH) {
             let vectors: Vec<Vec4> = batch.iter().map(|direction| direction.vector.extend(0.0)).collect();
             let own = [
                 ("bvh_nodes", Uniform::Texture(&self.nodes)),
@@ -72,7 +74,8 @@ impl Gather for RayGather {
                 ("direction_count", Uniform::Int(vectors.len() as i32)),
             ];
             let uniforms = [&own[..], &work.geometry.uniforms(), &work.photons.uniforms()].concat();
-            work.sums.add(work.points, &self.programs[usize::from(work.geometry.is_textured())], &uniforms);
+            let program = &self.programs[usize::from(work.geometry.is_textured())];
+            self.gpu.stage("gather", || work.sums.add(work.points, program, &uniforms));
         }
         Ok(0)
     }

@@ -41,8 +41,10 @@ pub(super) struct Stages {
 }
 
 impl StageClock {
-    /// Takes the place of an earlier clock of the same context.
+    /// # Panics
+    /// When the context has a clock already.
     pub fn start(gpu: &Gpu) -> Self {
+        assert!(gpu.context().stages.borrow().is_none(), "one clock at a time");
         *gpu.context().stages.borrow_mut() = Some(Stages {
             gpu: gpu.clone(),
             seconds: Vec::new(),

@@ -1,4 +1,4 @@
-//! Render targets: a framebuffer object and the textures that it owns.
+//! Render targets: a framebuffer object and its textures, which others may share.
 
 use std::rc::Rc;
 
@@ -9,7 +9,7 @@ use super::resource::Resource;
 use super::texture::{Format, Texture};
 use crate::error::{Error, Result};
 
-/// Colour textures of one size and, if asked for, a float depth texture.
+/// Colour textures of one size and, if asked for, a depth texture.
 pub struct Target {
     framebuffer: Resource<glow::NativeFramebuffer>,
     colors: Vec<Rc<Texture>>,
@@ -69,7 +69,7 @@ impl Target {
         gpu.check("making a render target")?;
         if status != glow::FRAMEBUFFER_COMPLETE {
             return Err(Error::gl(
-                format!("{} refuses a {width}x{height} float render target (0x{status:04x})", gpu.info().renderer),
+                format!("{} refuses a {width}x{height} render target (0x{status:04x})", gpu.info().renderer),
                 "try another device or driver (--gl-device, --backend)",
             ));
         }

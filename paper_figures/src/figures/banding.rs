@@ -58,8 +58,7 @@ impl Figure for Banding {
             for (per_pixel, directions) in few.into_iter().chain(MANY.map(|all| (all / squares, all))) {
                 let directions = scale.of(directions, squares);
                 // Exact rays, so that no aliasing of layers is in it.
-                let settings =
-                    Settings { pipeline: Pipeline::Raycast, directions, interleave, ..pictures.settings(scale) };
+                let settings = Settings { pipeline: Pipeline::Raycast, directions, interleave, ..pictures.settings(scale) };
                 let (picture, statistics) = pictures.render(&settings)?;
                 let error = pictures.against_path_tracing(&picture)?;
                 runs.push(Run {
