@@ -201,6 +201,12 @@ impl Bench {
                 }
             }
         }
+        if deviations.iter().flatten().flatten().any(|deviation| !deviation.mean_difference.is_finite()) {
+            return Err(Error::usage(
+                "what the points see is all dark, so that errors have nothing to be a share of",
+                "measure a scene whose camera looks at what light reaches",
+            ));
+        }
         let mut rows = Vec::new();
         for (i, entrant) in entrants.iter_mut().enumerate() {
             let rays = entrant.rays();

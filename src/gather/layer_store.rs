@@ -77,7 +77,7 @@ impl LayerStore {
         let to_clip: Vec<Mat4> = (0..).zip(bundles).map(|(tile, bundle)| bundle.to_clip_of_tile(tile, self.tiles)).collect();
         assert!((1..=self.tiles as usize).contains(&bundles.len()), "{} bundles for {} tiles", bundles.len(), self.tiles);
         // To ask whether anything is left, one must wait; most of the layers that were drawn last time are taken for granted.
-        let granted = self.layers.saturating_sub(1 + self.layers / 4);
+        let granted = self.layers.saturating_sub(1 + self.layers / 8);
         let mut layer = 0;
         loop {
             if layer == self.slots.len() as u32 {

@@ -58,7 +58,7 @@ turns, so that what else the machine does meets them alike; times are medians of
   Msamples/s   millions of rays that count, a second
   xFUSED       how many times as fast fused is, by ms/sample
   peel, gather the device's own time in these stages, ms a direction (timer queries, in a round
-               apart); n/a where a driver tells no time
+               apart); n/a where a driver tells no time, - for a contestant without stages
   wait, idle   shares of the wall-clock time: the CPU in waits for the device; the device in no
                stage. A software driver works while the CPU waits, on the same cores
   diff, bias   mean difference and bias of irradiance against exact rays along the same
@@ -76,7 +76,8 @@ Exit codes:
     0  done
     2  the request cannot be met: an option out of range, no scene named and none there
    65  the scene cannot be used: a file is missing or says something wrong
-   69  no OpenGL 3.3 here, or its driver failed";
+   69  no OpenGL 3.3 here, or its driver failed
+  130  stopped by SIGINT (Ctrl-C), 143 by SIGTERM: nothing is printed";
 
 const EXIT_CODES: &str = "\
 Exit codes:
