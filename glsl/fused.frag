@@ -24,11 +24,6 @@ struct Found
     ivec2 step;                     // to the texel it was found in
 };
 
-bool is_nearer(Receiver receiver, Sample seen, Found found)
-{
-    return is_hit(receiver, seen) && (found.seen.id == 0.0 || seen.ahead < found.seen.ahead);
-}
-
 // The receiver stands somewhere in the stack of its texel's surfaces, and there its search ends. Seen along the direction, the hits come first and
 // the last of them is the nearest; seen against it, what is no hit comes first, its own surface last of all, and the first hit is the nearest.
 struct Search
@@ -92,7 +87,7 @@ Found find_hit(Receiver receiver)
                 last = there;
             ++slot;
             if (there.id == 0.0 || receiver.side > 0.0 || slot == slot_count) {
-                if (is_nearer(receiver, last, nearest))
+                if (is_nearer_hit(receiver, last, nearest.seen))
                     nearest = Found(last, step);
                 last = NOTHING;
                 slot = 0;

@@ -24,7 +24,7 @@ Sample sample_around(Receiver receiver)
         ivec2 step = neighbour(i);
         vec4 surface = texelFetch(layer, receiver.texel + step, 0);
         Sample beside = sample_surface(receiver, surface, receiver.offset - vec2(step));
-        if (is_hit(receiver, beside) && (nearest.id == 0.0 || beside.ahead < nearest.ahead))
+        if (is_nearer_hit(receiver, beside, nearest))
             nearest = beside;
     }
     return nearest;

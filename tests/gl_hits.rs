@@ -8,6 +8,7 @@ use common::{
     Difference, Model, both_ends, cornell, directions, gather, gather_early, gather_fused, gather_rays, gpu, irradiance,
     photon_grid, points_on, sized, vectors,
 };
+use finalgather::direction::Direction;
 use finalgather::geometry::Geometry;
 use finalgather::gpu::Gpu;
 use finalgather::photon::PhotonTexture;
@@ -17,13 +18,18 @@ use finalgather::scene::{Bvh, Scene, UnitSpace};
 use finalgather::settings::Sequence;
 use glam::{Vec2, Vec3, vec3};
 
+/// A scene's photons, and the oracle's irradiance along directions.
+fn lit(gpu: &Gpu, scene: &Scene, points: &[GatherPoint], directions: &[Direction]) -> (PhotonTexture, Vec<Vec3>) {
+    let bvh = Bvh::new(&scene.mesh);
+    let grid = photon_grid(scene, &bvh, 200_000);
+    let oracle = irradiance(&Reference::new(scene, &bvh, &grid).gather(points, &vectors(directions)));
+    (PhotonTexture::upload(gpu, &grid).unwrap(), oracle)
+}
+
 /// Irradiance of the GL side for each layer size, and the oracle's.
 fn both_ways(gpu: &Gpu, scene: &Scene, points: &[GatherPoint], count: u32, sizes: &[u32]) -> (Vec<Vec<Vec3>>, Vec<Vec3>) {
     let directions = directions(Sequence::R2, count);
-    let bvh = Bvh::new(&scene.mesh);
-    let grid = photon_grid(scene, &bvh, 200_000);
-    let oracle = irradiance(&Reference::new(scene, &bvh, &grid).gather(points, &vectors(&directions)));
-    let photons = PhotonTexture::upload(gpu, &grid).unwrap();
+    let (photons, oracle) = lit(gpu, scene, points, &directions);
     let layers = sizes.iter().map(|&size| irradiance(&gather(gpu, scene, &photons, points, &directions, size))).collect();
     (layers, oracle)
 }
@@ -153,10 +159,7 @@ fn both_ends_in_one_pass() {
     let scene = cornell();
     let points = camera_points(&gpu, &scene, side);
     let directions = directions(Sequence::R2, count);
-    let bvh = Bvh::new(&scene.mesh);
-    let grid = photon_grid(&scene, &bvh, 200_000);
-    let photons = PhotonTexture::upload(&gpu, &grid).unwrap();
-    let oracle = irradiance(&Reference::new(&scene, &bvh, &grid).gather(&points, &vectors(&both_ends(&directions))));
+    let (photons, oracle) = lit(&gpu, &scene, &points, &both_ends(&directions));
     for (size, most) in [(512, at_512), (256, at_256)] {
         let fused = irradiance(&gather_fused(&gpu, &scene, &photons, &points, &directions, size).0);
         check("Cornell box, fused", size, &fused, &oracle, most);
@@ -196,10 +199,7 @@ fn early_kill() {
     let scene = cornell();
     let points = camera_points(&gpu, &scene, side);
     let directions = directions(Sequence::R2, count);
-    let bvh = Bvh::new(&scene.mesh);
-    let grid = photon_grid(&scene, &bvh, 200_000);
-    let photons = PhotonTexture::upload(&gpu, &grid).unwrap();
-    let oracle = irradiance(&Reference::new(&scene, &bvh, &grid).gather(&points, &vectors(&directions)));
+    let (photons, oracle) = lit(&gpu, &scene, &points, &directions);
     for (size, most) in [(512, at_512), (256, at_256)] {
         let early = irradiance(&gather_early(&gpu, &scene, &photons, &points, &directions, size));
         check("Cornell box, early KILL", size, &early, &oracle, most);
@@ -283,10 +283,7 @@ fn deeper_than_what_is_kept_at_first() {
     let scene = model.finish();
     let points = points_on(&scene, points);
     let directions = directions(Sequence::R2, count);
-    let bvh = Bvh::new(&scene.mesh);
-    let grid = photon_grid(&scene, &bvh, 200_000);
-    let photons = PhotonTexture::upload(&gpu, &grid).unwrap();
-    let oracle = irradiance(&Reference::new(&scene, &bvh, &grid).gather(&points, &vectors(&both_ends(&directions))));
+    let (photons, oracle) = lit(&gpu, &scene, &points, &both_ends(&directions));
     let (fused, layers) = gather_fused(&gpu, &scene, &photons, &points, &directions, size);
     assert!(layers > 16, "only {layers} layers, though eight are kept at first and then sixteen");
     let fused = irradiance(&fused);

@@ -57,6 +57,12 @@ bool is_hit(Receiver receiver, Sample s)
     return s.id > 0.0 && s.ahead > 0.0 && s.above > receiver.clearance;
 }
 
+// Whether it is one, and before the nearest so far, which may be NOTHING.
+bool is_nearer_hit(Receiver receiver, Sample s, Sample nearest)
+{
+    return is_hit(receiver, s) && (nearest.id == 0.0 || s.ahead < nearest.ahead);
+}
+
 // Beside a concave edge the centre may lie beneath the tangent plane although the ray meets the surface above it; then the neighbour on the
 // upper side, along the axis on which it is sure to be above, has the surface: the step to it, or 0 where the centre lies higher than the ray.
 ivec2 step_beside_edge(Receiver receiver)

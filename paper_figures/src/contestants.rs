@@ -1,11 +1,8 @@
 //! What figures of time share: who is measured, and how each is drawn.
 
-use finalgather::bench::{CONTESTANTS, Contestant};
+use finalgather::bench::{CONTESTANTS, Contestant, FUSED};
 
 use crate::plot::{self, RGBColor};
-
-/// The one that the others are set against.
-pub const FUSED: &str = "fused";
 
 /// All that can be measured.
 pub fn all() -> Vec<&'static Contestant> {

@@ -30,6 +30,9 @@ enum Kind {
     CosineRays,
 }
 
+/// The one that others are set against.
+pub const FUSED: &str = "fused";
+
 /// All of them, in the order in which they take turns.
 pub const CONTESTANTS: &[Contestant] = &[
     Contestant {
@@ -49,7 +52,7 @@ pub const CONTESTANTS: &[Contestant] = &[
         }),
     },
     Contestant {
-        name: "fused",
+        name: FUSED,
         about: "all layers of a direction in one pass, both its ends",
         kind: Kind::Gl(|bench| Ok(Box::new(FusedGather::new(&bench.gpu, bench.settings.layer_size)?))),
     },

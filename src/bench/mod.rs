@@ -16,7 +16,7 @@ use std::time::Instant;
 use glam::{DVec3, Vec2, Vec3, Vec4};
 use serde::{Deserialize, Serialize};
 
-pub use contestant::{CONTESTANTS, Contestant};
+pub use contestant::{CONTESTANTS, Contestant, FUSED};
 pub use deviation::{Deviation, irradiance, median};
 
 use crate::direction::{Direction, Directions};

@@ -2,21 +2,20 @@
 
 use glam::{Mat4, Vec4};
 
+use super::hit_pass::HitPass;
 use super::{Bundle, LayerStore, Work};
 use crate::error::Result;
-use crate::gpu::{Gpu, Program, Uniform};
+use crate::gpu::{Gpu, Uniform};
 use crate::shaders;
 
 /// Samples layers and adds what is seen to sums.
 pub struct Fused {
-    /// Without and with albedo textures.
-    programs: [Program; 2],
+    pass: HitPass,
 }
 
 impl Fused {
     pub fn new(gpu: &Gpu) -> Result<Self> {
-        let program = |source| Program::new(gpu, source);
-        Ok(Self { programs: [program(&shaders::FUSED)?, program(&shaders::FUSED_TEXTURED)?] })
+        Ok(Self { pass: HitPass::new(gpu, &shaders::FUSED, &shaders::FUSED_TEXTURED)? })
     }
 
     /// Adds what the points see in the layers of `store`, peeled along the directions of `bundles`, to the sums.
@@ -30,7 +29,6 @@ impl Fused {
             ("to_layer", Uniform::Mat4s(&to_layer)),
             ("from_layer", Uniform::Mat4s(&from_layer)),
         ];
-        let uniforms = [&own[..], &store.uniforms(), &work.geometry.uniforms(), &work.photons.uniforms()].concat();
-        work.sums.add(work.points, &self.programs[usize::from(work.geometry.is_textured())], &uniforms);
+        self.pass.run(work, &[&own[..], &store.uniforms()].concat());
     }
 }

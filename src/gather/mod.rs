@@ -13,6 +13,7 @@
 mod accumulate;
 mod bundle;
 mod fused;
+mod hit_pass;
 mod kill;
 mod layer_store;
 mod peel;

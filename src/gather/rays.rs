@@ -8,11 +8,12 @@
 
 use glam::{DVec3, Vec3, Vec4};
 
+use super::hit_pass::HitPass;
 use super::{Gather, Work};
 use crate::direction::Direction;
 use crate::error::Result;
 use crate::geometry::{triangle_order, upload_table};
-use crate::gpu::{Format, Gpu, Program, Texture, Uniform};
+use crate::gpu::{Format, Gpu, Texture, Uniform};
 use crate::scene::{FlatBvh, Scene};
 use crate::shaders;
 
@@ -22,8 +23,7 @@ const EDGE: f64 = 3e-7;
 
 /// Rays through one scene.
 pub struct RayGather {
-    /// Without and with albedo textures.
-    programs: [Program; 2],
+    pass: HitPass,
     /// Without its nodes and triangles, which are in textures.
     tree: FlatBvh,
     nodes: Texture,
@@ -42,7 +42,7 @@ impl RayGather {
         let order = std::mem::take(&mut tree.triangles);
         let triangles = order.into_iter().flat_map(|index| texels(corners[index as usize], index)).collect();
         Ok(Self {
-            programs: [Program::new(gpu, &shaders::RAYS)?, Program::new(gpu, &shaders::RAYS_TEXTURED)?],
+            pass: HitPass::new(gpu, &shaders::RAYS, &shaders::RAYS_TEXTURED)?,
             nodes: upload_table(gpu, Format::Rgba32Ui, nodes)?,
             triangles: upload_table(gpu, Format::Rgba32F, triangles)?,
             tree,
@@ -71,9 +71,8 @@ impl Gather for RayGather {
                 ("directions", Uniform::Vec4s(&vectors)),
                 ("direction_count", Uniform::Int(vectors.len() as i32)),
             ];
-            let uniforms = [&own[..], &work.geometry.uniforms(), &work.photons.uniforms()].concat();
             // No stage: llvmpipe's timer takes a scene of one long draw for a twentieth of what it was.
-            work.sums.add(work.points, &self.programs[usize::from(work.geometry.is_textured())], &uniforms);
+            self.pass.run(work, &own);
         }
         Ok(0)
     }

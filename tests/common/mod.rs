@@ -179,9 +179,7 @@ pub fn gather(
     directions: &[Direction],
     layer_size: u32,
 ) -> Vec<Vec4> {
-    let size = PointList::upload(gpu, points).unwrap().points().size();
-    let mut gather = KillGather::new(gpu, layer_size, size, 0.0).unwrap();
-    gather_by(&mut gather, gpu, scene, photons, points, directions).0
+    gather_by(|size| KillGather::new(gpu, layer_size, size, 0.0).unwrap(), gpu, scene, photons, points, directions).0
 }
 
 /// The same with early KILL.
@@ -193,9 +191,7 @@ pub fn gather_early(
     directions: &[Direction],
     layer_size: u32,
 ) -> Vec<Vec4> {
-    let size = PointList::upload(gpu, points).unwrap().points().size();
-    let mut gather = KillGather::early(gpu, layer_size, size, 0.0).unwrap();
-    gather_by(&mut gather, gpu, scene, photons, points, directions).0
+    gather_by(|size| KillGather::early(gpu, layer_size, size, 0.0).unwrap(), gpu, scene, photons, points, directions).0
 }
 
 /// The same for both ends of each direction by the fused method; and the most layers of a direction.
@@ -207,7 +203,7 @@ pub fn gather_fused(
     directions: &[Direction],
     layer_size: u32,
 ) -> (Vec<Vec4>, u32) {
-    gather_by(&mut FusedGather::new(gpu, layer_size).unwrap(), gpu, scene, photons, points, directions)
+    gather_by(|_| FusedGather::new(gpu, layer_size).unwrap(), gpu, scene, photons, points, directions)
 }
 
 /// The same for both ends of each direction by exact rays.
@@ -218,12 +214,12 @@ pub fn gather_rays(
     points: &[GatherPoint],
     directions: &[Direction],
 ) -> Vec<Vec4> {
-    gather_by(&mut RayGather::new(gpu, scene).unwrap(), gpu, scene, photons, points, directions).0
+    gather_by(|_| RayGather::new(gpu, scene).unwrap(), gpu, scene, photons, points, directions).0
 }
 
-/// The sums that a gather finds, and the most layers of a direction.
-pub fn gather_by(
-    gather: &mut dyn Gather,
+/// The sums that a gather, made for the size of the points' textures, finds, and the most layers of a direction.
+fn gather_by<G: Gather>(
+    make: impl FnOnce([u32; 2]) -> G,
     gpu: &Gpu,
     scene: &Scene,
     photons: &PhotonTexture,
@@ -235,6 +231,7 @@ pub fn gather_by(
     let sums = &Sums::new(gpu, list.points().size()).unwrap();
     sums.clear();
     let work = Work { geometry, photons, points: list.points(), sums };
+    let mut gather = make(list.points().size());
     let layers = directions.chunks(gather.batch()).map(|batch| gather.add(work, batch).unwrap()).max().unwrap_or(0);
     gpu.check("gathering").unwrap();
     (list.in_order(sums.read()), layers)

@@ -1,11 +1,11 @@
 //! All ways to gather side by side, as `finalgather bench` measures them: the time of a sample at every point, and its error.
 
 use finalgather::Settings;
-use finalgather::bench::{Bench, Plan, Row, Where};
+use finalgather::bench::{Bench, FUSED, Plan, Row, Where};
 use finalgather::scene::UnitSpace;
 use serde::{Deserialize, Serialize};
 
-use crate::contestants::{self, FUSED, error_note};
+use crate::contestants::{self, error_note};
 use crate::cornell;
 use crate::figure::{Figure, Result, Scale};
 use crate::machine::gpu;

@@ -5,12 +5,12 @@
 
 use std::collections::BTreeSet;
 
-use finalgather::bench::{Bench, CONTESTANTS, Contestant, Plan, Row, Where};
+use finalgather::bench::{Bench, Contestant, FUSED, Plan, Row, Where};
 use finalgather::scene::{Scene, UnitSpace};
 use finalgather::{Gpu, Settings};
 use serde::{Deserialize, Serialize};
 
-use crate::contestants::{FUSED, color, crossing};
+use crate::contestants::{all, color, crossing};
 use crate::cornell;
 use crate::figure::{Figure, Result, Scale};
 use crate::machine::gpu;
@@ -109,7 +109,6 @@ impl Figure for Scaling {
         let steps = |all: &'static [u32]| &all[..scale.of(all.len() as u32, 2) as usize];
         let budget = |seconds: f64| seconds * f64::from(scale.of(1000, 1)) / 1000.0;
         let few = scale.of(16, 2);
-        let all = || CONTESTANTS.iter().collect::<Vec<_>>();
 
         let mut series = Vec::new();
         let mut add = |recipe: Recipe| -> Result<()> {

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::thread::available_parallelism;
 
-use finalgather::bench::{Bench, CONTESTANTS, Contestant, Plan, Row, Where};
+use finalgather::bench::{Bench, CONTESTANTS, Contestant, FUSED, Plan, Row, Where};
 use finalgather::error::{Error, Result};
 use finalgather::gpu::Gpu;
 use finalgather::scene::{Camera, Scene, UnitSpace};
@@ -14,8 +14,6 @@ use crate::args::BenchArgs;
 use crate::progress::Progress;
 use crate::report::{self, Gl};
 
-/// The one that the others are set against.
-const FUSED: &str = "fused";
 /// Directions of the converged oracle, both ends of each.
 const CONVERGED: u32 = 4096;
 
