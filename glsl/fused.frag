@@ -113,10 +113,10 @@ void main()
         Found found = find_hit(receiver);
         vec3 radiance = vec3(0.0);
         if (found.seen.id > 0.0) {
-            ivec3 place = ivec3(receiver.texel + found.step, int(found.seen.id) - 1);
+            int triangle = fetch_triangle_in(receiver.texel + found.step, int(found.seen.id) - 1);
             float along = side * found.seen.ahead * dot(direction, from_layer[i][2].xyz);
             vec3 position = point.position + along * direction;
-            radiance = hit_radiance(int(texelFetch(stored_triangles, place, 0).r), position, side * direction);
+            radiance = hit_radiance(triangle, position, side * direction);
         }
         total += vec4(radiance, 1.0) * cosine(point, side * direction);
     } while (++i < direction_count);

@@ -1,4 +1,4 @@
-//! Every shader program of the crate, from the sources in `glsl/`. Tests compile all of [`ALL`].
+//! Every shader program of the crate, from the sources in `glsl/`. Tests compile all of [`ALL`] and [`WITH_IMAGES`].
 
 use crate::gpu::ShaderSource;
 
@@ -7,6 +7,7 @@ const INCLUDES: &[(&str, &str)] = &[
     ("octahedral.glsl", include_str!("../glsl/include/octahedral.glsl")),
     ("points.glsl", include_str!("../glsl/include/points.glsl")),
     ("layer.glsl", include_str!("../glsl/include/layer.glsl")),
+    ("packed_surface.glsl", include_str!("../glsl/include/packed_surface.glsl")),
     ("layer_store.glsl", include_str!("../glsl/include/layer_store.glsl")),
     ("photon_grid.glsl", include_str!("../glsl/include/photon_grid.glsl")),
     ("radiance.glsl", include_str!("../glsl/include/radiance.glsl")),
@@ -36,8 +37,10 @@ pub static KILL: ShaderSource = shader!("fullscreen", "kill");
 pub static KILL_FARTHEST: ShaderSource = shader!("fullscreen", "kill", "FARTHEST");
 pub static KILL_FARTHEST_EARLY: ShaderSource = shader!("fullscreen", "kill", "FARTHEST", "EARLY");
 pub static REJECT: ShaderSource = shader!("fullscreen", "reject");
-pub static STORE: ShaderSource = shader!("surface", "layer_store", "BATCH 8");
-pub static STORE_FARTHEST: ShaderSource = shader!("surface", "layer_store", "BATCH 8", "FARTHEST");
+pub static STORE_PEEL: ShaderSource = shader!("surface", "store_peel", "BATCH 8");
+pub static STORE_PEEL_FARTHEST: ShaderSource = shader!("surface", "store_peel", "BATCH 8", "FARTHEST");
+pub static STORE_APPEND: ShaderSource = shader!("surface", "store_append", "BATCH 8");
+pub static STORE_SORT: ShaderSource = shader!("fullscreen", "store_sort");
 pub static FUSED: ShaderSource = shader!("fullscreen", "fused", "BATCH 8");
 pub static FUSED_TEXTURED: ShaderSource = shader!("fullscreen", "fused", "BATCH 8", "TEXTURED");
 pub static ACCUMULATE: ShaderSource = shader!("fullscreen", "accumulate");
@@ -45,7 +48,7 @@ pub static ACCUMULATE_TEXTURED: ShaderSource = shader!("fullscreen", "accumulate
 pub static RAYS: ShaderSource = shader!("fullscreen", "rays", "BATCH 8");
 pub static RAYS_TEXTURED: ShaderSource = shader!("fullscreen", "rays", "BATCH 8", "TEXTURED");
 
-/// All of the above.
+/// All of the above that every device can run.
 pub static ALL: [&ShaderSource; 16] = [
     &VISIBLE_POINTS,
     &SHADOW,
@@ -55,8 +58,8 @@ pub static ALL: [&ShaderSource; 16] = [
     &KILL_FARTHEST,
     &KILL_FARTHEST_EARLY,
     &REJECT,
-    &STORE,
-    &STORE_FARTHEST,
+    &STORE_PEEL,
+    &STORE_PEEL_FARTHEST,
     &FUSED,
     &FUSED_TEXTURED,
     &ACCUMULATE,
@@ -64,3 +67,6 @@ pub static ALL: [&ShaderSource; 16] = [
     &RAYS,
     &RAYS_TEXTURED,
 ];
+
+/// Those for devices on which shaders write to images.
+pub static WITH_IMAGES: [&ShaderSource; 2] = [&STORE_APPEND, &STORE_SORT];

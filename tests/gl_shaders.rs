@@ -9,7 +9,7 @@ use std::{fs, io};
 use common::gpu;
 use finalgather::error::Error;
 use finalgather::gpu::{Program, ShaderSource};
-use finalgather::shaders::{self, ALL};
+use finalgather::shaders::{self, ALL, WITH_IMAGES};
 
 /// The names and texts of the files in a folder.
 fn files(folder: &str) -> Vec<(String, String)> {
@@ -18,10 +18,15 @@ fn files(folder: &str) -> Vec<(String, String)> {
     files.map(|path| (path.file_name().unwrap().to_str().unwrap().to_owned(), fs::read_to_string(&path).unwrap())).collect()
 }
 
+fn both() -> impl Iterator<Item = &'static &'static ShaderSource> {
+    ALL.iter().chain(&WITH_IMAGES)
+}
+
 #[test]
 fn all_compile_and_link_here() {
     let gpu = gpu();
-    for source in ALL {
+    let with_images = if gpu.writes_images() { &WITH_IMAGES[..] } else { &[] };
+    for source in ALL.iter().chain(with_images) {
         Program::new(&gpu, source).unwrap_or_else(|error| panic!("{error}"));
     }
 }
@@ -30,15 +35,17 @@ fn all_compile_and_link_here() {
 fn no_file_is_dead() {
     for (name, text) in files("glsl") {
         let used = match name.strip_suffix(".frag") {
-            Some(name) => ALL.iter().any(|source| source.name == name && source.fragment == text),
-            None => ALL.iter().any(|source| source.vertex == text),
+            Some(name) => both().any(|source| source.name == name && source.fragment == text),
+            None => both().any(|source| source.vertex == text),
         };
         assert!(used, "glsl/{name} is part of no program in src/shaders.rs");
-        assert!(text.starts_with("#version 330 core\n"), "glsl/{name} is not for GLSL 3.30");
+        let with_images = WITH_IMAGES.iter().any(|source| source.fragment == text);
+        let version = if with_images { "#version 420 core\n" } else { "#version 330 core\n" };
+        assert!(text.starts_with(version), "glsl/{name} is not for GLSL of {version}");
     }
     for (name, text) in files("glsl/include") {
         let line = format!("#include \"{name}\"");
-        let used = ALL.iter().any(|source| {
+        let used = both().any(|source| {
             let by_another = source.includes.iter().any(|(_, text)| text.contains(&line));
             source.vertex.contains(&line) || source.fragment.contains(&line) || by_another
         });
@@ -50,7 +57,7 @@ fn no_file_is_dead() {
 #[test]
 fn all_are_valid_by_the_letter() {
     let folder = tempfile::tempdir().unwrap();
-    for source in ALL {
+    for source in both() {
         let (vertex, fragment) = source.resolve().unwrap();
         for (stage, text) in [("vert", vertex), ("frag", fragment)] {
             let file = folder.path().join(format!("{}_{}.{stage}", source.name, source.defines.concat()));
@@ -104,7 +111,7 @@ fn stages_that_do_not_fit_are_shown_both() {
 
 #[test]
 fn arrays_hold_as_many_as_a_batch_has() {
-    let sized: Vec<_> = ALL.iter().flat_map(|source| source.defines).filter(|define| define.starts_with("BATCH")).collect();
+    let sized: Vec<_> = both().flat_map(|source| source.defines).filter(|define| define.starts_with("BATCH")).collect();
     assert!(sized.len() >= 6, "{sized:?}");
     assert!(sized.iter().all(|define| **define == format!("BATCH {}", shaders::BATCH)), "{sized:?}");
 }

@@ -50,7 +50,8 @@ fn every_file_says_what_it_is_for() {
     }
     for path in files("glsl", "vert").into_iter().chain(files("glsl", "frag")).chain(files("glsl", "glsl")) {
         let text = read(&path);
-        let first = text.strip_prefix("#version 330 core\n").unwrap_or(&text);
+        let first = ["#version 330 core\n", "#version 420 core\n"].into_iter().find_map(|version| text.strip_prefix(version));
+        let first = first.unwrap_or(&text);
         assert!(first.starts_with("// "), "{} does not open with a comment", path.display());
     }
 }

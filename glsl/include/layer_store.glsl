@@ -1,19 +1,20 @@
-// Reading the layer store: the surfaces of a texel far to near, in slots. Mirrors `LayerStore` in src/gather/layer_store.rs.
+// Reading the layer store: the surfaces of a texel far to near, in slots. Mirrors `LayerStore` in src/gather/layer_store/mod.rs.
 
-uniform usampler2DArray planes;     // two slots in an element, as layer_store.frag writes them
-uniform usampler2DArray stored_triangles;   // a slot in an element
+#include "packed_surface.glsl"
+
+uniform usampler2DArray planes;     // two slots in an element
+uniform usampler2DArray stored_triangles;   // four slots in an element
 uniform int slot_count;
-
-// (depth, its change to the next texel in x and y, slot counted from 1); the last is 0 where nothing is.
-vec4 unpack_surface(uvec2 bits, int slot)
-{
-    float depth = float(bits.x >> 8) / 16777216.0;
-    vec2 slope = vec2(uintBitsToFloat(bits.x << 24 | bits.y >> 8 & 0x00fff000u), uintBitsToFloat(bits.y << 12));
-    return vec4(depth, slope, depth == 0.0 ? 0.0 : float(slot + 1));
-}
 
 vec4 fetch_surface_in(ivec2 texel, int slot)
 {
     uvec4 pair = texelFetch(planes, ivec3(texel, slot >> 1), 0);
     return unpack_surface((slot & 1) == 0 ? pair.xy : pair.zw, slot);
+}
+
+int fetch_triangle_in(ivec2 texel, int slot)
+{
+    uvec4 four = texelFetch(stored_triangles, ivec3(texel, slot >> 2), 0);
+    uvec2 two = (slot & 2) == 0 ? four.xy : four.zw;
+    return int((slot & 1) == 0 ? two.x : two.y);
 }

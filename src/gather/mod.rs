@@ -155,7 +155,7 @@ impl Gather for FusedGather {
         let mut most = 0;
         for batch in directions.chunks(self.batch()) {
             let bundles: Vec<Bundle> = batch.iter().map(bundle).collect();
-            most = most.max(self.gpu.stage("peel", || self.store.peel(work.geometry, &bundles))?);
+            most = most.max(self.gpu.stage("peel", || self.store.fill(work.geometry, &bundles))?);
             self.gpu.stage("gather", || self.fused.add(work, &bundles, &self.store));
         }
         Ok(most)

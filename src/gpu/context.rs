@@ -89,6 +89,17 @@ impl Gpu {
         self.context.wait(|| unsafe { gl.finish() });
     }
 
+    /// Whether shaders can write to any texel ([`super::Uniform::Image`]): from OpenGL 4.2 on.
+    pub fn writes_images(&self) -> bool {
+        let number = |name| unsafe { self.gl().get_parameter_i32(name) };
+        (number(glow::MAJOR_VERSION), number(glow::MINOR_VERSION)) >= (4, 2)
+    }
+
+    /// What shaders have written to images is there for all that comes after.
+    pub fn settle_images(&self) {
+        unsafe { self.gl().memory_barrier(glow::ALL_BARRIER_BITS) };
+    }
+
     /// Turns GL errors since the last call into one that names `stage`.
     pub fn check(&self, stage: &str) -> Result<()> {
         let code = unsafe { self.gl().get_error() };

@@ -40,8 +40,8 @@ pub enum DepthTest {
 pub enum Blend {
     Replace,
     Add,
-    /// Of the first colour texture, replaces the first two channels (0) or the last two (1) and leaves the others; of more, all.
-    ReplaceHalf(u32),
+    /// Of two colour textures, replaces these channels of each and leaves the others.
+    ReplaceChannels([[bool; 4]; 2]),
 }
 
 /// What is drawn.
@@ -95,10 +95,11 @@ impl Draw<'_> {
             }
             match self.blend {
                 Blend::Replace => gl.disable(glow::BLEND),
-                Blend::ReplaceHalf(half) => {
+                Blend::ReplaceChannels(channels) => {
                     gl.disable(glow::BLEND);
-                    let [first, last] = [half == 0, half != 0];
-                    gl.color_mask_draw_buffer(0, first, first, last, last);
+                    for (buffer, [r, g, b, a]) in (0..).zip(channels) {
+                        gl.color_mask_draw_buffer(buffer, r, g, b, a);
+                    }
                 }
                 Blend::Add => {
                     gl.enable(glow::BLEND);

@@ -34,6 +34,8 @@ pub enum Uniform<'a> {
     Vec4s(&'a [Vec4]),
     Mat4s(&'a [Mat4]),
     Texture(&'a Texture),
+    /// A texture that shaders write to at any texel, all elements of an array. For contexts that [`Gpu::writes_images`].
+    Image(&'a Texture),
 }
 
 /// A linked program.
@@ -123,7 +125,7 @@ impl Program {
     pub(super) fn bind(&self, values: &[(&'static str, Uniform)]) {
         let gl = self.program.gl();
         unsafe { gl.use_program(Some(self.program.name())) };
-        let mut unit = 0;
+        let (mut unit, mut image) = (0, 0);
         for (name, location) in &self.uniforms {
             let (_, value) = values
                 .iter()
@@ -144,6 +146,11 @@ impl Program {
                         gl.bind_texture(texture.kind(), Some(texture.name()));
                         gl.uniform_1_i32(location, unit as i32);
                         unit += 1;
+                    }
+                    Uniform::Image(texture) => {
+                        gl.bind_image_texture(image, Some(texture.name()), 0, true, 0, glow::READ_WRITE, texture.format().gl().0);
+                        gl.uniform_1_i32(location, image as i32);
+                        image += 1;
                     }
                 }
             }

@@ -9,7 +9,7 @@ use super::resource::Resource;
 use super::texture::{Format, Texture};
 use crate::error::{Error, Result};
 
-/// Colour textures of one size and, if asked for, a depth texture.
+/// Colour textures of one size and, if asked for, a depth texture; one or the other at least.
 pub struct Target {
     framebuffer: Resource<glow::NativeFramebuffer>,
     colors: Vec<Rc<Texture>>,
@@ -43,7 +43,8 @@ impl Target {
     /// # Errors
     /// [`Error::Gl`] when the device refuses the target.
     pub fn of(gpu: &Gpu, colors: Vec<(Rc<Texture>, u32)>, depth: Option<Rc<Texture>>) -> Result<Self> {
-        let [width, height] = [colors[0].0.width(), colors[0].0.height()];
+        let any = colors.first().map(|(color, _)| color).or(depth.as_ref());
+        let [width, height] = any.map_or([0; 2], |texture| [texture.width(), texture.height()]);
         let gl = gpu.gl();
         let framebuffer = Resource::own(gpu, unsafe { gl.create_framebuffer() })?;
         let mut buffers = Vec::new();

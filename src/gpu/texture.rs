@@ -45,7 +45,7 @@ pub struct Texture {
 
 impl Format {
     /// Internal format, format and type of its texels in memory.
-    fn gl(self) -> (u32, u32, u32) {
+    pub(super) fn gl(self) -> (u32, u32, u32) {
         match self {
             Self::Rgba32F => (glow::RGBA32F, glow::RGBA, glow::FLOAT),
             Self::Rg32F => (glow::RG32F, glow::RG, glow::FLOAT),
@@ -195,6 +195,10 @@ impl Texture {
             gl.get_tex_image(self.kind, 0, layout, component, data);
         }
         texels
+    }
+
+    pub(super) fn format(&self) -> Format {
+        self.format
     }
 
     pub(super) fn has_stencil(&self) -> bool {

@@ -1,0 +1,60 @@
+#version 420 core
+// From the lists of store_append.frag to slots of the layer store, which hold what peeling would have put there: surfaces far to near, each depth
+// once. The list is gone through once for every four slots: it is short, and to fetch is dearer than to compare.
+// Mirrors src/gather/layer_store/sort.rs.
+
+#include "packed_surface.glsl"
+
+uniform usampler2D counts;
+uniform usampler2DArray lists;
+uniform int list_limit;
+uniform ivec2 first_texel;          // of these tiles in the store
+layout(rgba32ui) writeonly uniform uimage2DArray planes;
+layout(rgba32ui) writeonly uniform uimage2DArray stored_triangles;
+layout(r32ui) uniform uimage2D deepest;     // the longest list, as far as it is longer than
+uniform int granted;
+
+// Puts a surface in its place among those of a slot and behind: on return the slot has the farther of the two. Depths are positive, so that their
+// bits, too, grow with them. Of two at one depth the first that was drawn stays, as by a depth test.
+void insert(inout uvec4 slot, inout uvec4 surface)
+{
+    bool farther = surface.x > slot.x || surface.x == slot.x && surface.w < slot.w;
+    uvec4 other = farther ? slot : surface;
+    slot = farther ? surface : slot;
+    surface = other.x == slot.x ? uvec4(0u) : other;
+}
+
+uvec2 packed_bits(uvec4 surface)
+{
+    return surface.x == 0u ? uvec2(0u) : pack_surface(uintBitsToFloat(surface.x), surface.yz);
+}
+
+void main()
+{
+    ivec2 texel = ivec2(gl_FragCoord.xy);
+    int count = int(texelFetch(counts, texel, 0).x);
+    if (count > granted)
+        imageAtomicMax(deepest, ivec2(0), uint(count));
+    count = min(count, list_limit);
+    uint nearest = 0xffffffffu;         // so far
+    int slot = 0;
+    do {
+        uvec4 a = uvec4(0u), b = a, c = a, d = a;
+        int i = 0;
+        do {
+            uvec4 surface = texelFetch(lists, ivec3(texel, i), 0);
+            if (i >= count || surface.x >= nearest)
+                surface = uvec4(0u);
+            insert(a, surface);
+            insert(b, surface);
+            insert(c, surface);
+            insert(d, surface);
+        } while (++i < count);
+        imageStore(planes, ivec3(first_texel + texel, slot >> 1), uvec4(packed_bits(a), packed_bits(b)));
+        if (c.x > 0u)
+            imageStore(planes, ivec3(first_texel + texel, (slot >> 1) + 1), uvec4(packed_bits(c), packed_bits(d)));
+        imageStore(stored_triangles, ivec3(first_texel + texel, slot >> 2), uvec4(a.w, b.w, c.w, d.w));
+        nearest = d.x;
+        slot += 4;
+    } while (nearest > 0u && slot < list_limit);
+}

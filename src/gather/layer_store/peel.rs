@@ -1,0 +1,87 @@
+//! Fills the layer store as [`super::super::Peel`] finds layers, one by one; but one draw peels a layer of all tiles.
+//! Mirrors `glsl/store_peel.frag`.
+
+use std::rc::Rc;
+
+use glam::Mat4;
+
+use super::{Bundle, Slots};
+use crate::error::Result;
+use crate::geometry::Geometry;
+use crate::gpu::{Blend, DepthTest, Draw, Format, Gpu, Program, SampleQuery, Target, Texture, Uniform};
+use crate::shaders;
+
+pub struct StorePeel {
+    gpu: Gpu,
+    tiles: u32,
+    /// For the farthest layer, and for the others.
+    programs: [Program; 2],
+    any: SampleQuery,
+    /// Of the even layers and of the odd ones.
+    depths: [Rc<Texture>; 2],
+    /// One for each slot.
+    targets: Vec<Target>,
+}
+
+impl StorePeel {
+    pub fn new(gpu: &Gpu, tiles: u32, slots: &Slots) -> Result<Self> {
+        let depth = || Texture::empty(gpu, Format::Depth32F, slots.planes.width(), slots.planes.height()).map(Rc::new);
+        let depths = [depth()?, depth()?];
+        Ok(Self {
+            gpu: gpu.clone(),
+            tiles,
+            programs: [Program::new(gpu, &shaders::STORE_PEEL_FARTHEST)?, Program::new(gpu, &shaders::STORE_PEEL)?],
+            any: SampleQuery::new(gpu)?,
+            targets: targets(gpu, slots, &depths)?,
+            depths,
+        })
+    }
+
+    /// Draws into other slots from now on.
+    pub fn grow(&mut self, slots: &Slots) -> Result<()> {
+        self.targets = targets(&self.gpu, slots, &self.depths)?;
+        Ok(())
+    }
+
+    /// Peels as many layers as there are, at least `granted`, and returns how many; or one more than the slots.
+    pub fn fill(&self, geometry: &Geometry, bundles: &[Bundle], granted: u32) -> u32 {
+        let to_clip: Vec<Mat4> = (0..).zip(bundles).map(|(tile, bundle)| bundle.to_clip_of_tile(tile, self.tiles)).collect();
+        for layer in 0..self.targets.len() as u32 {
+            if layer < granted {
+                self.draw(geometry, &to_clip, layer);
+            } else if self.any.count(|| self.draw(geometry, &to_clip, layer)) == 0 {
+                return layer;
+            }
+        }
+        self.targets.len() as u32 + 1
+    }
+
+    /// Draws one layer of all tiles into its slot.
+    fn draw(&self, geometry: &Geometry, to_clip: &[Mat4], layer: u32) {
+        let target = &self.targets[layer as usize];
+        if layer.is_multiple_of(2) {
+            target.clear_unsigned(0, [0; 4]);
+        }
+        target.clear_depth(0.0);
+        let previous = &self.depths[(layer as usize + 1) % 2];
+        let channels = |in_element| std::array::from_fn(|channel| channel as u32 * in_element / 4 == layer % in_element);
+        Draw {
+            target,
+            region: None,
+            program: &self.programs[usize::from(layer > 0)],
+            uniforms: &[("to_clip", Uniform::Mat4s(to_clip)), ("previous_depth", Uniform::Texture(previous))],
+            depth: DepthTest::Greater,
+            blend: Blend::ReplaceChannels([channels(2), channels(4)]),
+            geometry: geometry.instances(to_clip.len() as u32),
+        }
+        .run();
+    }
+}
+
+fn targets(gpu: &Gpu, slots: &Slots, depths: &[Rc<Texture>; 2]) -> Result<Vec<Target>> {
+    let target = |slot: u32| {
+        let colors = vec![(slots.planes.clone(), slot / 2), (slots.triangles.clone(), slot / 4)];
+        Target::of(gpu, colors, Some(depths[slot as usize % 2].clone()))
+    };
+    (0..slots.count).map(target).collect()
+}

@@ -1,0 +1,120 @@
+//! Fills the layer store in one pass over the geometry: every surface is appended to its texel's list, and then each list is sorted into the
+//! slots. Needs images that shaders write to. Mirrors `glsl/store_append.frag` and `glsl/store_sort.frag`.
+
+use glam::Mat4;
+
+use super::{Bundle, Slots};
+use crate::error::Result;
+use crate::geometry::Geometry;
+use crate::gpu::{Blend, DepthTest, Draw, Format, Geometry as Shape, Gpu, Program, Target, Texture, Uniform};
+use crate::shaders;
+
+/// Tiles whose lists are kept at a time: enough to keep a device busy, and few, for a surface in a list takes 16 bytes.
+const TILES: u32 = 2;
+
+pub struct StoreSort {
+    gpu: Gpu,
+    layer_size: u32,
+    tiles: u32,
+    append: Program,
+    sort: Program,
+    /// How long the lists are, one texel each.
+    counts: Target,
+    /// An element for each place in a list.
+    lists: Texture,
+    /// Of one texel, the longest list.
+    deepest: Target,
+    /// What draws that write to images alone have for a target.
+    area: Target,
+    /// The elements of the slots' planes.
+    elements: Vec<Target>,
+    /// Slots that may not be empty.
+    dirty: u32,
+}
+
+impl StoreSort {
+    pub fn new(gpu: &Gpu, layer_size: u32, tiles: u32, slots: &Slots) -> Result<Self> {
+        let tiles = tiles.min(TILES);
+        let size = [tiles * layer_size, layer_size];
+        Ok(Self {
+            gpu: gpu.clone(),
+            layer_size,
+            tiles,
+            append: Program::new(gpu, &shaders::STORE_APPEND)?,
+            sort: Program::new(gpu, &shaders::STORE_SORT)?,
+            counts: Target::new(gpu, size, &[Format::R32Ui], false)?,
+            lists: lists(gpu, size, slots)?,
+            deepest: Target::new(gpu, [1, 1], &[Format::R32Ui], false)?,
+            area: Target::new(gpu, size, &[], true)?,
+            elements: elements(gpu, slots)?,
+            dirty: slots.count,
+        })
+    }
+
+    /// Fills other slots, with lists as long as these are many, from now on.
+    pub fn grow(&mut self, slots: &Slots) -> Result<()> {
+        self.lists = lists(&self.gpu, self.counts.size(), slots)?;
+        self.elements = elements(&self.gpu, slots)?;
+        self.dirty = slots.count;
+        Ok(())
+    }
+
+    /// Returns how long the longest list is, at least `granted`; what is in it beyond the slots is lost.
+    pub fn fill(&mut self, geometry: &Geometry, bundles: &[Bundle], granted: u32, slots: &Slots) -> u32 {
+        self.elements.iter().take(self.dirty.div_ceil(2) as usize).for_each(|element| element.clear_unsigned(0, [0; 4]));
+        self.deepest.clear_unsigned(0, [granted; 4]);
+        for (first, bundles) in (0..).step_by(self.tiles as usize).zip(bundles.chunks(self.tiles as usize)) {
+            self.append(geometry, bundles, slots.count);
+            self.sort(first * self.layer_size, granted, slots);
+        }
+        self.dirty = self.deepest.color(0).read::<u32>()[0];
+        self.dirty
+    }
+
+    fn append(&self, geometry: &Geometry, bundles: &[Bundle], limit: u32) {
+        let to_clip: Vec<Mat4> = (0..).zip(bundles).map(|(tile, bundle)| bundle.to_clip_of_tile(tile, self.tiles)).collect();
+        self.counts.clear_unsigned(0, [0; 4]);
+        self.draw(
+            &self.append,
+            &[
+                ("to_clip", Uniform::Mat4s(&to_clip)),
+                ("counts", Uniform::Image(self.counts.color(0))),
+                ("lists", Uniform::Image(&self.lists)),
+                ("list_limit", Uniform::Int(limit as i32)),
+            ],
+            geometry.instances(to_clip.len() as u32),
+        );
+    }
+
+    /// Into the tiles from texel column `column` on.
+    fn sort(&self, column: u32, granted: u32, slots: &Slots) {
+        self.draw(
+            &self.sort,
+            &[
+                ("counts", Uniform::Texture(self.counts.color(0))),
+                ("lists", Uniform::Texture(&self.lists)),
+                ("list_limit", Uniform::Int(slots.count as i32)),
+                ("first_texel", Uniform::IVec2([column as i32, 0])),
+                ("planes", Uniform::Image(&slots.planes)),
+                ("stored_triangles", Uniform::Image(&slots.triangles)),
+                ("deepest", Uniform::Image(self.deepest.color(0))),
+                ("granted", Uniform::Int(granted as i32)),
+            ],
+            Shape::FullScreen,
+        );
+    }
+
+    fn draw(&self, program: &Program, uniforms: &[(&'static str, Uniform)], geometry: Shape) {
+        Draw { target: &self.area, region: None, program, uniforms, depth: DepthTest::Off, blend: Blend::Replace, geometry }
+            .run();
+        self.gpu.settle_images();
+    }
+}
+
+fn lists(gpu: &Gpu, size: [u32; 2], slots: &Slots) -> Result<Texture> {
+    Texture::empty_array(gpu, Format::Rgba32Ui, size, slots.count)
+}
+
+fn elements(gpu: &Gpu, slots: &Slots) -> Result<Vec<Target>> {
+    (0..slots.count.div_ceil(2)).map(|element| Target::of(gpu, vec![(slots.planes.clone(), element)], None)).collect()
+}
