@@ -259,3 +259,19 @@ fn any_number_of_threads_gives_the_same_bits() {
     };
     assert!(with(1) == with(4));
 }
+
+#[test]
+fn rays_along_axes_meet_a_room_whatever_the_sign_of_their_zeros() {
+    let mut model = Model::new();
+    model.cuboid(Vec3::ZERO, Vec3::ONE, 0.0, true, 0);
+    model.sphere(Vec3::ZERO, 0.2, 12, false, 0);
+    let bvh = Bvh::new(&model.finish().mesh);
+    for direction in [Vec3::X, Vec3::Y, Vec3::Z, Vec3::NEG_X, Vec3::NEG_Y, Vec3::NEG_Z] {
+        for zero in [0.0, -0.0] {
+            let direction = Vec3::from_array(direction.to_array().map(|x| if x == 0.0 { zero } else { x }));
+            for origin in [vec3(0.11, 0.12, 0.13), vec3(0.05, -0.3, 0.35), vec3(-0.4, 0.3, -0.07)] {
+                assert!(bvh.nearest(origin, direction, None).is_some(), "from {origin} along {direction:?}");
+            }
+        }
+    }
+}

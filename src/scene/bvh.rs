@@ -54,7 +54,8 @@ impl Bvh {
     /// The nearest hit of the ray from `origin` along `direction`, both sides of triangles counting. `except` is a triangle
     /// that the ray starts on and cannot meet.
     pub fn nearest(&self, origin: Vec3, direction: Vec3, except: Option<usize>) -> Option<Hit> {
-        let ray = Ray::new_inf(SCALE * Vec3A::from(origin), direction.into());
+        // The tree takes -0 for negative in one place and for positive in another, and then misses what it should meet; +0 is right.
+        let ray = Ray::new_inf(SCALE * Vec3A::from(origin), Vec3A::from(direction) + Vec3A::ZERO);
         let mut hit = RayHit::none();
         let found = self.tree.ray_traverse(ray, &mut hit, |ray, leaf| {
             if Some(self.tree.primitive_indices[leaf] as usize) == except {
