@@ -90,7 +90,7 @@ struct Sight {
 impl Point {
     /// The distance at which the point's ray ends.
     fn hit(&self) -> Option<f32> {
-        self.sights.iter().flatten().filter(|sight| sight.sampled).map(|sight| sight.distance).last()
+        self.sights.iter().flatten().filter(|sight| sight.sampled).map(|sight| sight.distance).next_back()
     }
 }
 

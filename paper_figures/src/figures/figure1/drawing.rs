@@ -157,7 +157,7 @@ impl View<'_> {
         (0..self.figure.rays.len()).fold(group, |group, column| {
             let mut texels = self.figure.layers.iter().flatten().filter(|texel| texel.column == column);
             let Some(far) = texels.next() else { return group };
-            let near = texels.last().unwrap_or(far);
+            let near = texels.next_back().unwrap_or(far);
             group.add(line(self.at(near.center) - beyond, self.at(far.center) + beyond))
         })
     }
@@ -253,7 +253,7 @@ fn is_apart(sight: Sight) -> bool {
 /// The layer, and how far ahead it is.
 fn last_sample(sights: &[Option<Sight>]) -> Option<(usize, f32)> {
     let sampled = |(layer, sight): (usize, &Option<Sight>)| Some((layer, sight.filter(|sight| sight.sampled)?.distance));
-    sights.iter().enumerate().filter_map(sampled).last()
+    sights.iter().enumerate().filter_map(sampled).next_back()
 }
 
 /// To a tenth of a pixel.
