@@ -4,6 +4,7 @@ mod banding;
 mod bench;
 mod causes;
 mod convergence;
+mod figure1;
 mod photon_grid;
 mod scaling;
 mod stop_fraction;
@@ -12,7 +13,8 @@ mod time_to_error;
 use crate::figure::Entry;
 
 /// In the order in which they are made.
-pub const FIGURES: [Entry; 8] = [
+pub const FIGURES: [Entry; 9] = [
+    Entry::of::<figure1::Figure1>(),
     Entry::of::<convergence::Convergence>(),
     Entry::of::<photon_grid::PhotonGridErrors>(),
     Entry::of::<stop_fraction::StopFraction>(),

@@ -1,0 +1,297 @@
+//! The drawing of figure 1: the whole slice above, and below it a small one for each layer as it comes.
+//!
+//! Sizes are of a page 800 wide, where the least text has 20: half of that is left on a telephone.
+
+use glam::{Vec2, vec2};
+use svg::Document;
+use svg::node::element::{Circle, Group, Line, Polygon, Polyline, Rectangle, Text, Title};
+
+use super::{Figure1, Place, Point, Sight, Surface, Texel};
+use crate::figure::Result;
+
+const WIDTH: f32 = 800.0;
+/// Left and right of everything.
+const MARGIN: f32 = 20.0;
+/// From one line of text to the next.
+const LINE: f32 = 28.0;
+/// Pixels to a unit of the whole slice.
+const SCALE: f32 = 490.0;
+/// Small slices in a row, and the height of the text above each.
+const COLUMNS: usize = 3;
+const STEP_TEXT: f32 = 3.2 * LINE;
+
+const TITLE: &str = "Relation between depth layer and final gathering";
+const STEPS: [&str; 2] = [
+    "Layer by layer, from far to near: each point samples what lies",
+    "ahead of it. What it samples last is the nearest: its hit.",
+];
+
+/// Far to near: even steps of lightness, which any kind of sight tells apart (plasma of S. van der Walt and N. Smith, but for its brightest part).
+const COLORS: [&str; 6] = ["#f99a3e", "#e56b5d", "#c5407e", "#9410a2", "#5601a4", "#0d0887"];
+const INK: &str = "#222";
+const SOLID: &str = "#ececec";
+
+pub fn draw(figure: &Figure1) -> Result<String> {
+    let layers = figure.layers.len();
+    if layers > COLORS.len() {
+        return Err(format!("{layers} layers, and colours for {}", COLORS.len()).into());
+    }
+    let extent = figure.surfaces.iter().flat_map(|surface| &surface.line).fold(Vec2::ZERO, |most, &place| most.max(place.into()));
+    let whole = View { figure, origin: vec2(0.5 * (WIDTH - SCALE * extent.x), 150.0 + SCALE * extent.y), scale: SCALE };
+    let key = whole.origin.y + 75.0;
+    let steps = key + 3.0 * LINE;
+    let mut page = Group::new().add(heading(layers)).add(whole.slice()).add(whole.order()).add(self::key(key));
+    for (line, content) in STEPS.into_iter().enumerate() {
+        page = page.add(text(vec2(MARGIN, steps + LINE * line as f32), content));
+    }
+
+    let column = (WIDTH - MARGIN) / COLUMNS as f32;
+    // Beside the left wall there is room for a point's name.
+    let scale = (column - MARGIN - 12.0) / extent.x;
+    let row = STEP_TEXT + scale * extent.y + 40.0;
+    let top = steps + 2.0 * LINE;
+    for layer in 0..layers {
+        let corner = vec2(MARGIN + (layer % COLUMNS) as f32 * column, top + (layer / COLUMNS) as f32 * row);
+        let view = View { figure, origin: corner + vec2(12.0, STEP_TEXT + scale * extent.y), scale };
+        page = page.add(view.step(layer, corner));
+    }
+
+    let height = (top + layers.div_ceil(COLUMNS) as f32 * row).round();
+    let document = Document::new()
+        .set("width", WIDTH)
+        .set("height", height)
+        .set("viewBox", (0, 0, WIDTH, height))
+        .set("font-family", "sans-serif")
+        .set("font-size", 20)
+        .set("fill", INK)
+        .add(Title::new(TITLE))
+        .add(Rectangle::new().set("width", WIDTH).set("height", height).set("fill", "white"))
+        .add(page);
+    Ok(document.to_string() + "\n")
+}
+
+/// What this is, and which layer has which colour.
+fn heading(layers: usize) -> Group {
+    let mut group = Group::new()
+        .add(text(vec2(MARGIN, 36.0), TITLE).set("font-size", 26))
+        .add(text(vec2(MARGIN, 72.0), "A slice of the Cornell box, one direction, and its layers:"))
+        .add(text(vec2(MARGIN, 108.0), "far"));
+    for layer in 0..layers {
+        group = group.add(swatch(vec2(75.0 + 82.0 * layer as f32, 108.0), layer, &(layer + 1).to_string()));
+    }
+    group.add(text(vec2(75.0 + 82.0 * layers as f32, 108.0), "near"))
+}
+
+/// A layer's colour, and text beside it.
+fn swatch(at: Vec2, layer: usize, name: &str) -> Group {
+    let square = Rectangle::new().set("x", at.x).set("y", at.y - 16.0).set("width", 26).set("height", 18);
+    Group::new().add(square.set("fill", COLORS[layer])).add(text(at + vec2(34.0, 0.0), name))
+}
+
+/// What the signs in the slice mean.
+fn key(top: f32) -> Group {
+    let middle = |column: f32, row: f32| vec2(MARGIN + 20.0 + 400.0 * column, top + LINE * row - 7.0);
+    let name = |at: Vec2, name| text(at + vec2(34.0, 7.0), name);
+    let [point, sample, texel, culled] = [middle(0.0, 0.0), middle(0.0, 1.0), middle(1.0, 0.0), middle(1.0, 1.0)];
+    let piece =
+        |from: f32| line(texel + vec2(from, 0.0), texel + vec2(from + 16.0, 0.0)).set("stroke", COLORS[2]).set("stroke-width", 7);
+    Group::new()
+        .add(arrow(point - vec2(10.0, 0.0), point + vec2(20.0, 0.0), INK, 1.5))
+        .add(dot(point - vec2(10.0, 0.0), 7.0, INK))
+        .add(name(point, "gather point and normal"))
+        .add(arrow(sample - vec2(18.0, 0.0), sample + vec2(20.0, 0.0), COLORS[2], 3.5))
+        .add(name(sample, "the layer that it samples"))
+        .add(piece(-18.0))
+        .add(piece(2.0))
+        .add(name(texel, "texels: depth and slope"))
+        .add(line(culled - vec2(18.0, 0.0), culled + vec2(18.0, 0.0)).set("stroke", COLORS[2]).set("stroke-width", 7))
+        .add(line(culled - vec2(15.0, 0.0), culled + vec2(15.0, 0.0)).set("stroke", "white").set("stroke-width", 3))
+        .add(cross(culled, 7.0))
+        .add(name(culled, "behind a point: KILL"))
+}
+
+/// The section somewhere on the page.
+struct View<'a> {
+    figure: &'a Figure1,
+    /// Of the section's (0, 0).
+    origin: Vec2,
+    /// Pixels to a unit.
+    scale: f32,
+}
+
+impl View<'_> {
+    fn at(&self, place: Place) -> Vec2 {
+        self.origin + self.step_of(place.into())
+    }
+
+    fn step_of(&self, step: Vec2) -> Vec2 {
+        self.scale * step * vec2(1.0, -1.0)
+    }
+
+    fn on_ray(&self, point: &Point, distance: f32) -> Vec2 {
+        self.at(point.place) + distance * self.step_of(self.figure.direction.into())
+    }
+
+    /// Which way is against a point's normal.
+    fn below(&self, point: &Point) -> Vec2 {
+        -self.step_of(point.normal.into()).normalize()
+    }
+
+    /// Solid bodies, and a hint of what their surfaces look like.
+    fn bodies(&self, width: f32) -> Group {
+        let outline =
+            |surface: &Surface| Polyline::new().set("points", corners(surface.line.iter().map(|&place| self.at(place))));
+        let bodies =
+            self.figure.surfaces.iter().fold(Group::new(), |group, surface| group.add(outline(surface).set("fill", SOLID)));
+        self.figure.surfaces.iter().fold(bodies, |group, surface| {
+            let [r, g, b] = surface.albedo.map(|share| (120.0 + 100.0 * share.powf(1.0 / 2.2)).round());
+            let line = outline(surface).set("fill", "none").set("stroke", format!("rgb({r},{g},{b})"));
+            group.add(line.set("stroke-width", width).set("stroke-linejoin", "round"))
+        })
+    }
+
+    /// The middles of columns, as far as there is something on them.
+    fn rays(&self) -> Group {
+        let group = Group::new().set("stroke", INK).set("stroke-width", 1).set("stroke-opacity", 0.15);
+        let beyond = 20.0 * self.step_of(self.figure.direction.into()).normalize();
+        (0..self.figure.rays.len()).fold(group, |group, column| {
+            let mut texels = self.figure.layers.iter().flatten().filter(|texel| texel.column == column);
+            let Some(far) = texels.next() else { return group };
+            let near = texels.next_back().unwrap_or(far);
+            group.add(line(self.at(near.center) - beyond, self.at(far.center) + beyond))
+        })
+    }
+
+    fn texel(&self, texel: &Texel, share: f32) -> Line {
+        let (center, half) = (self.at(texel.center), 0.5 * share * self.step_of(texel.step.into()));
+        line(center - half, center + half)
+    }
+
+    fn layer(&self, layer: usize, width: f32) -> Group {
+        let group = Group::new().set("stroke", COLORS[layer]).set("stroke-width", width);
+        self.figure.layers[layer].iter().fold(group, |group, texel| group.add(self.texel(texel, 0.86)))
+    }
+
+    fn slice(&self) -> Group {
+        let layers = 0..self.figure.layers.len();
+        let mut group =
+            layers.fold(Group::new().add(self.bodies(14.0)).add(self.rays()), |group, layer| group.add(self.layer(layer, 7.0)));
+        for (name, point) in ('A'..).zip(&self.figure.points) {
+            let at = self.at(point.place);
+            let culled = || {
+                (0_usize..).zip(&point.sights).filter_map(|(layer, sight)| Some((layer, sight.filter(|sight| !sight.sampled)?)))
+            };
+            if let Some((_, last)) = culled().last() {
+                group = group.add(dotted(at, self.on_ray(point, last.distance)));
+            }
+            for (layer, sight) in culled() {
+                if let Some(texel) = self.figure.layers[layer].iter().find(|texel| texel.column == point.column) {
+                    group = group.add(self.texel(texel, 0.7).set("stroke", "white").set("stroke-width", 3));
+                }
+                if is_apart(sight) {
+                    group = group.add(cross(self.on_ray(point, sight.distance), 7.0));
+                }
+            }
+            if let Some((layer, distance)) = last_sample(&point.sights) {
+                group = group.add(arrow(at, self.on_ray(point, distance), COLORS[layer], 3.5));
+            }
+            let name = text(at + 26.0 * self.below(point) + vec2(0.0, 9.0), &name.to_string());
+            group = group
+                .add(arrow(at, at - 35.0 * self.below(point), INK, 1.5))
+                .add(dot(at, 7.0, INK))
+                .add(name.set("text-anchor", "middle").set("font-size", 24).set("font-weight", "bold"));
+        }
+        group
+    }
+
+    /// An arrow against the direction.
+    fn order(&self) -> Group {
+        let along = self.step_of(self.figure.direction.into()).normalize();
+        let middle = self.at([0.5, 0.9]);
+        let turn = along.y.atan2(along.x).to_degrees();
+        let label = text(Vec2::ZERO, "peeled from far to near").set("text-anchor", "middle");
+        let place = middle + 16.0 * vec2(along.y, -along.x);
+        Group::new()
+            .add(arrow(middle + 140.0 * along, middle - 140.0 * along, INK, 5.0))
+            .add(label.set("transform", format!("translate({:.1} {:.1}) rotate({turn:.2})", place.x, place.y)))
+    }
+
+    /// After a layer: what each point has sampled last, and what of this layer is culled.
+    fn step(&self, layer: usize, corner: Vec2) -> Group {
+        let mut group = Group::new().add(self.bodies(6.0)).add(self.layer(layer, 5.0));
+        let mut names = [String::new(), String::new()];
+        for (name, point) in ('A'..).zip(&self.figure.points) {
+            let at = self.at(point.place);
+            let sight = point.sights[layer];
+            if let Some((from, distance)) = last_sample(&point.sights[..=layer]) {
+                group = group.add(arrow(at, self.on_ray(point, distance), COLORS[from], 2.5));
+            }
+            let sampled = sight.is_some_and(|sight| sight.sampled);
+            if sight.is_some() {
+                names[usize::from(!sampled)] += &format!(" {name}");
+            }
+            if let Some(sight) = sight.filter(|sight| is_apart(*sight)).filter(|sight| !sight.sampled) {
+                let culled = self.on_ray(point, sight.distance);
+                group = group.add(dotted(at, culled)).add(cross(culled, 5.0));
+            }
+            let name = text(at + 17.0 * self.below(point) + vec2(0.0, 7.0), &name.to_string()).set("text-anchor", "middle");
+            group = group.add(dot(at, 5.0, if sampled { INK } else { "white" })).add(name);
+        }
+        let said = ["sampled by", "KILL:"].iter().zip(&names).filter(|(_, names)| !names.is_empty());
+        let lines = (1_u8..)
+            .zip(said)
+            .map(|(row, (says, names))| text(corner + vec2(0.0, 16.0 + LINE * f32::from(row)), &format!("{says}{names}")));
+        lines.fold(group.add(swatch(corner + vec2(0.0, 16.0), layer, &format!("layer {}", layer + 1))), Group::add)
+    }
+}
+
+/// Whether it is not the point's own surface.
+fn is_apart(sight: Sight) -> bool {
+    sight.distance.abs() > 1e-3
+}
+
+/// The layer, and how far ahead it is.
+fn last_sample(sights: &[Option<Sight>]) -> Option<(usize, f32)> {
+    let sampled = |(layer, sight): (usize, &Option<Sight>)| Some((layer, sight.filter(|sight| sight.sampled)?.distance));
+    sights.iter().enumerate().filter_map(sampled).next_back()
+}
+
+/// To a tenth of a pixel.
+fn pixels(length: f32) -> f32 {
+    (10.0 * length).round() / 10.0
+}
+
+fn corners(places: impl IntoIterator<Item = Vec2>) -> String {
+    let corner = |at: Vec2| format!("{},{}", pixels(at.x), pixels(at.y));
+    places.into_iter().map(corner).collect::<Vec<_>>().join(" ")
+}
+
+fn line(from: Vec2, to: Vec2) -> Line {
+    Line::new().set("x1", pixels(from.x)).set("y1", pixels(from.y)).set("x2", pixels(to.x)).set("y2", pixels(to.y))
+}
+
+fn dotted(from: Vec2, to: Vec2) -> Line {
+    line(from, to).set("stroke", INK).set("stroke-width", 1.5).set("stroke-dasharray", "2 5")
+}
+
+fn text(at: Vec2, content: &str) -> Text {
+    Text::new(content).set("x", pixels(at.x)).set("y", pixels(at.y))
+}
+
+fn dot(at: Vec2, radius: f32, fill: &str) -> Circle {
+    let circle = Circle::new().set("cx", pixels(at.x)).set("cy", pixels(at.y)).set("r", radius);
+    circle.set("fill", fill).set("stroke", INK).set("stroke-width", 2)
+}
+
+fn arrow(from: Vec2, to: Vec2, color: &str, width: f32) -> Group {
+    let along = (to - from).normalize_or_zero();
+    let (base, side) = (to - 4.0 * width * along, 1.8 * width * along.perp());
+    Group::new()
+        .add(line(from, base).set("stroke", color).set("stroke-width", width))
+        .add(Polygon::new().set("points", corners([to, base + side, base - side])).set("fill", color))
+}
+
+fn cross(at: Vec2, radius: f32) -> Group {
+    let [down, up] = [vec2(radius, radius), vec2(radius, -radius)].map(|arm| line(at - arm, at + arm));
+    Group::new().set("stroke", INK).set("stroke-width", 0.4 * radius).add(down).add(up)
+}
