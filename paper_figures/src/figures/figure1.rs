@@ -127,9 +127,8 @@ impl Section {
         Self { origin: left, right: (right - left).normalize(), size: vec2((right - left).length(), bounds.extent().y) }
     }
 
-    /// Without negative zeros, whose rays the tree takes for misses.
     fn vector(&self, flat: Vec2) -> Vec3 {
-        flat.x * self.right + flat.y * Vec3::Y + Vec3::ZERO
+        flat.x * self.right + flat.y * Vec3::Y
     }
 
     fn flat(&self, vector: Vec3) -> Vec2 {
