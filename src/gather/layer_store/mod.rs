@@ -89,7 +89,8 @@ impl LayerStore {
     /// bundles has, or a little fewer than those before had, whichever is more.
     ///
     /// # Errors
-    /// When the scene has more layers than the device has memory or array elements for: 12 bytes a texel each, and 4 more for sorting.
+    /// When the scene has more layers than the device has memory or array elements for: 12 bytes a texel each, and 4 to 16 more for
+    /// sorting.
     ///
     /// # Panics
     /// With more bundles than tiles, or none.
