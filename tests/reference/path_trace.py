@@ -59,7 +59,6 @@ def mesh(name, triangles, material):
     corners = [corner for triangle in triangles for corner in triangle]
     properties = mi.Properties()
     if material["map_Kd"]:
-        # Mitsuba flips v when it reads a bitmap, as OBJ expects.
         albedo = {"type": "bitmap", "filename": str(material["map_Kd"])}
     else:
         albedo = {"type": "rgb", "value": material["Kd"]}
@@ -70,7 +69,8 @@ def mesh(name, triangles, material):
     out = mi.Mesh(name, len(corners), len(triangles), properties, has_vertex_texcoords=True)
     parameters = mi.traverse(out)
     parameters["vertex_positions"] = np.array([c[0] for c in corners], np.float32).ravel()
-    parameters["vertex_texcoords"] = np.array([c[1] for c in corners], np.float32).ravel()
+    # In OBJ v runs up; Mitsuba's textures run down, and its own OBJ reader turns v round too.
+    parameters["vertex_texcoords"] = np.array([(c[1][0], 1 - c[1][1]) for c in corners], np.float32).ravel()
     parameters["faces"] = np.arange(len(corners), dtype=np.uint32)
     parameters.update()
     return out
