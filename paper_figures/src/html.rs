@@ -19,7 +19,7 @@ pub fn panel(file: &str, label: &str) -> String {
     format!("<figure><img src=\"{file}\" alt=\"{label}\"><figcaption>{label}</figcaption></figure>\n")
 }
 
-/// With about three digits.
+/// With two or three digits.
 pub fn seconds(seconds: f64) -> String {
     let digits = if seconds >= 20.0 {
         0

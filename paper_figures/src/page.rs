@@ -118,8 +118,8 @@ impl Page {
         };
         let minutes = documents.iter().map(|(_, document)| document.seconds).sum::<f64>() / 60.0;
         let whole = documents.len() == self.figures().count() && documents.iter().all(|(_, document)| document.scale.is_whole());
-        let note = "This page is a look at a part: some figures are missing or were measured at less than full scale, as is said below each. \
-                    <code>make figures</code> makes all.";
+        let note = "This page is a look at a part: some figures are missing or were measured at less than full scale, as is said below each, \
+                    and claims are judged by what there is. <code>make figures</code> makes all.";
         let note = if whole { String::new() } else { format!("<p class=\"note\">{note}</p>\n") };
         format!(
             "<small>Measured {} on {}, in {minutes:.0} minutes.</small>\n{note}",
@@ -136,7 +136,10 @@ fn part(figure: &Declaration, document: Option<&Document>, out: &Path) -> Result
     let Some(document) = document else {
         return Ok(head + "<p class=\"note\">Not measured yet.</p>\n");
     };
-    let mut drawing = document.draw()?;
+    // What an older version measured may lack what is asked for now.
+    let Ok(mut drawing) = document.draw() else {
+        return Ok(head + "<p class=\"note\">Measured by another version; measure it again.</p>\n");
+    };
     if document.format()? == Format::Svg {
         drawing = format!("<div class=\"plot\">\n{drawing}</div>\n");
     }

@@ -120,8 +120,9 @@ def main():
     mean = total / passes
     error = np.sqrt(np.maximum(squares / passes - mean * mean, 0) / (passes - 1))
     print("mean", mean.mean(axis=(0, 1)), "root mean square standard error / mean", np.sqrt((error**2).mean()) / mean.mean())
-    # Lights are far brighter than all that they light.
-    light = np.pad(mean.max(axis=2) > 8 * mean.mean(), 2)
+    # Lights are far brighter than all that they light: a pixel that is a twentieth as bright as one shows a part of one.
+    brightest = max(max(material["Ke"]) for material in materials.values())
+    light = np.pad(mean.max(axis=2) > 0.05 * brightest, 2)
     size = arguments.size
     near = np.any([light[y:y + size, x:x + size] for y in range(5) for x in range(5)], axis=0)
     mask = np.where(near, 0, 255).astype(np.uint8)[..., None].repeat(3, axis=2)

@@ -29,6 +29,8 @@ struct Crop {
     name: String,
     /// Left, top and side, as shares of the picture's.
     place: [f32; 3],
+    /// In stops, more than the picture's.
+    exposure: f32,
     caption: String,
 }
 
@@ -110,11 +112,12 @@ impl Figure for PictureComparison {
             holds: found.relative_rmse <= parameters.limit,
         };
 
-        let write = |name: &str, label: &str, picture: &Image| -> Result<Panel> {
+        let write_at = |name: &str, label: &str, picture: &Image, exposure: f32| -> Result<Panel> {
             let (file, path) = task.picture_file(name);
             picture.write(&path, &WriteOptions { exposure, ..WriteOptions::default() })?;
             Ok(Panel { file, label: label.into() })
         };
+        let write = |name: &str, label: &str, picture: &Image| write_at(name, label, picture, exposure);
         let gathered = format!("Final gathering, {directions} directions");
         let path_traced = pictures.path_traced();
         let mut panels = vec![
@@ -135,7 +138,7 @@ impl Figure for PictureComparison {
                 ("photon_map", "The photon map", &photon_map),
             ];
             let part = |&(name, label, picture): &(&str, &str, &Image)| {
-                write(&format!("{}-{name}", crop.name), label, &cropped(picture, crop.place)?)
+                write_at(&format!("{}-{name}", crop.name), label, &cropped(picture, crop.place)?, exposure + crop.exposure)
             };
             Ok(Enlarged { caption: crop.caption.clone(), panels: parts.iter().map(part).collect::<Result<_>>()? })
         };
@@ -180,7 +183,7 @@ impl Figure for PictureComparison {
         );
         Ok(format!(
             "<div class=\"panels\">\n{}</div>\n{crops}<p>{size} × {size} pixels, {} triangles, {} visible points, pipeline <code>{}</code>. \
-             Against path tracing at {compared} × {compared}, without the lamp and the worst 0.1 % of the other pixels, both {agrees} within {}:</p>\n\
+             Against path tracing at {compared} × {compared}, without the lamp, two pixels around it and the worst 0.1 % of the others, both {agrees} within {}:</p>\n\
              {numbers}{times}",
             panels(&self.panels),
             self.triangles,

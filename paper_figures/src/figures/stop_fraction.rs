@@ -67,7 +67,8 @@ impl Figure for StopFraction {
             curve("bias, absolute", plot::ORANGE, |run| run.bias.abs(), |error| format!("{:.2} %", 100.0 * error)),
         ];
         let layers = vec![curve("layers", plot::GREEN, |run| run.layers_mean, |layers| format!("{layers:.2}"))];
-        plot::svg((900, 760), |area| {
+        let times = vec![curve("gather", plot::BLUE, |run| run.gather_seconds, |seconds| format!("{seconds:.1} s"))];
+        plot::svg((900, 1100), |area| {
             let fractions: Vec<_> = self.runs.iter().map(|run| run.stop_fraction).filter(|&fraction| fraction > 0.0).collect();
             let x = Axis::log_at("stop fraction", &fractions, plot::percent);
             let of = |curves: &[Curve]| plot::values(curves)[1].clone().into_iter();
@@ -76,7 +77,10 @@ impl Figure for StopFraction {
             let title = format!("Error of the Cornell box, 256 x 256, {} directions", self.directions);
             plot::lines(&above, &title, [&x, &error], &errors)?;
             let count = Axis::linear("layers a direction", of(&layers), plot::whole);
-            plot::lines(&below, "Layers peeled", [&x, &count], &layers)
+            let (middle, below) = below.split_vertically(340);
+            plot::lines(&middle, "Layers peeled", [&x, &count], &layers)?;
+            let seconds = Axis::linear("seconds", of(&times), plot::whole);
+            plot::lines(&below, "Time of the gather", [&x, &seconds], &times)
         })
     }
 }

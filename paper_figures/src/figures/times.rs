@@ -154,7 +154,7 @@ impl OfPicture {
             row("– of it at the points", None, &|run| of_share(run, |share| 1.0 - share)),
             row("<strong>All</strong>", declared.poster_total.map(seconds), &|run| seconds(run.total)),
             row("Gather, a direction", Some(format!("{per_direction:.1} ms")), &|run| format!("{:.1} ms", run.ms_per_direction)),
-            row("Gather, a sample", Some(format!("≈ {per_sample:.0} ns")), &|run| format!("{:.1} ns", run.ns_per_sample)),
+            row("Gather, a sample", Some(format!("≈ {per_sample:.0} ns")), &|run| format!("{:.0} ns", run.ns_per_sample)),
             row("Layers, a direction", None, &|run| format!("{:.2}", run.layers_mean)),
             row("Relative RMSE", None, &|run| format!("{:.2} %", 100.0 * run.relative_rmse)),
         ];
