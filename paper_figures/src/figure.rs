@@ -108,6 +108,9 @@ impl Declaration {
 
     pub fn measure(&self, scale: Scale, out: &Path) -> Result<Document> {
         eprintln!("{}", self.name);
+        for old in pictures_of(&self.name, out)? {
+            fs::remove_file(old)?;
+        }
         let start = Instant::now();
         let task = Task { scale, figure: &self.name, out };
         let data = rounded((Kind::named(&self.kind)?.measure)(&self.parameters, &task)?);
@@ -162,19 +165,24 @@ impl Document {
         if self.kind == F::KIND { F::deserialize(&self.data).ok() } else { None }
     }
 
-    /// Files of pictures that belong to it, in `out`.
+    /// Files of its pictures in `out`.
     pub fn pictures(&self, out: &Path) -> Result<Vec<PathBuf>> {
-        let mut files = Vec::new();
-        for entry in fs::read_dir(out)? {
-            let path = entry?.path();
-            let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-            if name.starts_with(&format!("{}-", self.figure)) && name.ends_with(".png") {
-                files.push(path);
-            }
-        }
-        files.sort();
-        Ok(files)
+        pictures_of(&self.figure, out)
     }
+}
+
+/// As [`Task::picture_file`] names them.
+fn pictures_of(figure: &str, out: &Path) -> Result<Vec<PathBuf>> {
+    let mut files = Vec::new();
+    for entry in fs::read_dir(out)? {
+        let path = entry?.path();
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        if name.starts_with(&format!("{figure}-")) && name.ends_with(".png") {
+            files.push(path);
+        }
+    }
+    files.sort();
+    Ok(files)
 }
 
 /// The package's folder.

@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 use crate::contestants::color;
 use crate::figure::{Figure, Format, Result, Task};
 use crate::html::{seconds, table};
+use crate::machine::Machine;
 use crate::picture::Pictures;
 use crate::plot::{self, Axis, Curve};
 
@@ -36,6 +37,8 @@ pub struct Picture {
 
 #[derive(Serialize, Deserialize)]
 pub struct Times {
+    /// What it was measured on.
+    hardware: String,
     size: u32,
     /// In the order of the declaration.
     pub pictures: Vec<OfPicture>,
@@ -126,17 +129,21 @@ impl Figure for Times {
             let runs = parameters.pipelines.iter().map(run).collect::<Result<_>>()?;
             Ok(OfPicture { declared: declared.clone(), directions, points, runs })
         };
-        Ok(Self { size, pictures: parameters.pictures.iter().map(of_picture).collect::<Result<_>>()? })
+        Ok(Self {
+            hardware: Machine::here()?.described(),
+            size,
+            pictures: parameters.pictures.iter().map(of_picture).collect::<Result<_>>()?,
+        })
     }
 
     fn draw(&self, parameters: &Parameters) -> Result<String> {
-        let tables: String = self.pictures.iter().map(|picture| picture.table(self.size, &parameters.poster_hardware)).collect();
+        let tables: String = self.pictures.iter().map(|picture| picture.table(self, parameters)).collect();
         Ok(format!("{tables}<div class=\"plot\">\n{}</div>\n", self.plot()?))
     }
 }
 
 impl OfPicture {
-    fn table(&self, size: u32, poster_hardware: &str) -> String {
+    fn table(&self, Times { hardware, size, .. }: &Times, parameters: &Parameters) -> String {
         let Self { declared, runs, points, directions } = self;
         let row = |name: &str, poster: Option<String>, of: &dyn Fn(&Run) -> String| {
             [name.to_owned(), poster.unwrap_or_default()].into_iter().chain(runs.iter().map(of)).collect::<Vec<_>>()
@@ -144,7 +151,9 @@ impl OfPicture {
         let of_share =
             |run: &Run, of: fn(f64) -> f64| run.peel_share.map_or(String::new(), |share| seconds(of(share) * run.gather));
         let per_direction = 1e3 * declared.poster_gather / f64::from(declared.directions);
-        let per_sample = 1e6 * per_direction / (0.5 * f64::from(*points));
+        // At as many of its pixels as here.
+        let poster_points = f64::from(*points) * (f64::from(parameters.size) / f64::from(*size)).powi(2);
+        let per_sample = 1e6 * per_direction / (0.5 * poster_points);
         let rows = [
             row("Photons", None, &|run| seconds(run.photons)),
             row("Visible points", None, &|run| seconds(run.visible_points)),
@@ -160,10 +169,11 @@ impl OfPicture {
         ];
         let head: Vec<_> = ["", "poster"].into_iter().chain(runs.iter().map(|run| run.pipeline.as_str())).collect();
         format!(
-            "<p><strong>{}</strong>, {size} × {size} pixels, {points} visible points, {directions} directions. The poster: {poster_hardware}, \
-             {} directions; its sample assumes as many points as here.</p>\n{}",
+            "<p><strong>{}</strong>, {size} × {size} pixels, {points} visible points, {directions} directions, on {hardware}. The poster: \
+             {1} directions on {2}; it does not say how many points, which are taken to be as many of its pixels as here.</p>\n{3}",
             declared.name,
             declared.directions,
+            parameters.poster_hardware,
             table(&head, rows)
         )
     }
