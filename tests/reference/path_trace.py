@@ -1,6 +1,7 @@
 """Path-traced reference of a finalgather scene, made with Mitsuba 3 (pip install mitsuba numpy).
 
     python3 tests/reference/path_trace.py scenes/cornell.toml tests/reference/cornell_256.exr --size 256 --spp 32768
+    python3 tests/reference/path_trace.py scenes/cornell_textured.toml tests/reference/cornell_textured_256.exr --size 256 --spp 16384
 
 Reads the scene file, OBJ and MTL by itself, so that it shares no code with the renderer: Lambertian two-sided
 surfaces, emission from the side that the winding faces, box pixel filter, unlimited path length. Writes half-float linear
