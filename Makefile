@@ -3,7 +3,7 @@ SCENE ?= cornell
 CARGO ?= cargo
 TARGET_DIR := $(or $(CARGO_TARGET_DIR),target)
 
-.PHONY: help setup render test bench
+.PHONY: help setup render test figures bench
 .DEFAULT_GOAL := help
 
 help: ## List the targets
@@ -21,6 +21,10 @@ test: ## Run all tests, those of the GL part also on a driver that offers no mor
 	@scripts/setup.sh --tests
 	$(CARGO) test --release --locked
 	GALLIUM_DRIVER=softpipe $(CARGO) test --release --locked --test 'gl_*'
+
+figures: setup ## Measure and draw all figures to paper_figures/out/index.html; about 50 minutes on two cores
+	$(CARGO) build --release --locked --package paper_figures
+	$(TARGET_DIR)/release/paper_figures
 
 bench: setup ## Measure all pipelines and rays on the CPU to paper_figures/runs/DATE-MACHINE/; about 25 minutes on two cores
 	$(CARGO) build --release --locked --package paper_figures

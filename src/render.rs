@@ -21,6 +21,7 @@ use crate::geometry::Geometry;
 use crate::gpu::Gpu;
 use crate::image::Image;
 use crate::photon::{PhotonCounts, PhotonGrid, PhotonTexture, PhotonTracer};
+use crate::photon_map::PhotonMap;
 use crate::points::{CameraPoints, GatherPoint, Interleave, Sums, Visible};
 use crate::random::sobol;
 use crate::reference::Reference;
@@ -44,6 +45,7 @@ pub struct Render {
     camera: CameraPoints,
     direct: Direct,
     direct_sums: Sums,
+    rough: PhotonMap,
     directions: Directions,
     interleave: Interleave,
     method: Method,
@@ -69,6 +71,8 @@ enum Method {
 struct Block {
     index: u32,
     visible: Visible,
+    /// Irradiance of the photon map at the visible points.
+    rough: Vec<Vec4>,
     /// The directions left, those of one subset of the pixels after those of another, so that a batch has one subset; the next one last.
     left: Vec<u32>,
     /// Directions that each subset of the pixels took so far.
@@ -142,6 +146,7 @@ impl Render {
         let camera = CameraPoints::new(gpu, points)?;
         let direct = Direct::new(gpu, settings.shadow_size, settings.seed)?;
         let direct_sums = Sums::new(gpu, points)?;
+        let rough = PhotonMap::new(gpu, points)?;
         let interleave = Interleave::new(settings.interleave, points, settings.seed);
         let gather: Option<Box<dyn Gather>> = match settings.pipeline {
             Pipeline::Kill => {
@@ -199,6 +204,7 @@ impl Render {
             camera,
             direct,
             direct_sums,
+            rough,
             interleave,
             method,
             block: None,
@@ -269,13 +275,14 @@ impl Render {
         let start = Instant::now();
         let offset = sobol(index, self.settings.seed);
         let visible = self.camera.see(&self.geometry, &self.scene.camera, offset.into());
+        let points = self.camera.points(&visible);
+        let rough = self.rough.see(&self.photons, points);
         self.statistics.seconds.visible_points += self.finish("finding visible points", start)?;
 
         // Each block takes its share of one sequence of light samples, so that together they cover the lights evenly.
         let start = Instant::now();
         let light_samples = u64::from(self.settings.light_samples).div_ceil(blocks);
         self.direct_sums.clear();
-        let points = self.camera.points(&visible);
         let first = u64::from(index) * light_samples;
         for sample in first..first + light_samples {
             self.direct.add(&self.geometry, &self.lights, sample, points, &self.direct_sums);
@@ -293,7 +300,7 @@ impl Render {
         let end = self.settings.directions.min(self.done + self.directions_per_block());
         let mut left: Vec<u32> = (self.done..end).rev().collect();
         left.sort_by_key(|&direction| self.interleave.subset(direction, index).index());
-        Ok(Block { index, visible, left, taken: vec![0; self.interleave.subsets()], light_samples: light_samples as u32 })
+        Ok(Block { index, visible, rough, left, taken: vec![0; self.interleave.subsets()], light_samples: light_samples as u32 })
     }
 
     /// Replaces the photon map by one of fresh photons.
@@ -367,7 +374,7 @@ impl Render {
         let gathered = self.interleave.share(gathered, &block.taken, &block.visible);
         let directions = block.taken.iter().sum();
         let direct = self.direct_sums.read();
-        Film::of_block(self.settings.size, &block.visible, (&direct, block.light_samples), (&gathered, directions))
+        Film::of_block(self.settings.size, &block.visible, (&direct, block.light_samples), &block.rough, (&gathered, directions))
     }
 
     /// Few enough that a picture has about 32 sub-pixel offsets, and at most 128, so that a long render keeps refining its edges and

@@ -2,6 +2,7 @@
 
 use finalgather::bench::{CONTESTANTS, Contestant, FUSED};
 
+use crate::figures::path_tracing::PATHS;
 use crate::plot::{self, RGBColor};
 
 /// All that can be measured.
@@ -16,7 +17,7 @@ pub fn color(name: &str) -> RGBColor {
         "early-kill" => plot::SKY,
         FUSED => plot::ORANGE,
         "raycast-gl" => plot::PURPLE,
-        "raycast" => plot::GREEN,
+        "raycast" | PATHS => plot::GREEN,
         _ => plot::GREY,
     }
 }

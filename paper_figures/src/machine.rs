@@ -1,5 +1,6 @@
 //! Where and when something was measured.
 
+use std::fs;
 use std::thread::available_parallelism;
 use std::time::{SystemTime, UNIX_EPOCH};
 
@@ -13,11 +14,27 @@ pub struct Machine {
     /// As OpenGL names it.
     renderer: String,
     cores: usize,
+    /// As the system names it, where it does.
+    #[serde(default)]
+    processor: Option<String>,
 }
 
 impl Machine {
     pub fn here() -> Result<Self> {
-        Ok(Self { renderer: gpu()?.info().renderer.clone(), cores: available_parallelism()?.get() })
+        let information = fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+        let name = information.lines().find_map(|line| line.strip_prefix("model name")?.split_once(':'));
+        Ok(Self {
+            renderer: gpu()?.info().renderer.clone(),
+            cores: available_parallelism()?.get(),
+            processor: name.map(|(_, name)| name.trim().to_owned()),
+        })
+    }
+
+    /// In words.
+    pub fn described(&self) -> String {
+        let Self { renderer, cores, processor } = self;
+        let cores = format!("{cores} core{}", if *cores == 1 { "" } else { "s" });
+        processor.as_ref().map_or(format!("{renderer}, {cores}"), |name| format!("{renderer}, {cores} of {name}"))
     }
 
     /// `<date>-<machine>`, as in `2026-11-22-llvmpipe-2-cores`.
@@ -72,7 +89,7 @@ mod tests {
             ("llvmpipe (LLVM 15.0.6, 256 bits)", 2, "2026-11-22-llvmpipe-2-cores"),
             ("NVIDIA H200/PCIe/SSE2", 1, "2026-11-22-nvidia-h200-1-core"),
         ] {
-            assert_eq!(Machine { renderer: renderer.into(), cores }.run_name("2026-11-22"), expected);
+            assert_eq!(Machine { renderer: renderer.into(), cores, processor: None }.run_name("2026-11-22"), expected);
         }
     }
 }

@@ -1,11 +1,15 @@
-//! Pictures of the Cornell box, and how far they are from the path-traced one.
+//! Pictures of a scene, and how far they are from the path-traced one.
 
-use finalgather::image::compare::{Comparison, Selection, compare, mask_of};
+use std::path::Path;
+
+use finalgather::gpu::StageClock;
+use finalgather::image::Channel;
+use finalgather::image::compare::{Comparison, ErrorMap, Selection, View, compare, compare_as, mask_of};
 use finalgather::render::Statistics;
 use finalgather::{Gpu, Image, Render, Scene, Settings};
 
-use crate::cornell::{self, in_repository};
-use crate::figure::{Result, Scale};
+use crate::cornell::in_repository;
+use crate::figure::Result;
 use crate::machine::gpu;
 
 /// Renders and compares as `tests/reference.rs` does: without the lamp, and without the worst of the other pixels.
@@ -17,34 +21,70 @@ pub struct Pictures {
 }
 
 /// Single pixels on outlines.
-const TRIM: f32 = 0.001;
+pub const TRIM: f32 = 0.001;
 
 impl Pictures {
+    /// Of the Cornell box.
     pub fn new() -> Result<Self> {
+        Self::of("scenes/cornell.toml", "tests/reference/cornell_256")
+    }
+
+    /// Of a scene, against `<reference>.exr` where `<reference>_mask.png` is white.
+    pub fn of(scene: &str, reference: &str) -> Result<Self> {
         Ok(Self {
             gpu: gpu()?,
-            scene: cornell::load()?,
-            path_traced: Image::read(&in_repository("tests/reference/cornell_256.exr"))?,
-            mask: mask_of(&Image::read(&in_repository("tests/reference/cornell_256_mask.png"))?),
+            scene: Scene::load(&in_repository(scene))?,
+            path_traced: Image::read(&in_repository(&format!("{reference}.exr")))?,
+            mask: mask_of(&Image::read(&in_repository(&format!("{reference}_mask.png")))?),
         })
     }
 
-    /// Of the path-traced picture's size, everything else by default.
-    pub fn settings(&self, scale: Scale) -> Settings {
+    pub fn scene(&self) -> &Scene {
+        &self.scene
+    }
+
+    /// Of the path-traced picture's size, everything else as the scene has it.
+    pub fn settings(&self, directions: u32) -> Settings {
         let size = [self.path_traced.width as u32, self.path_traced.height as u32];
-        Settings { size, directions: scale.of(1000, 8), ..self.scene.settings.clone() }
+        Settings { size, directions, ..self.scene.settings.clone() }
+    }
+
+    pub fn start(&self, settings: &Settings) -> Result<Render> {
+        Ok(Render::new(&self.gpu, &self.scene, settings)?)
     }
 
     pub fn render(&self, settings: &Settings) -> Result<(Image, Statistics)> {
-        let mut render = Render::new(&self.gpu, &self.scene, settings)?;
+        let mut render = self.start(settings)?;
         while !render.is_done() {
             render.step()?;
         }
         Ok((render.picture(), render.statistics().clone()))
     }
 
+    /// Share of one stage in the device's time for all, null where the driver tells no time.
+    pub fn share_of_stage(&self, stage: &str, settings: &Settings) -> Result<Option<f64>> {
+        let clock = StageClock::start(&self.gpu);
+        self.render(settings)?;
+        let stages: Option<Vec<_>> = clock.take().stages.into_iter().map(|(name, seconds)| Some((name, seconds?))).collect();
+        let sum = |stages: &[(&str, f64)], all: bool| -> f64 {
+            stages.iter().filter(|(name, _)| all || *name == stage).map(|(_, seconds)| seconds).sum()
+        };
+        Ok(stages.map(|stages| sum(&stages, false) / sum(&stages, true)))
+    }
+
+    /// Of two sizes the larger picture is averaged to the smaller one's.
     pub fn against_path_tracing(&self, picture: &Image) -> Result<Comparison> {
-        self.compare(picture, &self.path_traced)
+        Ok(self.map_against_path_tracing(picture, 0.0)?.0)
+    }
+
+    /// The same, with FLIP for pictures shown at this exposure, and the map of it.
+    pub fn map_against_path_tracing(&self, picture: &Image, exposure: f32) -> Result<(Comparison, ErrorMap)> {
+        let side = picture.width.min(self.path_traced.width);
+        let mask = averaged(&self.mask_image(), side)?;
+        let mask: Vec<bool> = mask.rgb()?[0].iter().map(|&counted| counted == 1.0).collect();
+        let selection = Selection { mask: Some(&mask), trim: TRIM };
+        let view = View { exposure, ..View::default() };
+        Ok(compare_as(&averaged(picture, side)?, &averaged(&self.path_traced, side)?, selection, view)?)
     }
 
     pub fn path_traced(&self) -> &Image {
@@ -69,7 +109,67 @@ impl Pictures {
         Ok(averaged / whole)
     }
 
+    /// Two pictures of the path-traced one's size.
     pub fn compare(&self, a: &Image, b: &Image) -> Result<Comparison> {
         Ok(compare(a, b, Selection { mask: Some(&self.mask), trim: TRIM })?)
     }
+
+    fn mask_image(&self) -> Image {
+        let samples: Vec<f32> = self.mask.iter().map(|&counted| f32::from(counted)).collect();
+        rgb(&self.path_traced, [samples.clone(), samples.clone(), samples])
+    }
+}
+
+/// A picture of the size of another.
+fn rgb(of: &Image, samples: [Vec<f32>; 3]) -> Image {
+    let channels = ["R", "G", "B"].into_iter().zip(samples);
+    Image { channels: channels.map(|(name, samples)| Channel { name: name.into(), samples }).collect(), ..*of }
+}
+
+/// The sum of parts of a picture, such as `Direct` and `Emission`, as a picture.
+pub fn sum_of(picture: &Image, parts: &[&str]) -> Result<Image> {
+    let mut sums = [const { Vec::new() }; 3];
+    for (sum, channel) in sums.iter_mut().zip(["R", "G", "B"]) {
+        *sum = vec![0.0; picture.width * picture.height];
+        for part in parts {
+            let samples = picture.channel(&format!("{part}.{channel}")).ok_or_else(|| format!("no channel {part}"))?;
+            sum.iter_mut().zip(samples).for_each(|(sum, sample)| *sum += sample);
+        }
+    }
+    Ok(rgb(picture, sums))
+}
+
+/// R, G and B of a square picture, averaged over squares of pixels to a side that divides its own.
+pub fn averaged(picture: &Image, side: usize) -> Result<Image> {
+    let factor = picture.width / side;
+    if picture.width != picture.height || factor * side != picture.width {
+        return Err(format!("a picture of {} x {} cannot be averaged to {side} x {side}", picture.width, picture.height).into());
+    }
+    let average = |samples: &[f32]| {
+        let mean = |x: usize, y: usize| {
+            let squares =
+                (0..factor * factor).map(|i| samples[(y * factor + i / factor) * picture.width + x * factor + i % factor]);
+            squares.sum::<f32>() / (factor * factor) as f32
+        };
+        (0..side * side).map(|pixel| mean(pixel % side, pixel / side)).collect()
+    };
+    let size = Image { width: side, height: side, channels: Vec::new() };
+    Ok(rgb(&size, picture.rgb()?.map(average)))
+}
+
+/// A square part of a square picture: its left, top and side as shares of the whole.
+pub fn cropped(picture: &Image, [left, top, side]: [f32; 3]) -> Result<Image> {
+    let [x, y, side] = [left, top, side].map(|share| (share * picture.width as f32).round() as usize);
+    let side = side.max(1);
+    let crop = |samples: &[f32]| (y..y + side).flat_map(|row| samples[row * picture.width + x..][..side].to_vec()).collect();
+    let size = Image { width: side, height: side, channels: Vec::new() };
+    Ok(rgb(&size, picture.rgb()?.map(crop)))
+}
+
+/// A copy of a PNG that takes little room.
+pub fn write_small(from: &Path, to: &Path) -> Result<()> {
+    const SIDE: u32 = 256;
+    let picture = image::open(from)?;
+    let picture = if picture.width() > SIDE { picture.thumbnail(SIDE, SIDE) } else { picture };
+    Ok(picture.save(to)?)
 }

@@ -3,9 +3,24 @@
 use finalgather::{Image, Pipeline, Settings};
 use serde::{Deserialize, Serialize};
 
-use crate::figure::{Figure, Result, Scale};
+use crate::figure::{Figure, Result, Task};
 use crate::picture::Pictures;
 use crate::plot::{self, Axis, Curve};
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Parameters {
+    /// Sides of squares of pixels.
+    interleaves: Vec<u32>,
+    /// Directions to a pixel.
+    few: Vec<u32>,
+    /// Directions in all.
+    many: Vec<u32>,
+    /// Of the profiles: the row, counted from the top, and its pixels, clear of boxes and edges; and one of `few`.
+    row: usize,
+    columns: [usize; 2],
+    shown: u32,
+}
 
 #[derive(Serialize, Deserialize)]
 pub struct Banding {
@@ -35,30 +50,21 @@ struct Profile {
     radiance: Vec<f32>,
 }
 
-const INTERLEAVES: [u32; 3] = [1, 2, 4];
-/// To a pixel.
-const FEW: [u32; 4] = [16, 32, 64, 128];
-/// In all.
-const MANY: [u32; 2] = [1000, 4000];
-/// The row, counted from the top, and its pixels, clear of boxes and edges.
-const ROW: usize = 75;
-const COLUMNS: std::ops::Range<usize> = 62..194;
-const SHOWN: u32 = 64;
-
 impl Figure for Banding {
-    const NAME: &'static str = "banding";
-    const ABOUT: &'static str = "the bands of few shared directions, with and without interleaved subsets";
+    const KIND: &'static str = "banding";
+    type Parameters = Parameters;
 
-    fn measure(scale: Scale) -> Result<Self> {
+    fn measure(parameters: &Parameters, task: &Task) -> Result<Self> {
+        let scale = task.scale;
         let pictures = Pictures::new()?;
         let (mut runs, mut profiles) = (Vec::new(), Vec::new());
-        for interleave in INTERLEAVES {
+        for &interleave in &parameters.interleaves {
             let squares = interleave * interleave;
-            let few = FEW.map(|count| (count, count * squares));
-            for (per_pixel, directions) in few.into_iter().chain(MANY.map(|all| (all / squares, all))) {
+            let few = parameters.few.iter().map(|&count| (count, count * squares));
+            for (per_pixel, directions) in few.chain(parameters.many.iter().map(|&all| (all / squares, all))) {
                 let directions = scale.of(directions, squares);
                 // Exact rays, so that no aliasing of layers is in it.
-                let settings = Settings { pipeline: Pipeline::Raycast, directions, interleave, ..pictures.settings(scale) };
+                let settings = Settings { pipeline: Pipeline::Raycast, interleave, ..pictures.settings(directions) };
                 let (picture, statistics) = pictures.render(&settings)?;
                 let error = pictures.against_path_tracing(&picture)?;
                 runs.push(Run {
@@ -71,16 +77,16 @@ impl Figure for Banding {
                     correlated: pictures.correlated(&picture)?,
                     gather_seconds: statistics.seconds.gather,
                 });
-                if per_pixel == SHOWN {
-                    profiles.push(profile(name(interleave), &picture)?);
+                if per_pixel == parameters.shown {
+                    profiles.push(profile(name(interleave), &picture, parameters)?);
                 }
             }
         }
-        profiles.push(profile("path traced".into(), pictures.path_traced())?);
+        profiles.push(profile("path traced".into(), pictures.path_traced(), parameters)?);
         Ok(Self { runs, profiles })
     }
 
-    fn draw(&self) -> Result<String> {
+    fn draw(&self, parameters: &Parameters) -> Result<String> {
         let colors = [plot::ORANGE, plot::BLUE, plot::GREEN, plot::GREY];
         let curve = |(&interleave, &color): (&u32, &plot::RGBColor)| {
             let mut points: Vec<_> = self.runs.iter().filter(|run| run.interleave == interleave).collect();
@@ -88,13 +94,16 @@ impl Figure for Banding {
             let points = points.into_iter().map(|run| (run.directions_per_pixel.into(), run.relative_rmse)).collect();
             Curve { name: name(interleave), color, faint: false, points }
         };
-        let errors: Vec<Curve> = INTERLEAVES.iter().zip(&colors).map(curve).collect();
+        let errors: Vec<Curve> = parameters.interleaves.iter().zip(&colors).map(curve).collect();
         let along: Vec<Curve> = (self.profiles.iter().zip(colors))
             .map(|(profile, color)| Curve {
                 name: profile.name.clone(),
                 color,
                 faint: false,
-                points: (COLUMNS.start..).zip(&profile.radiance).map(|(x, &radiance)| (x as f64, radiance.into())).collect(),
+                points: (parameters.columns[0]..)
+                    .zip(&profile.radiance)
+                    .map(|(x, &radiance)| (x as f64, radiance.into()))
+                    .collect(),
             })
             .collect();
         plot::svg((900, 860), |area| {
@@ -106,7 +115,8 @@ impl Figure for Banding {
             let [xs, ys] = plot::values(&along);
             let x = Axis::linear("pixel", xs.into_iter(), plot::whole);
             let y = Axis::linear("radiance, green", ys.into_iter(), |radiance| format!("{radiance:.2}"));
-            plot::lines(&below, "A row of the back wall, 64 directions to a pixel", [&x, &y], &along)
+            let title = format!("A row of the back wall, {} directions to a pixel", parameters.shown);
+            plot::lines(&below, &title, [&x, &y], &along)
         })
     }
 }
@@ -115,8 +125,9 @@ fn name(interleave: u32) -> String {
     if interleave == 1 { "shared by all".into() } else { format!("squares of {interleave}") }
 }
 
-fn profile(name: String, picture: &Image) -> Result<Profile> {
+fn profile(name: String, picture: &Image, parameters: &Parameters) -> Result<Profile> {
     let [_, green, _] = picture.rgb()?;
-    let row = &green[ROW * picture.width..][COLUMNS];
+    let [first, end] = parameters.columns;
+    let row = &green[parameters.row * picture.width..][first..end];
     Ok(Profile { name, radiance: row.to_vec() })
 }

@@ -7,9 +7,19 @@ use serde::{Deserialize, Serialize};
 
 use crate::contestants::{self, error_note};
 use crate::cornell;
-use crate::figure::{Figure, Result, Scale};
+use crate::figure::{Figure, Result, Task};
 use crate::machine::gpu;
 use crate::plot::{self, Axis, Bar};
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Parameters {
+    size: u32,
+    directions: u32,
+    rounds: u32,
+    /// Directions of the oracle that `converged` is held against.
+    converged: u32,
+}
 
 #[derive(Serialize, Deserialize)]
 pub struct SideBySide {
@@ -21,21 +31,27 @@ pub struct SideBySide {
     rounds: u32,
     /// Of the oracle that `converged` is held against.
     converged_directions: u32,
-    rows: Vec<Row>,
+    pub rows: Vec<Row>,
     /// How many times as fast fused is, by the time for a sample at every point.
     fused_against: Vec<(String, f64)>,
 }
 
 impl Figure for SideBySide {
-    const NAME: &'static str = "bench";
-    const ABOUT: &'static str = "time and error of all pipelines and of rays";
+    const KIND: &'static str = "bench";
+    type Parameters = Parameters;
 
-    fn measure(scale: Scale) -> Result<Self> {
+    fn measure(parameters: &Parameters, task: &Task) -> Result<Self> {
+        let scale = task.scale;
         let scene = UnitSpace::enter(&cornell::load()?).0;
-        let size = scale.of(512, 64);
+        let size = scale.of(parameters.size, 64);
         let settings = Settings { size: [size; 2], ..Settings::default() };
         let bench = Bench::new(&gpu()?, scene, &settings, Where::Camera)?;
-        let plan = Plan { directions: scale.of(32, 4), rounds: 5, stages: true, converged: scale.of(4096, 256) };
+        let plan = Plan {
+            directions: scale.of(parameters.directions, 4),
+            rounds: parameters.rounds,
+            stages: true,
+            converged: scale.of(parameters.converged, 256),
+        };
         let rows = bench.measure(&contestants::all(), plan)?;
         for row in &rows {
             eprintln!("  {}: {:.2} ms a sample", row.name, row.ms_per_sample);
@@ -54,7 +70,7 @@ impl Figure for SideBySide {
         })
     }
 
-    fn draw(&self) -> Result<String> {
+    fn draw(&self, _: &Parameters) -> Result<String> {
         let bar = |row: &Row| {
             let error = error_note(row.same_rays.map(|same| same.mean_difference));
             let rmse = row.converged.map_or(String::new(), |converged| format!(", RMSE {:.0} %", 100.0 * converged.rmse));

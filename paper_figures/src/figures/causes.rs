@@ -6,9 +6,25 @@
 use finalgather::{Image, Pipeline, Settings};
 use serde::{Deserialize, Serialize};
 
-use crate::figure::{Figure, Result, Scale};
+use crate::figure::{Figure, Result, Task};
 use crate::picture::Pictures;
 use crate::plot::{self, Axis, Bar};
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Parameters {
+    pipeline: Pipeline,
+    directions: u32,
+    /// What is changed, one at a time; beside layers of these sizes, exact rays.
+    layer_sizes: Vec<u32>,
+    /// As many times the directions.
+    direction_factors: Vec<f64>,
+    photons: Vec<u32>,
+    grid_cells: Vec<u32>,
+    light_samples: Vec<u32>,
+    /// Which tell how far two pictures are apart that differ in every random number.
+    seeds: Vec<u64>,
+}
 
 #[derive(Serialize, Deserialize)]
 pub struct Causes {
@@ -38,44 +54,46 @@ struct Change {
 }
 
 /// All runs but the default.
-fn changes(default: &Settings) -> Vec<Change> {
+fn changes(default: &Settings, parameters: &Parameters) -> Vec<Change> {
     let mut changes = Vec::new();
     let mut change = |cause, value: String, of: &dyn Fn(&mut Settings)| {
         let mut settings = default.clone();
         of(&mut settings);
         changes.push(Change { cause, value, settings });
     };
-    for size in [128, 512] {
+    for &size in &parameters.layer_sizes {
         change("layers", format!("{size}²"), &|settings| settings.layer_size = size);
     }
     change("layers", "exact rays".into(), &|settings| settings.pipeline = Pipeline::Raycast);
-    let directions = default.directions;
-    for directions in [directions / 4, directions * 4] {
+    for factor in &parameters.direction_factors {
+        let directions = (f64::from(default.directions) * factor).round() as u32;
         change("directions", directions.to_string(), &|settings| settings.directions = directions);
     }
-    for photons in [250_000, 4_000_000] {
+    for &photons in &parameters.photons {
         change("photons", plot::count(photons), &|settings| settings.photons = photons.into());
     }
-    for cells in [16, 64] {
+    for &cells in &parameters.grid_cells {
         change("grid cells", cells.to_string(), &|settings| settings.grid_cells = cells);
     }
-    for samples in [128, 2048] {
+    for &samples in &parameters.light_samples {
         change("light samples", samples.to_string(), &|settings| settings.light_samples = samples);
     }
-    // How far two pictures are apart that differ in every random number.
-    change("seed", "1".into(), &|settings| settings.seed = 1);
+    for &seed in &parameters.seeds {
+        change("seed", seed.to_string(), &|settings| settings.seed = seed);
+    }
     changes
 }
 
 impl Figure for Causes {
-    const NAME: &'static str = "causes";
-    const ABOUT: &'static str = "what a picture's error is made of";
+    const KIND: &'static str = "causes";
+    type Parameters = Parameters;
 
-    fn measure(scale: Scale) -> Result<Self> {
+    fn measure(parameters: &Parameters, task: &Task) -> Result<Self> {
+        let scale = task.scale;
         let pictures = Pictures::new()?;
         // Of both ends, rays on the CPU have one only.
-        let default = Settings { pipeline: Pipeline::Kill, ..pictures.settings(scale) };
-        let changes = changes(&default);
+        let default = Settings { pipeline: parameters.pipeline, ..pictures.settings(scale.of(parameters.directions, 8)) };
+        let changes = changes(&default, parameters);
         let mut first: Option<Image> = None;
         let mut run = |Change { cause, value, settings }| {
             let (picture, statistics) = pictures.render(&settings)?;
@@ -101,7 +119,7 @@ impl Figure for Causes {
         Ok(Self { directions: default.directions, runs })
     }
 
-    fn draw(&self) -> Result<String> {
+    fn draw(&self, _: &Parameters) -> Result<String> {
         let bar = |run: &Run| Bar {
             name: if run.cause.is_empty() { "default".into() } else { format!("{}: {}", run.cause, run.value) },
             values: vec![

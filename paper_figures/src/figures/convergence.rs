@@ -13,8 +13,20 @@ use glam::{DVec3, DVec4};
 use serde::{Deserialize, Serialize};
 
 use crate::cornell::{Cornell, relative_rmse};
-use crate::figure::{Figure, Result, Scale};
+use crate::figure::{Figure, Result, Task};
 use crate::plot::{self, Axis, Curve};
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Parameters {
+    sequences: Vec<Sequence>,
+    seeds: u32,
+    /// Side of the picture whose points gather.
+    size: u32,
+    most_directions: u32,
+    /// As many times the most directions make the truth.
+    truth_factor: u32,
+}
 
 #[derive(Serialize, Deserialize)]
 pub struct Convergence {
@@ -58,31 +70,32 @@ struct Winner {
     lead: f64,
 }
 
-const SEQUENCES: [Sequence; 3] = [Sequence::Random, Sequence::R2, Sequence::Sobol];
 const ESTIMATORS: [Estimator; 2] = [Estimator::Plain, Estimator::SelfNormalised];
 
 impl Figure for Convergence {
-    const NAME: &'static str = "convergence";
-    const ABOUT: &'static str = "error of irradiance against the number of directions";
+    const KIND: &'static str = "convergence";
+    type Parameters = Parameters;
 
-    fn measure(scale: Scale) -> Result<Self> {
+    fn measure(parameters: &Parameters, task: &Task) -> Result<Self> {
+        let scale = task.scale;
         let cornell = Cornell::load()?;
         let settings = Settings::default();
         let photons = u64::from(scale.of(settings.photons as u32, 1));
         let grid = cornell.photon_grid(&settings, 0..photons);
-        let points = cornell.camera_points(scale.of(48, 4))?;
+        let points = cornell.camera_points(scale.of(parameters.size, 4))?;
         let gather = Gather { oracle: Reference::new(&cornell.scene, &cornell.bvh, &grid), points: &points };
 
-        let directions: Vec<u32> = (4..).map(|power| 1 << power).take_while(|&n| n <= scale.of(16384, 256)).collect();
-        let truth_directions = 16 * directions[directions.len() - 1];
+        let directions: Vec<u32> =
+            (4..).map(|power| 1 << power).take_while(|&n| n <= scale.of(parameters.most_directions, 256)).collect();
+        let truth_directions = parameters.truth_factor * directions[directions.len() - 1];
         let truth = gather.sums(Sequence::Sobol, u64::MAX, &[truth_directions]).remove(0);
         let truth = estimate(Estimator::SelfNormalised, &truth, truth_directions);
         let ones = vec![DVec3::splat(PI); points.len()];
 
         let fitted = [64, directions[directions.len() - 1]];
-        let seeds = scale.of(8, 2);
+        let seeds = scale.of(parameters.seeds, 2);
         let (mut irradiance, mut constant) = (Vec::new(), Vec::new());
-        for sequence in SEQUENCES {
+        for &sequence in &parameters.sequences {
             // By seed, then by number of directions.
             let sums: Vec<_> = (0..seeds).map(|seed| gather.sums(sequence, seed.into(), &directions)).collect();
             let errors = |estimator: Estimator, truth: &[DVec3], of: fn(DVec4) -> DVec4| {
@@ -110,7 +123,7 @@ impl Figure for Convergence {
         })
     }
 
-    fn draw(&self) -> Result<String> {
+    fn draw(&self, _: &Parameters) -> Result<String> {
         let curve = |errors: &Errors| self.curve(errors);
         let irradiance: Vec<_> = self.irradiance.iter().map(curve).collect();
         let mut constant: Vec<_> = self.constant.iter().map(curve).collect();

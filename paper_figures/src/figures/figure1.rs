@@ -6,7 +6,6 @@
 mod drawing;
 
 use std::collections::VecDeque;
-use std::f32::consts::FRAC_PI_8;
 
 use finalgather::gather::{Bundle, Kill, Peel};
 use finalgather::geometry::Geometry;
@@ -18,23 +17,28 @@ use glam::{Vec2, Vec3, Vec4, vec2, vec3};
 use serde::{Deserialize, Serialize};
 
 use crate::cornell::Cornell;
-use crate::figure::{Figure, Result, Scale};
+use crate::figure::{Figure, Result, Task};
 use crate::machine::gpu;
 
-/// Texels on a side: so few that they can be seen.
-const LAYER_SIZE: u32 = 32;
-/// Where the section leaves the walls on the left and on the right, as shares of the box's depth from the near side: through both blocks.
-const DEPTHS: [f32; 2] = [0.82, 0.18];
-/// Of the direction above the horizontal: shallow, so that some rays cross both blocks.
-const ELEVATION: f32 = FRAC_PI_8;
-/// Where each point is looked for: from a place, in shares of the section's width and height, to the first surface along an axis.
-const POINTS: [(Vec2, Vec2); 5] = [
-    (vec2(0.073, 0.05), Vec2::NEG_Y),
-    (vec2(0.10, 0.36), Vec2::NEG_X),
-    (vec2(0.30, 0.90), Vec2::NEG_Y),
-    (vec2(0.50, 0.24), Vec2::NEG_X),
-    (vec2(0.775, 0.50), Vec2::NEG_Y),
-];
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Parameters {
+    /// Texels on a side: so few that they can be seen.
+    layer_size: u32,
+    /// Where the section leaves the walls on the left and on the right, as shares of the box's depth from the near side.
+    depths: [f32; 2],
+    /// Of the direction above the horizontal.
+    elevation_degrees: f32,
+    points: Vec<Look>,
+}
+
+/// Where a point is looked for: from a place, in shares of the section's width and height, to the first surface along an axis.
+#[derive(Clone, Copy, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Look {
+    from: [f32; 2],
+    towards: [f32; 2],
+}
 
 /// In the section: to the right and up, in unit space.
 type Place = [f32; 2];
@@ -119,10 +123,10 @@ struct Section {
 
 impl Section {
     /// Seen from the camera's side, on which the box is open.
-    fn of(mesh: &Mesh) -> Self {
+    fn of(mesh: &Mesh, [left, right]: [f32; 2]) -> Self {
         let bounds = mesh.bounds();
         // The camera looks along +z with y up, so that x grows to the left.
-        let [left, right] = [(bounds.max.x, DEPTHS[0]), (bounds.min.x, DEPTHS[1])]
+        let [left, right] = [(bounds.max.x, left), (bounds.min.x, right)]
             .map(|(x, depth)| Vec3::new(x, bounds.min.y, bounds.min.z + depth * bounds.extent().z));
         Self { origin: left, right: (right - left).normalize(), size: vec2((right - left).length(), bounds.extent().y) }
     }
@@ -173,7 +177,8 @@ impl Section {
     }
 
     /// The surface point that is first met from a place towards an axis, on the side that is met.
-    fn look(&self, mesh: &Mesh, bvh: &Bvh, (from, towards): (Vec2, Vec2)) -> Result<GatherPoint> {
+    fn look(&self, mesh: &Mesh, bvh: &Bvh, look: Look) -> Result<GatherPoint> {
+        let [from, towards] = [look.from, look.towards].map(Vec2::from);
         let (from, towards) = (self.origin + self.vector(from * self.size), self.vector(towards));
         let hit = bvh.nearest(from, towards, None).ok_or("a gather point has no surface to lie on")?;
         Ok(GatherPoint::flat(from + hit.distance * towards, mesh.side_met(hit.triangle, towards)))
@@ -181,11 +186,11 @@ impl Section {
 }
 
 /// The bundle along the section's direction, with the middles of a row of texels in the plane; and the number of the row.
-fn bundle(section: &Section, vector: Vec3, positions: &[Vec3]) -> (Bundle, usize) {
+fn bundle(section: &Section, vector: Vec3, positions: &[Vec3], layer_size: u32) -> (Bundle, usize) {
     let [x, y, _] = frame(vector).to_cols_array_2d().map(Vec3::from);
     let across = section.right.cross(Vec3::Y).cross(vector);
     let turn = across.dot(y).atan2(across.dot(x));
-    let with = |shift| Bundle::new(&Direction { vector, turn, shift }, positions, LAYER_SIZE);
+    let with = |shift| Bundle::new(&Direction { vector, turn, shift }, positions, layer_size);
     let row = |bundle: &Bundle| bundle.to_layer.transform_point3(section.origin).y;
     let bundle = with(vec2(0.5, (0.5 - row(&with(Vec2::ZERO))).rem_euclid(1.0)));
     (bundle, row(&bundle) as usize)
@@ -196,11 +201,11 @@ fn sample(
     gpu: &Gpu,
     geometry: &Geometry,
     bundle: &Bundle,
-    row: usize,
+    (row, layer_size): (usize, u32),
     points: &[GatherPoint],
 ) -> Result<(Vec<Vec<Vec4>>, Vec<Sights>)> {
     let list = PointList::upload(gpu, points)?;
-    let (mut peel, kill) = (Peel::new(gpu, LAYER_SIZE)?, Kill::new(gpu, list.points().size())?);
+    let (mut peel, kill) = (Peel::new(gpu, layer_size)?, Kill::new(gpu, list.points().size())?);
     let (mut layers, mut sights) = (Vec::new(), vec![Sights::new(); points.len()]);
     let length = bundle.to_layer.inverse().z_axis.length();
     peel.start();
@@ -209,7 +214,7 @@ fn sample(
         let before = kill.hits().read::<[f32; 2]>();
         let layer = peel.next(geometry, bundle);
         kill.sample(list.points(), bundle, layer, index);
-        let size = LAYER_SIZE as usize;
+        let size = layer_size as usize;
         let texels: Vec<Vec4> = layer.read()[row * size..][..size].to_vec();
         if texels.iter().all(|texel| texel.w == 0.0) {
             break;
@@ -236,23 +241,24 @@ fn exact(bvh: &Bvh, point: &GatherPoint, direction: Vec3) -> Option<f32> {
 }
 
 impl Figure for Figure1 {
-    const NAME: &'static str = "figure1";
-    const ABOUT: &'static str = "the poster's figure 1: depth layers of a bundle, and which of them points sample";
+    const KIND: &'static str = "layers_of_a_slice";
+    type Parameters = Parameters;
 
-    fn measure(_: Scale) -> Result<Self> {
+    fn measure(parameters: &Parameters, _: &Task) -> Result<Self> {
+        let layer_size = parameters.layer_size;
         let mut cornell = Cornell::load()?;
         // The lamp hangs a tenth of a millimetre below the ceiling: two layers that no drawing can tell apart.
         let Scene { mesh, materials, .. } = &mut cornell.scene;
         mesh.triangles.retain(|triangle| !materials[triangle.material as usize].is_emissive());
         let (scene, bvh) = (&cornell.scene, Bvh::new(&cornell.scene.mesh));
 
-        let section = Section::of(&scene.mesh);
-        let vector = section.vector(Vec2::from_angle(ELEVATION));
-        let points = POINTS.iter().map(|&look| section.look(&scene.mesh, &bvh, look)).collect::<Result<Vec<_>>>()?;
+        let section = Section::of(&scene.mesh, parameters.depths);
+        let vector = section.vector(Vec2::from_angle(parameters.elevation_degrees.to_radians()));
+        let points = parameters.points.iter().map(|&look| section.look(&scene.mesh, &bvh, look)).collect::<Result<Vec<_>>>()?;
         let gpu = gpu()?;
         let geometry = Geometry::upload(&gpu, scene)?;
-        let (bundle, row) = bundle(&section, vector, &geometry.positions);
-        let (layers, sights) = sample(&gpu, &geometry, &bundle, row, &points)?;
+        let (bundle, row) = bundle(&section, vector, &geometry.positions, layer_size);
+        let (layers, sights) = sample(&gpu, &geometry, &bundle, (row, layer_size), &points)?;
 
         let from_layer = bundle.to_layer.inverse();
         let in_layer = |x: f32, depth: f32| from_layer.transform_point3(vec3(x, row as f32 + 0.5, depth));
@@ -270,10 +276,10 @@ impl Figure for Figure1 {
             sights,
         };
         let figure = Self {
-            layer_size: LAYER_SIZE,
+            layer_size,
             direction: section.flat(vector).into(),
             surfaces: section.surfaces(scene),
-            rays: (0..LAYER_SIZE).map(ray).collect(),
+            rays: (0..layer_size).map(ray).collect(),
             layers: layers.iter().map(layer).collect(),
             points: points.iter().zip(sights).map(point).collect(),
         };
@@ -282,7 +288,7 @@ impl Figure for Figure1 {
         Ok(figure)
     }
 
-    fn draw(&self) -> Result<String> {
+    fn draw(&self, _: &Parameters) -> Result<String> {
         drawing::draw(self)
     }
 }
@@ -290,16 +296,19 @@ impl Figure for Figure1 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::figure::Declaration;
 
     fn figure() -> Figure1 {
-        Figure1::measure("1".parse().unwrap()).unwrap_or_else(|error| panic!("{error}"))
+        let out = tempfile::tempdir().unwrap();
+        let document = Declaration::load("figure1").unwrap().measure("1".parse().unwrap(), out.path()).unwrap();
+        document.data().unwrap()
     }
 
     #[test]
     fn layers_come_far_to_near_and_points_sample_those_ahead() {
         let figure = figure();
         let along = |place: Place| Vec2::from(place).dot(figure.direction.into());
-        for column in 0..LAYER_SIZE as usize {
+        for column in 0..figure.layer_size as usize {
             let texels: Vec<_> = figure.layers.iter().flatten().filter(|texel| texel.column == column).collect();
             assert!(texels.is_sorted_by(|far, near| along(far.center) > along(near.center)), "column {column}");
         }

@@ -1,26 +1,31 @@
-//! The figures, a file each.
+//! The kinds of figures, a file each.
 
-mod banding;
-mod bench;
-mod causes;
-mod convergence;
-mod figure1;
-mod photon_grid;
-mod scaling;
-mod stop_fraction;
-mod time_to_error;
+pub mod banding;
+pub mod bench;
+pub mod causes;
+pub mod comparison;
+pub mod convergence;
+pub mod figure1;
+pub mod path_tracing;
+pub mod photon_grid;
+pub mod scaling;
+pub mod stop_fraction;
+pub mod time_to_error;
+pub mod times;
 
-use crate::figure::Entry;
+use crate::figure::Kind;
 
-/// In the order in which they are made.
-pub const FIGURES: [Entry; 9] = [
-    Entry::of::<figure1::Figure1>(),
-    Entry::of::<convergence::Convergence>(),
-    Entry::of::<photon_grid::PhotonGridErrors>(),
-    Entry::of::<stop_fraction::StopFraction>(),
-    Entry::of::<banding::Banding>(),
-    Entry::of::<causes::Causes>(),
-    Entry::of::<bench::SideBySide>(),
-    Entry::of::<scaling::Scaling>(),
-    Entry::of::<time_to_error::TimeToError>(),
+pub const KINDS: [Kind; 12] = [
+    Kind::of::<figure1::Figure1>(),
+    Kind::of::<comparison::PictureComparison>(),
+    Kind::of::<times::Times>(),
+    Kind::of::<convergence::Convergence>(),
+    Kind::of::<photon_grid::PhotonGridErrors>(),
+    Kind::of::<stop_fraction::StopFraction>(),
+    Kind::of::<banding::Banding>(),
+    Kind::of::<causes::Causes>(),
+    Kind::of::<bench::SideBySide>(),
+    Kind::of::<path_tracing::PathTracing>(),
+    Kind::of::<scaling::Scaling>(),
+    Kind::of::<time_to_error::TimeToError>(),
 ];

@@ -18,8 +18,28 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::cornell::{Cornell, directions, irradiance, mean};
-use crate::figure::{Figure, Result, Scale};
+use crate::figure::{Figure, Result, Task};
 use crate::plot::{self, Axis, Curve};
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Parameters {
+    grid_cells: Vec<u32>,
+    photons: Vec<u32>,
+    /// Of the maps whose area is probed anew.
+    probed_photons: u32,
+    surface_points: u32,
+    /// Side of the picture whose points gather, and along how many directions.
+    size: u32,
+    directions: u32,
+    /// Independent ones of each kind.
+    maps: u32,
+    /// Of the truth.
+    truth_light_samples: u32,
+    truth_directions: u32,
+    truth_grid_cells: u32,
+    truth_photons: u32,
+}
 
 #[derive(Serialize, Deserialize)]
 pub struct PhotonGridErrors {
@@ -32,7 +52,7 @@ pub struct PhotonGridErrors {
     /// Independent maps of each kind.
     maps: u32,
     /// By photons, then by grid cells.
-    kinds: Vec<Kind>,
+    pub kinds: Vec<Kind>,
     probes: Vec<Probes>,
 }
 
@@ -50,17 +70,17 @@ struct Truth {
 
 /// Maps that differ in nothing but their photons.
 #[derive(Serialize, Deserialize)]
-struct Kind {
-    photons: u32,
-    grid_cells: u32,
+pub struct Kind {
+    pub photons: u32,
+    pub grid_cells: u32,
     /// At surface points.
-    seen: Errors,
+    pub seen: Errors,
     /// At surface points within half a cell of where surfaces meet or end, and how many these are.
     near_edges: Errors,
     points_near_edges: usize,
     elsewhere: Errors,
     /// Of the indirect light of camera points.
-    gathered: Errors,
+    pub gathered: Errors,
 }
 
 /// Noise of maps of the same photons whose area is probed anew; as in [`Errors`].
@@ -74,31 +94,30 @@ struct Probes {
 
 /// As shares of the true mean.
 #[derive(Serialize, Deserialize)]
-struct Errors {
+pub struct Errors {
     /// Of the mean over points.
     mean_bias: f64,
     /// Root mean square over points and channels; the noise left in a mean of so few maps is taken off. Null where it is below half of that.
-    bias: Option<f64>,
+    pub bias: Option<f64>,
     /// Standard deviation of one map, root mean square over points and channels.
-    noise: f64,
+    pub noise: f64,
 }
 
-const CELLS: [u32; 5] = [8, 16, 32, 64, 128];
-const PHOTONS: [u32; 3] = [100_000, 1_000_000, 4_000_000];
 /// Points darker than this share of the mean are shut in: under the blocks, or above the lamp. No ray looks at them.
 const SHUT_IN: f64 = 0.01;
 
 impl Figure for PhotonGridErrors {
-    const NAME: &'static str = "photon_grid";
-    const ABOUT: &'static str = "bias and noise of the photon map, before and after the gather";
+    const KIND: &'static str = "photon_grid";
+    type Parameters = Parameters;
 
-    fn measure(scale: Scale) -> Result<Self> {
+    fn measure(parameters: &Parameters, task: &Task) -> Result<Self> {
+        let scale = task.scale;
         let cornell = Cornell::load()?;
         let mut truth = Truth {
-            light_samples: scale.of(4096, 256),
-            directions: scale.of(16384, 256),
-            grid_cells: 128,
-            photons: scale.of(16_000_000, 1),
+            light_samples: scale.of(parameters.truth_light_samples, 256),
+            directions: scale.of(parameters.truth_directions, 256),
+            grid_cells: parameters.truth_grid_cells,
+            photons: scale.of(parameters.truth_photons, 1),
             mean_irradiance: 0.0,
             mean_indirect: 0.0,
         };
@@ -108,7 +127,7 @@ impl Figure for PhotonGridErrors {
             irradiance(&Reference::new(&cornell.scene, &cornell.bvh, grid).gather(points, vectors))
         };
 
-        let mut surface = surface_points(&cornell, scale.of(4096, 64));
+        let mut surface = surface_points(&cornell, scale.of(parameters.surface_points, 64));
         let all_around = directions(&Directions::new(Sequence::Sobol, u64::MAX), truth.directions);
         let indirect = gather(&finest, &surface, &all_around);
         let direct: Vec<_> =
@@ -120,14 +139,14 @@ impl Figure for PhotonGridErrors {
         keep(&mut seen, &lit);
         truth.mean_irradiance = mean(&seen);
 
-        let camera = cornell.camera_points(scale.of(32, 4))?;
-        let vectors = directions(&Directions::new(Sequence::R2, 0), scale.of(1024, 64));
+        let camera = cornell.camera_points(scale.of(parameters.size, 4))?;
+        let vectors = directions(&Directions::new(Sequence::R2, 0), scale.of(parameters.directions, 64));
         let gathered = gather(&finest, &camera, &vectors);
         truth.mean_indirect = mean(&gathered);
 
         let edges = edges(&cornell);
         let to_edge: Vec<_> = surface.par_iter().map(|point| distance(point.position, &edges)).collect();
-        let maps = scale.of(4, 2);
+        let maps = scale.of(parameters.maps, 2);
         let measure = |photons: u32, grid_cells: u32| {
             let (mut of_seen, mut of_gathered) = (Moments::new(surface.len()), Moments::new(camera.len()));
             let mut near = Vec::new();
@@ -149,9 +168,10 @@ impl Figure for PhotonGridErrors {
                 gathered: of_gathered.errors(&gathered, &vec![true; camera.len()]),
             }
         };
-        let kinds = PHOTONS.iter().flat_map(|&photons| CELLS.map(|cells| measure(scale.of(photons, 1), cells))).collect();
-        let probe = |grid_cells| {
-            let photons = scale.of(1_000_000, 1);
+        let of_photons = |&photons: &u32| parameters.grid_cells.iter().map(move |&cells| (scale.of(photons, 1), cells));
+        let kinds = parameters.photons.iter().flat_map(of_photons).map(|(photons, cells)| measure(photons, cells)).collect();
+        let probe = |&grid_cells: &u32| {
+            let photons = scale.of(parameters.probed_photons, 1);
             let (mut of_seen, mut of_gathered) = (Moments::new(surface.len()), Moments::new(camera.len()));
             let traced = cornell.traced(&Settings { grid_cells, ..Settings::default() }, 0..photons.into());
             for seed in 0..maps {
@@ -163,12 +183,12 @@ impl Figure for PhotonGridErrors {
             let noise = |moments: &Moments, truth: &[DVec3]| moments.errors(truth, &vec![true; truth.len()]).noise;
             Probes { photons, grid_cells, seen: noise(&of_seen, &seen), gathered: noise(&of_gathered, &gathered) }
         };
-        let probes = CELLS.map(probe).into();
+        let probes = parameters.grid_cells.iter().map(probe).collect();
         let (surface_points, camera_points, directions) = (surface.len(), camera.len(), vectors.len() as u32);
         Ok(Self { truth, surface_points, camera_points, directions, maps, kinds, probes })
     }
 
-    fn draw(&self) -> Result<String> {
+    fn draw(&self, parameters: &Parameters) -> Result<String> {
         let bias_and_noise = |of: fn(&Kind) -> &Errors, of_probes: fn(&Probes) -> f64| {
             let most = self.by_photons().last();
             let bias = most.map(|kinds| curve("bias", plot::GREY, true, kinds, &|kind| of(kind).bias.unwrap_or(f64::NAN)));
@@ -184,7 +204,7 @@ impl Figure for PhotonGridErrors {
             curve("within half a cell of an edge", plot::PURPLE, false, most, &|kind| kind.near_edges.mean_bias),
             curve("elsewhere", plot::SKY, false, most, &|kind| kind.elsewhere.mean_bias),
         ];
-        let cells: Vec<_> = CELLS.map(f64::from).to_vec();
+        let cells: Vec<_> = parameters.grid_cells.iter().map(|&cells| f64::from(cells)).collect();
         let panels = [
             ("The map, looked at directly", "RMS over points", bias_and_noise(|kind| &kind.seen, |probes| probes.seen)),
             ("After the gather", "RMS over points", bias_and_noise(|kind| &kind.gathered, |probes| probes.gathered)),

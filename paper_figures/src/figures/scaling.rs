@@ -12,50 +12,63 @@ use serde::{Deserialize, Serialize};
 
 use crate::contestants::{all, color, crossing};
 use crate::cornell;
-use crate::figure::{Figure, Result, Scale};
+use crate::figure::{Figure, Result, Task};
 use crate::machine::gpu;
 use crate::plot::{self, Area, Axis, Curve};
 use crate::procedural::{hills, plates, points_on};
 
-#[derive(Serialize, Deserialize)]
-pub struct Scaling {
-    series: Vec<Series>,
-    crossover: Vec<Crossover>,
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Parameters {
+    directions: Vec<u32>,
+    /// Sides of pictures.
+    sides: Vec<u32>,
+    layer_sizes: Vec<u32>,
+    triangles: Vec<u32>,
+    layers: Vec<u32>,
+    /// Sides of pictures between which the crossover is looked for; the series of triangles adds 256.
+    crossover_sides: Vec<u32>,
 }
 
 #[derive(Serialize, Deserialize)]
-struct Series {
+pub struct Scaling {
+    pub series: Vec<Series>,
+    pub crossover: Vec<Crossover>,
+}
+
+#[derive(Serialize, Deserialize)]
+pub struct Series {
     /// What grows.
-    of: String,
+    pub of: String,
     /// What stays, in words.
     fixed: String,
     /// Seconds of the fastest round, beyond which a contestant is left out of larger steps.
     budget: f64,
-    steps: Vec<Step>,
+    pub steps: Vec<Step>,
     /// Why there are no larger steps, where some are missing.
     ended: Option<String>,
 }
 
 #[derive(Serialize, Deserialize)]
-struct Step {
+pub struct Step {
     at: u32,
-    points: u32,
-    triangles: usize,
+    pub points: u32,
+    pub triangles: usize,
     directions: u32,
     layer_size: u32,
     rounds: u32,
-    costs: Vec<Cost>,
+    pub costs: Vec<Cost>,
     left_out: Vec<String>,
 }
 
 #[derive(Serialize, Deserialize)]
-struct Cost {
-    name: String,
+pub struct Cost {
+    pub name: String,
     /// Of a round.
     seconds: f64,
     ms_per_direction: f64,
     /// In which every point gets one sample.
-    ms_per_sample: f64,
+    pub ms_per_sample: f64,
     layers_max: u32,
     /// Against exact rays along the same directions; null for rays of each point's own.
     mean_difference: Option<f64>,
@@ -64,7 +77,7 @@ struct Cost {
 
 /// Where fused begins to be faster than rays on the CPU, for one scene.
 #[derive(Serialize, Deserialize)]
-struct Crossover {
+pub struct Crossover {
     triangles: usize,
     /// Which rays.
     rays: String,
@@ -85,30 +98,23 @@ struct Recipe<'a> {
     step: &'a dyn Fn(u32) -> Result<(Scene, Where, Settings, Plan)>,
 }
 
-const DIRECTIONS: [u32; 4] = [64, 256, 1024, 4096];
-/// Sides of pictures: 2^14 to 2^24 points.
-const SIDES: [u32; 6] = [128, 256, 512, 1024, 2048, 4096];
-const LAYER_SIZES: [u32; 5] = [128, 256, 512, 1024, 2048];
-const TRIANGLES: [u32; 5] = [32, 1000, 30_000, 200_000, 1_000_000];
-const LAYERS: [u32; 6] = [2, 4, 8, 16, 32, 64];
-/// Sides of pictures between which the crossover is looked for; the series of triangles adds 256.
-const CROSSOVER_SIDES: [u32; 3] = [16, 64, 1024];
 /// Rays on the CPU.
 const RAYS: [&str; 2] = ["raycast", "raycast-cosine"];
 
 impl Figure for Scaling {
-    const NAME: &'static str = "scaling";
-    const ABOUT: &'static str = "time against directions, points, layers and triangles; where rays win";
+    const KIND: &'static str = "scaling";
+    type Parameters = Parameters;
 
-    fn measure(scale: Scale) -> Result<Self> {
+    fn measure<'a>(parameters: &'a Parameters, task: &Task) -> Result<Self> {
+        let scale = task.scale;
         let gpu = gpu()?;
         let cornell = UnitSpace::enter(&cornell::load()?).0;
         let settings = |side: u32| Settings { size: [side; 2], photons: 100_000, ..Settings::default() };
         let plan = |directions| Plan { directions, rounds: 3, stages: false, converged: 0 };
         // A quarter of the steps at a quarter of the scale, and always two.
-        let steps = |all: &'static [u32]| &all[..scale.of(all.len() as u32, 2) as usize];
+        let steps = |all: &'a [u32]| &all[..scale.of(all.len() as u32, 2) as usize];
         let budget = |seconds: f64| seconds * f64::from(scale.of(1000, 1)) / 1000.0;
-        let few = scale.of(16, 2);
+        let few = scale.of(16, 8);
 
         let mut series = Vec::new();
         let mut add = |recipe: Recipe| -> Result<()> {
@@ -118,7 +124,7 @@ impl Figure for Scaling {
         add(Recipe {
             of: "directions",
             fixed: "Cornell box, 2^14 points".into(),
-            steps: steps(&DIRECTIONS),
+            steps: steps(&parameters.directions),
             budget: budget(12.0),
             contestants: all(),
             step: &|directions| {
@@ -130,7 +136,7 @@ impl Figure for Scaling {
         add(Recipe {
             of: "points",
             fixed: "Cornell box".into(),
-            steps: steps(&SIDES),
+            steps: steps(&parameters.sides),
             budget: budget(4.0),
             contestants: all(),
             step: &|side| {
@@ -141,7 +147,7 @@ impl Figure for Scaling {
         add(Recipe {
             of: "layer size",
             fixed: "Cornell box, 2^16 points".into(),
-            steps: steps(&LAYER_SIZES),
+            steps: steps(&parameters.layer_sizes),
             budget: budget(4.0),
             contestants: all(),
             step: &|layer_size| Ok((cornell.clone(), Where::Camera, Settings { layer_size, ..settings(256) }, plan(few))),
@@ -149,7 +155,7 @@ impl Figure for Scaling {
         add(Recipe {
             of: "triangles",
             fixed: "room with hills, 2^16 points".into(),
-            steps: steps(&TRIANGLES),
+            steps: steps(&parameters.triangles),
             budget: budget(4.0),
             contestants: all(),
             step: &|triangles| Ok((hills(triangles), Where::Camera, settings(256), plan(few / 2))),
@@ -157,7 +163,7 @@ impl Figure for Scaling {
         add(Recipe {
             of: "depth complexity",
             fixed: "pile of plates, 2^16 points on them".into(),
-            steps: steps(&LAYERS),
+            steps: steps(&parameters.layers),
             budget: budget(4.0),
             contestants: all(),
             step: &|layers| {
@@ -168,12 +174,12 @@ impl Figure for Scaling {
         })?;
 
         let mut grids = vec![series.iter().find(|series| series.of == "triangles").ok_or("no triangles")?.times()];
-        for side in CROSSOVER_SIDES {
+        for &side in &parameters.crossover_sides {
             let contestants = all().into_iter().filter(|contestant| contestant.name == FUSED || RAYS.contains(&contestant.name));
             let recipe = Recipe {
                 of: "triangles",
                 fixed: format!("room with hills, {side} x {side} points"),
-                steps: steps(&TRIANGLES),
+                steps: steps(&parameters.triangles),
                 budget: budget(8.0),
                 contestants: contestants.collect(),
                 step: &|triangles| Ok((hills(triangles), Where::Camera, settings(side), plan(few / 2))),
@@ -185,7 +191,7 @@ impl Figure for Scaling {
         Ok(Self { crossover: crossovers(grids.into_iter().flatten().collect()), series })
     }
 
-    fn draw(&self) -> Result<String> {
+    fn draw(&self, _: &Parameters) -> Result<String> {
         let panels: Vec<_> = self.series.iter().take(5).collect();
         plot::svg((900, 390 * (panels.len() as u32 + 1)), |area| {
             let areas = area.split_evenly((panels.len() + 1, 1));

@@ -3,35 +3,42 @@
 use finalgather::{Pipeline, Settings};
 use serde::{Deserialize, Serialize};
 
-use crate::figure::{Figure, Result, Scale};
+use crate::figure::{Figure, Result, Task};
 use crate::picture::Pictures;
 use crate::plot::{self, Axis, Curve};
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Parameters {
+    pipeline: Pipeline,
+    directions: u32,
+    stop_fractions: Vec<f32>,
+}
 
 #[derive(Serialize, Deserialize)]
 pub struct StopFraction {
     directions: u32,
-    runs: Vec<Run>,
+    pub runs: Vec<Run>,
 }
 
 #[derive(Serialize, Deserialize)]
-struct Run {
-    stop_fraction: f64,
-    layers_mean: f64,
+pub struct Run {
+    pub stop_fraction: f64,
+    pub layers_mean: f64,
     /// Of a machine that may be shared.
     gather_seconds: f64,
     bias: f64,
-    relative_rmse: f64,
+    pub relative_rmse: f64,
 }
 
-const STOP_FRACTIONS: [f32; 7] = [0.0, 0.0003, 0.001, 0.003, 0.01, 0.03, 0.1];
-
 impl Figure for StopFraction {
-    const NAME: &'static str = "stop_fraction";
-    const ABOUT: &'static str = "error and cost of a picture against the stop threshold";
+    const KIND: &'static str = "stop_fraction";
+    type Parameters = Parameters;
 
-    fn measure(scale: Scale) -> Result<Self> {
+    fn measure(parameters: &Parameters, task: &Task) -> Result<Self> {
+        let scale = task.scale;
         let pictures = Pictures::new()?;
-        let mut settings = Settings { pipeline: Pipeline::Kill, ..pictures.settings(scale) };
+        let mut settings = Settings { pipeline: parameters.pipeline, ..pictures.settings(scale.of(parameters.directions, 8)) };
         let mut run = |stop_fraction| {
             settings.stop_fraction = stop_fraction;
             let (picture, statistics) = pictures.render(&settings)?;
@@ -44,11 +51,11 @@ impl Figure for StopFraction {
                 relative_rmse: error.relative_rmse,
             })
         };
-        let runs = STOP_FRACTIONS.into_iter().map(&mut run).collect::<Result<_>>()?;
+        let runs = parameters.stop_fractions.iter().copied().map(&mut run).collect::<Result<_>>()?;
         Ok(Self { directions: settings.directions, runs })
     }
 
-    fn draw(&self) -> Result<String> {
+    fn draw(&self, _: &Parameters) -> Result<String> {
         let curve = |name: &str, color, of: fn(&Run) -> f64, text: fn(f64) -> String| {
             let (at_zero, others): (Vec<&Run>, Vec<&Run>) = self.runs.iter().partition(|run| run.stop_fraction == 0.0);
             let at_zero: String = at_zero.into_iter().map(|run| format!(" ({} at 0)", text(of(run)))).collect();
@@ -60,7 +67,8 @@ impl Figure for StopFraction {
             curve("bias, absolute", plot::ORANGE, |run| run.bias.abs(), |error| format!("{:.2} %", 100.0 * error)),
         ];
         let layers = vec![curve("layers", plot::GREEN, |run| run.layers_mean, |layers| format!("{layers:.2}"))];
-        plot::svg((900, 760), |area| {
+        let times = vec![curve("gather", plot::BLUE, |run| run.gather_seconds, |seconds| format!("{seconds:.1} s"))];
+        plot::svg((900, 1100), |area| {
             let fractions: Vec<_> = self.runs.iter().map(|run| run.stop_fraction).filter(|&fraction| fraction > 0.0).collect();
             let x = Axis::log_at("stop fraction", &fractions, plot::percent);
             let of = |curves: &[Curve]| plot::values(curves)[1].clone().into_iter();
@@ -69,7 +77,10 @@ impl Figure for StopFraction {
             let title = format!("Error of the Cornell box, 256 x 256, {} directions", self.directions);
             plot::lines(&above, &title, [&x, &error], &errors)?;
             let count = Axis::linear("layers a direction", of(&layers), plot::whole);
-            plot::lines(&below, "Layers peeled", [&x, &count], &layers)
+            let (middle, below) = below.split_vertically(340);
+            plot::lines(&middle, "Layers peeled", [&x, &count], &layers)?;
+            let seconds = Axis::linear("seconds", of(&times), plot::whole);
+            plot::lines(&below, "Time of the gather", [&x, &seconds], &times)
         })
     }
 }

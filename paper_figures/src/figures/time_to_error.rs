@@ -9,15 +9,26 @@ use serde::{Deserialize, Serialize};
 
 use crate::contestants::{self, color, crossing};
 use crate::cornell::Cornell;
-use crate::figure::{Figure, Result, Scale};
+use crate::figure::{Figure, Result, Task};
 use crate::machine::gpu;
 use crate::plot::{self, Axis, Bar, Curve};
 
-/// Relative RMSE that is to be reached.
-const GOAL: f64 = 0.01;
-/// Sequences of directions that an error is the mean of.
-const SEEDS: u64 = 2;
-const MOST_DIRECTIONS: u32 = 8192;
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Parameters {
+    /// Relative RMSE that is to be reached.
+    goal: f64,
+    /// Side of the picture at whose points times are taken, along so many directions in so many rounds.
+    size: u32,
+    directions: u32,
+    rounds: u32,
+    /// Side of the one at whose points errors are.
+    error_size: u32,
+    /// Sequences of directions that an error is the mean of.
+    seeds: u64,
+    most_directions: u32,
+    oracle_directions: u32,
+}
 
 #[derive(Serialize, Deserialize)]
 pub struct TimeToError {
@@ -50,33 +61,35 @@ struct At {
 }
 
 impl Figure for TimeToError {
-    const NAME: &'static str = "time_to_error";
-    const ABOUT: &'static str = "time until irradiance is 1 % off, for all pipelines and rays";
+    const KIND: &'static str = "time_to_error";
+    type Parameters = Parameters;
 
-    fn measure(scale: Scale) -> Result<Self> {
+    fn measure(parameters: &Parameters, task: &Task) -> Result<Self> {
+        let scale = task.scale;
         let gpu = gpu()?;
         let cornell = Cornell::load()?;
-        let size = scale.of(512, 64);
+        let size = scale.of(parameters.size, 64);
         let settings = Settings { size: [size; 2], ..Settings::default() };
         let contestants = contestants::all();
         let bench = Bench::new(&gpu, cornell.scene.clone(), &settings, Where::Camera)?;
-        let plan = Plan { directions: scale.of(32, 4), rounds: 3, stages: false, converged: 0 };
+        let plan =
+            Plan { directions: scale.of(parameters.directions, 4), rounds: parameters.rounds, stages: false, converged: 0 };
         let times: Vec<_> = bench.measure(&contestants, plan)?.into_iter().map(|row| row.ms_per_direction).collect();
         drop(bench);
 
-        let points = cornell.camera_points(scale.of(48, 16))?;
+        let points = cornell.camera_points(scale.of(parameters.error_size, 16))?;
         let error_points = points.len();
         let bench = Bench::new(&gpu, cornell.scene, &settings, Where::Points(points))?;
-        let oracle_directions = scale.of(1 << 16, 1 << 12);
+        let oracle_directions = scale.of(parameters.oracle_directions, 1 << 12);
         let truth = bench.converged(oracle_directions);
-        let most = scale.of(MOST_DIRECTIONS, 256);
-        let run = |(contestant, ms): (&&Contestant, f64)| run(&bench, contestant, &truth, ms, most);
+        let most = scale.of(parameters.most_directions, 256);
+        let run = |(contestant, ms): (&&Contestant, f64)| run(&bench, contestant, &truth, ms, (parameters, most));
         let runs = contestants.iter().zip(times).map(run).collect::<Result<_>>()?;
         let layer_size = settings.layer_size;
-        Ok(Self { goal: GOAL, size, layer_size, seeds: SEEDS, error_points, oracle_directions, runs })
+        Ok(Self { goal: parameters.goal, size, layer_size, seeds: parameters.seeds, error_points, oracle_directions, runs })
     }
 
-    fn draw(&self) -> Result<String> {
+    fn draw(&self, _: &Parameters) -> Result<String> {
         let curve = |run: &Run| Curve {
             name: run.name.clone(),
             color: color(&run.name),
@@ -110,21 +123,28 @@ impl Figure for TimeToError {
 }
 
 /// Doubles the directions until the goal is reached.
-fn run(bench: &Bench, contestant: &Contestant, truth: &[DVec3], ms_per_direction: f64, most: u32) -> Result<Run> {
-    let mut gathers = (0..SEEDS).map(|seed| bench.converging(contestant, seed)).collect::<Result<Vec<_>, _>>()?;
+fn run(
+    bench: &Bench,
+    contestant: &Contestant,
+    truth: &[DVec3],
+    ms_per_direction: f64,
+    (parameters, most): (&Parameters, u32),
+) -> Result<Run> {
+    let Parameters { goal, seeds, .. } = *parameters;
+    let mut gathers = (0..seeds).map(|seed| bench.converging(contestant, seed)).collect::<Result<Vec<_>, _>>()?;
     let mut errors = Vec::new();
     let mut directions = 32;
-    while directions <= most && errors.last().is_none_or(|at: &At| at.relative_rmse > GOAL) {
+    while directions <= most && errors.last().is_none_or(|at: &At| at.relative_rmse > goal) {
         let mut squares = 0.0;
         for gather in &mut gathers {
             squares += Deviation::between(&gather.after(directions)?, truth).rmse.powi(2);
         }
         let seconds = 1e-3 * ms_per_direction * f64::from(directions);
-        errors.push(At { directions, seconds, relative_rmse: (squares / SEEDS as f64).sqrt() });
+        errors.push(At { directions, seconds, relative_rmse: (squares / seeds as f64).sqrt() });
         directions *= 2;
     }
     let curve: Vec<_> = errors.iter().map(|at| (f64::from(at.directions), at.relative_rmse)).collect();
-    let directions_to_goal = crossing(&curve, GOAL);
+    let directions_to_goal = crossing(&curve, goal);
     let seconds_to_goal = directions_to_goal.map(|directions| 1e-3 * ms_per_direction * directions);
     eprintln!("  {}: {seconds_to_goal:.2?} s", contestant.name);
     Ok(Run { name: contestant.name.to_owned(), ms_per_direction, directions_to_goal, seconds_to_goal, errors })

@@ -1,0 +1,37 @@
+//! What parts of the page are made of.
+
+use std::fmt::Display;
+
+/// A table; cells are HTML. The first column names the rows.
+pub fn table(head: &[&str], rows: impl IntoIterator<Item = Vec<String>>) -> String {
+    let cell = |tag: &str, text: &dyn Display| format!("<{tag}>{text}</{tag}>");
+    let head: String = head.iter().map(|name| cell("th", name)).collect();
+    let row = |cells: Vec<String>| {
+        let cells: String = cells.iter().enumerate().map(|(i, text)| cell(if i == 0 { "th" } else { "td" }, text)).collect();
+        format!("<tr>{cells}</tr>\n")
+    };
+    let body: String = rows.into_iter().map(row).collect();
+    format!("<div class=\"wide\"><table>\n<thead><tr>{head}</tr></thead>\n<tbody>\n{body}</tbody>\n</table></div>\n")
+}
+
+/// A picture with a line below.
+pub fn panel(file: &str, label: &str) -> String {
+    format!("<figure><img src=\"{file}\" alt=\"{label}\"><figcaption>{label}</figcaption></figure>\n")
+}
+
+/// With two or three digits.
+pub fn seconds(seconds: f64) -> String {
+    let digits = if seconds >= 20.0 {
+        0
+    } else if seconds >= 2.0 {
+        1
+    } else {
+        2
+    };
+    format!("{seconds:.digits$} s")
+}
+
+/// A share in percent, with two digits behind the point.
+pub fn percent(share: f64) -> String {
+    format!("{:.2} %", 100.0 * share)
+}
