@@ -29,6 +29,7 @@ struct Pixel {
     indirect: Vec3,
     weight: f32,
     direct: Vec3,
+    photon_map: Vec3,
     coverage: f32,
     emission: Vec3,
     depth: f32,
@@ -54,11 +55,13 @@ impl Film {
         Self { size: [width, height], directions: 0, pixels: vec![Pixel::default(); width * height] }
     }
 
-    /// The sums of one block of `directions`. `direct` is the irradiance summed over `light_samples`, `gathered` what the gather summed.
+    /// The sums of one block of `directions`. `direct` is the irradiance summed over `light_samples`, `photon_map` the irradiance of the
+    /// rough solution, `gathered` what the gather summed.
     pub fn of_block(
         size: [u32; 2],
         visible: &Visible,
         (direct, light_samples): (&[Vec4], u32),
+        photon_map: &[Vec4],
         (gathered, directions): (&[Vec4], u32),
     ) -> Self {
         let [width, height] = size.map(|side| side as usize);
@@ -74,6 +77,7 @@ impl Film {
                 indirect: albedo * gathered[i].truncate(),
                 weight: gathered[i].w,
                 direct: n * albedo * direct[i].truncate() / (PI * light_samples as f32),
+                photon_map: n * albedo * photon_map[i].truncate() / PI,
                 coverage: n,
                 emission: n * visible.emission[i].truncate(),
                 depth: n * visible.emission[i].w,
@@ -91,6 +95,7 @@ impl Film {
             a.indirect += b.indirect;
             a.weight += b.weight;
             a.direct += b.direct;
+            a.photon_map += b.photon_map;
             a.coverage += b.coverage;
             a.emission += b.emission;
             a.depth += b.depth;
@@ -108,7 +113,8 @@ impl Film {
         p.direct / total + p.indirect(total)
     }
 
-    /// The mean: `R G B` radiance = `Emission` + `Direct` + `Indirect`, `A` coverage, `Albedo`, and the world-space normal `N`, position `P`
+    /// The mean: `R G B` radiance = `Emission` + `Direct` + `Indirect`, `A` coverage, `PhotonMap` the radiance
+    /// of the rough solution without emission, `Albedo`, and the world-space normal `N`, position `P`
     /// and distance along the view axis `Z`, these three averaged over the covered part of the pixel.
     pub fn image(&self, space: &UnitSpace) -> Image {
         let total = self.directions.max(1) as f32;
@@ -131,6 +137,7 @@ impl Film {
         push3(["Direct.R", "Direct.G", "Direct.B"], &|p| p.direct / total);
         push3(["Indirect.R", "Indirect.G", "Indirect.B"], &indirect);
         push3(["Emission.R", "Emission.G", "Emission.B"], &|p| p.emission / total);
+        push3(["PhotonMap.R", "PhotonMap.G", "PhotonMap.B"], &|p| p.photon_map / total);
         push3(["Albedo.R", "Albedo.G", "Albedo.B"], &|p| p.albedo / total);
         push3(["N.X", "N.Y", "N.Z"], &|p| p.normal.normalize_or_zero());
         push3(["P.X", "P.Y", "P.Z"], &|p| seen(p, space.to_world(quotient(p.position, p.coverage))));

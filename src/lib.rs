@@ -48,6 +48,7 @@ pub mod gpu;
 pub mod image;
 pub mod math;
 pub mod photon;
+pub mod photon_map;
 pub mod points;
 pub mod random;
 pub mod reference;

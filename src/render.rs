@@ -21,6 +21,7 @@ use crate::geometry::Geometry;
 use crate::gpu::Gpu;
 use crate::image::Image;
 use crate::photon::{PhotonCounts, PhotonGrid, PhotonTexture, PhotonTracer};
+use crate::photon_map::PhotonMap;
 use crate::points::{CameraPoints, GatherPoint, Interleave, Sums, Visible};
 use crate::random::sobol;
 use crate::reference::Reference;
@@ -58,6 +59,7 @@ struct Passes {
     camera: CameraPoints,
     direct: Direct,
     direct_sums: Sums,
+    rough: PhotonMap,
     interleave: Interleave,
     method: Method,
 }
@@ -74,6 +76,8 @@ enum Method {
 struct Block {
     index: u32,
     visible: Visible,
+    /// Irradiance of the photon map at the visible points.
+    rough: Vec<Vec4>,
     /// The directions left, those of one subset of the pixels after those of another, so that a batch has one subset; the next one last.
     left: Vec<u32>,
     /// Directions that each subset of the pixels took so far.
@@ -288,13 +292,14 @@ impl Render {
         let start = Instant::now();
         let offset = sobol(index, self.settings.seed);
         let visible = self.passes.camera.see(&self.geometry, &self.scene.camera, offset.into());
+        let points = self.passes.camera.points(&visible);
+        let rough = self.passes.rough.see(&self.photons, points);
         self.statistics.seconds.visible_points += self.finish("finding visible points", start)?;
 
         // Each block takes its share of one sequence of light samples, so that together they cover the lights evenly.
         let start = Instant::now();
         let light_samples = u64::from(self.settings.light_samples).div_ceil(blocks);
         self.passes.direct_sums.clear();
-        let points = self.passes.camera.points(&visible);
         let first = u64::from(index) * light_samples;
         for sample in first..first + light_samples {
             self.passes.direct.add(&self.geometry, &self.lights, sample, points, &self.passes.direct_sums);
@@ -312,7 +317,8 @@ impl Render {
         let end = self.settings.directions.min(self.done + self.directions_per_block());
         let mut left: Vec<u32> = (self.done..end).rev().collect();
         left.sort_by_key(|&direction| self.passes.interleave.subset(direction, index).index());
-        Ok(Block { index, visible, left, taken: vec![0; self.passes.interleave.subsets()], light_samples: light_samples as u32 })
+        let taken = vec![0; self.passes.interleave.subsets()];
+        Ok(Block { index, visible, rough, left, taken, light_samples: light_samples as u32 })
     }
 
     /// Replaces the photon map by one of fresh photons.
@@ -386,7 +392,7 @@ impl Render {
         let gathered = self.passes.interleave.share(gathered, &block.taken, &block.visible);
         let directions = block.taken.iter().sum();
         let direct = self.passes.direct_sums.read();
-        Film::of_block(self.settings.size, &block.visible, (&direct, block.light_samples), (&gathered, directions))
+        Film::of_block(self.settings.size, &block.visible, (&direct, block.light_samples), &block.rough, (&gathered, directions))
     }
 
     /// Few enough that a picture has about 32 sub-pixel offsets, and at most 128, so that a long render keeps refining its edges and
@@ -418,6 +424,7 @@ impl Passes {
         let camera = CameraPoints::new(gpu, points)?;
         let direct = Direct::new(gpu, settings.shadow_size, settings.seed)?;
         let direct_sums = Sums::new(gpu, points)?;
+        let rough = PhotonMap::new(gpu, points)?;
         let interleave = Interleave::new(settings.interleave, points, settings.seed);
         let gather: Option<Box<dyn Gather>> = match settings.pipeline {
             Pipeline::Kill => {
@@ -434,7 +441,7 @@ impl Passes {
             Some(gather) => Method::Gl { gather, sums: Sums::new(gpu, interleave.sums_size())? },
             None => Method::Rays { points: Vec::new(), sums: Vec::new() },
         };
-        Ok(Self { camera, direct, direct_sums, interleave, method })
+        Ok(Self { camera, direct, direct_sums, rough, interleave, method })
     }
 }
 

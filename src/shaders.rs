@@ -34,6 +34,7 @@ macro_rules! shader {
 pub static VISIBLE_POINTS: ShaderSource = shader!("surface", "visible_points");
 pub static SHADOW: ShaderSource = shader!("surface", "shadow");
 pub static DIRECT: ShaderSource = shader!("fullscreen", "direct");
+pub static PHOTON_MAP: ShaderSource = shader!("fullscreen", "photon_map");
 pub static PEEL: ShaderSource = shader!("surface", "peel");
 pub static KILL: ShaderSource = shader!("fullscreen", "kill");
 pub static KILL_FARTHEST: ShaderSource = shader!("fullscreen", "kill", "FARTHEST");
@@ -49,10 +50,11 @@ pub static RAYS: ShaderSource = shader!("fullscreen", "rays", "BATCH 8");
 pub static RAYS_TEXTURED: ShaderSource = shader!("fullscreen", "rays", "BATCH 8", "TEXTURED");
 
 /// All of the above.
-pub static ALL: [&ShaderSource; 16] = [
+pub static ALL: [&ShaderSource; 17] = [
     &VISIBLE_POINTS,
     &SHADOW,
     &DIRECT,
+    &PHOTON_MAP,
     &PEEL,
     &KILL,
     &KILL_FARTHEST,

@@ -1,12 +1,23 @@
-//! The photon texture against its CPU twin: `photon_irradiance` of the shaders, by a program of this test's own, and `PhotonGrid::irradiance`
-//! give one irradiance at one place, for any number of cells and every bin.
+//! What the shaders see of photons, against its CPU twin. The photon texture: `photon_irradiance` of the shaders, by a program of this test's own, and `PhotonGrid::irradiance`
+//! give one irradiance at one place, for any number of cells and every bin. And the channel
+//! `PhotonMap` of a picture.
 
 mod common;
 
+use std::f32::consts::PI;
+use std::path::Path;
+
 use common::{Model, gpu, sized};
-use finalgather::gpu::{Blend, DepthTest, Draw, Filter, Format, Geometry, Program, ShaderSource, Target, Texture, Uniform, Wrap};
-use finalgather::photon::{PhotonGrid, PhotonTexture};
+use finalgather::gpu::{
+    Blend, DepthTest, Draw, Filter, Format, Geometry, Gpu, Program, ShaderSource, Target, Texture, Uniform, Wrap,
+};
+use finalgather::image::Image;
+use finalgather::math::dominant_axis;
+use finalgather::photon::{PhotonGrid, PhotonTexture, PhotonTracer};
 use finalgather::random::Random;
+use finalgather::render::Render;
+use finalgather::scene::{Bvh, Lights, Scene, UnitSpace};
+use finalgather::settings::{Pipeline, Settings};
 use glam::{Vec3, Vec4, vec3};
 
 /// Writes what the photon map says at the position in each texel of `places`; w is twice the axis, and 1 more for its negative side.
@@ -71,11 +82,15 @@ fn places(grid: &PhotonGrid, count: usize) -> Vec<Vec4> {
 const IN_FLOAT: f32 = 1e-4;
 const IN_8_BITS: f32 = 0.03;
 
+fn limit(gpu: &Gpu) -> f32 {
+    let software = ["llvmpipe", "softpipe"].iter().any(|name| gpu.info().renderer.contains(name));
+    if software { IN_FLOAT } else { IN_8_BITS }
+}
+
 #[test]
 fn both_sides_look_up_the_same() {
     let gpu = gpu();
-    let software = ["llvmpipe", "softpipe"].iter().any(|name| gpu.info().renderer.contains(name));
-    let limit = if software { IN_FLOAT } else { IN_8_BITS };
+    let limit = limit(&gpu);
     let program = Program::new(&gpu, &LOOK_UP).unwrap();
     let size = [256, sized(&gpu, 96, 24)];
     let target = Target::new(&gpu, size, &[Format::Rgba32F], false).unwrap();
@@ -112,4 +127,51 @@ fn both_sides_look_up_the_same() {
         }
         eprintln!("{cells} cells, {:?} in all: differences of up to {worst:?}", grid.cells.to_array());
     }
+}
+
+#[test]
+fn a_picture_shows_the_photon_map() {
+    // A picture of one block has one point a pixel, which its own position, normal and albedo tell. In unit space already, where the grid is.
+    let gpu = gpu();
+    for file in ["scenes/cornell.toml", "scenes/cornell_textured.toml"] {
+        let loaded = Scene::load(Path::new(file)).unwrap();
+        let scene = UnitSpace::enter(&loaded).0;
+        // Cells that stay within a tile of softpipe's, see above.
+        let settings =
+            Settings { size: [48, 40], directions: 1, photons: 50_000, grid_cells: 8, light_samples: 1, ..Settings::default() };
+
+        let (bvh, lights) = (Bvh::new(&scene.mesh), Lights::new(&scene));
+        let mut grid = PhotonGrid::new(&scene.mesh, settings.grid_cells);
+        PhotonTracer::new(&scene, &bvh, &lights, settings.seed, settings.bounces).trace(0..settings.photons, &mut grid);
+        grid.add_area(&scene.mesh, &bvh, settings.seed);
+
+        for pipeline in [Pipeline::Fused, Pipeline::Kill, Pipeline::EarlyKill, Pipeline::Raycast, Pipeline::RaycastGl] {
+            let mut render = Render::new(&gpu, &scene, &Settings { pipeline, ..settings.clone() }).unwrap();
+            render.step().unwrap();
+            let picture = render.picture();
+            let [photon_map, albedo] = ["PhotonMap", "Albedo"].map(|name| vectors(&picture, name, ["R", "G", "B"]));
+            let [positions, normals] = ["P", "N"].map(|name| vectors(&picture, name, ["X", "Y", "Z"]));
+            let (mut seen, mut worst) = (0, 0f32);
+            for pixel in (0..photon_map.len()).filter(|&pixel| normals[pixel] != Vec3::ZERO) {
+                let axis = dominant_axis(normals[pixel]);
+                let expected = albedo[pixel] / PI * grid.irradiance(positions[pixel], axis, normals[pixel][axis] > 0.0);
+                let difference = (photon_map[pixel] - expected).abs().max_element();
+                assert!(
+                    difference <= limit(&gpu) * expected.max_element(),
+                    "{file}, {pipeline:?}, pixel {pixel}: {} for {expected}",
+                    photon_map[pixel]
+                );
+                worst = worst.max(difference / expected.max_element().max(1e-9));
+                seen += u32::from(expected != Vec3::ZERO);
+            }
+            eprintln!("{file}, {pipeline:?}: {seen} pixels, differences of up to {worst}");
+            assert!(seen > 1000, "{file}, {pipeline:?}: only {seen} pixels show photons");
+        }
+    }
+}
+
+/// Three channels of a picture.
+fn vectors(picture: &Image, name: &str, parts: [&str; 3]) -> Vec<Vec3> {
+    let [x, y, z] = parts.map(|part| picture.channel(&format!("{name}.{part}")).unwrap());
+    x.iter().zip(y).zip(z).map(|((&x, &y), &z)| vec3(x, y, z)).collect()
 }

@@ -26,7 +26,9 @@ use worker::Start;
 /// The exit code, unless it failed.
 pub fn run(args: &ViewArgs) -> Result<u8> {
     let events = EventLoop::<()>::with_user_event().build().map_err(|error| {
-        let problem = format!("no window system can be reached: {error}");
+        // The last part says why; before it stands where in winit's source.
+        let why = error.to_string();
+        let problem = format!("no window system can be reached: {}", why.rsplit(": ").next().unwrap_or(&why));
         Error::gl(problem, "run it in a session on X11 or Wayland (DISPLAY, WAYLAND_DISPLAY); render works without one")
     })?;
     let embedded = Embedded::unpack().map_err(|error| {

@@ -1,6 +1,6 @@
 //! The panel beside the picture: how far the render is, what is shown of it, and how it is made.
 
-use egui::{Color32, ComboBox, DragValue, Grid, ProgressBar, RichText, ScrollArea, Slider, Ui, vec2};
+use egui::{Checkbox, Color32, ComboBox, DragValue, Grid, ProgressBar, RichText, ScrollArea, Slider, Ui, vec2};
 use finalgather::settings::Pipeline;
 
 use super::app::App;
@@ -79,19 +79,19 @@ fn shown(app: &mut App, ui: &mut Ui) {
     section(ui, "Show");
     let shown = &mut app.shown;
     ui.horizontal(|ui| {
-        for (what, name) in [(What::Radiance, "Radiance"), (What::Normals, "Normals")] {
+        for (what, name) in [(What::Radiance, "Radiance"), (What::PhotonMap, "Photon map"), (What::Normals, "Normals")] {
             ui.selectable_value(&mut shown.what, what, name);
         }
     });
-    ui.add_enabled_ui(shown.what == What::Radiance, |ui| {
-        ui.horizontal(|ui| {
-            ui.checkbox(&mut shown.direct, "direct");
-            ui.checkbox(&mut shown.indirect, "indirect");
-            ui.checkbox(&mut shown.emission, "emission");
-        });
+    ui.horizontal(|ui| {
+        let radiance = shown.what == What::Radiance;
+        ui.add_enabled(radiance, Checkbox::new(&mut shown.direct, "direct"));
+        ui.add_enabled(radiance, Checkbox::new(&mut shown.indirect, "indirect"));
+        ui.add_enabled(shown.what != What::Normals, Checkbox::new(&mut shown.emission, "emission"));
     });
     rows(ui, "exposure", |ui| {
         ui.label("Exposure");
+        ui.spacing_mut().slider_width = 76.0;
         ui.add(Slider::new(&mut shown.exposure, -6.0..=6.0).step_by(0.1).suffix(" EV"));
         ui.end_row();
     });

@@ -19,6 +19,8 @@ pub struct Shown {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum What {
     Radiance,
+    /// The rough solution.
+    PhotonMap,
     Normals,
 }
 
@@ -34,8 +36,14 @@ pub fn developed(image: &Image, shown: &Shown) -> Result<ColorImage> {
     let channel = |name: &str| image.channel(name).unwrap_or_default();
     let bytes = match shown.what {
         What::Radiance if shown.direct && shown.indirect && shown.emission => image.to_srgb8(shown.exposure)?,
-        What::Radiance => {
-            let parts = [(shown.direct, "Direct"), (shown.indirect, "Indirect"), (shown.emission, "Emission")];
+        What::Radiance | What::PhotonMap => {
+            let rough = shown.what == What::PhotonMap;
+            let parts = [
+                (rough, "PhotonMap"),
+                (shown.direct && !rough, "Direct"),
+                (shown.indirect && !rough, "Indirect"),
+                (shown.emission, "Emission"),
+            ];
             let sum = |c: &str| {
                 let mut samples = vec![0.0; image.width * image.height];
                 for (_, part) in parts.iter().filter(|(on, _)| *on) {

@@ -139,7 +139,6 @@ impl Worker {
 
 /// The scene that is open.
 struct Job {
-    scene: Scene,
     render: Render,
     /// As last asked for, and whether the render is of that.
     view: View,
@@ -238,14 +237,13 @@ fn open(gpu: &Gpu, start: &Start, path: &Path) -> Result<(Opened, Job)> {
         warnings: scene.warnings.clone(),
         renderer: gpu.info().renderer.clone(),
     };
-    Ok((opened, Job::new(scene, render, settings)))
+    Ok((opened, Job::new(scene.camera, render, settings)))
 }
 
 impl Job {
-    fn new(scene: Scene, render: Render, settings: Settings) -> Self {
-        let view = View { camera: scene.camera, settings, moving: false, pace: 0 };
+    fn new(camera: Camera, render: Render, settings: Settings) -> Self {
+        let view = View { camera, settings, moving: false, pace: 0 };
         Self {
-            scene,
             render,
             view,
             fresh: true,

@@ -1,0 +1,33 @@
+//! The photon map seen directly: the rough solution at the points themselves, which a render sets beside what gathering makes of it.
+//! Mirrors `glsl/photon_map.frag`.
+
+use glam::Vec4;
+
+use crate::error::Result;
+use crate::gpu::{Gpu, Program};
+use crate::photon::PhotonTexture;
+use crate::points::{Points, Sums};
+use crate::shaders;
+
+/// Looks the photon map up at points.
+pub struct PhotonMap {
+    program: Program,
+    irradiance: Sums,
+}
+
+impl PhotonMap {
+    /// For point textures of one size.
+    ///
+    /// # Errors
+    /// When the size is beyond the device's limits.
+    pub fn new(gpu: &Gpu, points: [u32; 2]) -> Result<Self> {
+        Ok(Self { program: Program::new(gpu, &shaders::PHOTON_MAP)?, irradiance: Sums::new(gpu, points)? })
+    }
+
+    /// Irradiance at each point (rgb), row by row from the bottom; where there is no point, of no meaning.
+    pub fn see(&self, photons: &PhotonTexture, points: Points) -> Vec<Vec4> {
+        self.irradiance.clear();
+        self.irradiance.add(points, &self.program, &photons.uniforms());
+        self.irradiance.read()
+    }
+}
