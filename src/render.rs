@@ -6,6 +6,8 @@
 //! anti-aliasing and soft shadows free of extra gather work, and its sums are independent of all other blocks. Photons are
 //! traced afresh now and then, so that their noise averages out in long renders as the directions' does.
 
+mod layers;
+
 use std::time::Instant;
 
 use glam::Vec4;
@@ -27,6 +29,8 @@ use crate::random::sobol;
 use crate::reference::Reference;
 use crate::scene::{Bvh, Camera, Lights, Scene, UnitSpace};
 use crate::settings::{Estimator, Pipeline, Settings};
+
+pub use layers::{End, LayerTexel, Layers, Probe};
 
 /// A render in progress.
 pub struct Render {

@@ -13,6 +13,7 @@ use finalgather::scene::Camera;
 use winit::event_loop::EventLoopProxy;
 
 use super::camera::{KEYS, move_camera};
+use super::layers::{LayerView, Wish};
 use super::panel;
 use super::picture::Shown;
 use super::worker::{Command, Opened, Picture, Progress, Report, Start, View, Worker};
@@ -46,7 +47,12 @@ pub struct App {
     saving: bool,
     pub panel: bool,
     pub help: bool,
+    /// Whether the layer view is on.
     pub layers: bool,
+    pub layer_view: LayerView,
+    wished: Option<Wish>,
+    /// Where dialogs begin.
+    folder: Option<PathBuf>,
 }
 
 pub struct Notice {
@@ -90,6 +96,9 @@ impl App {
             panel: true,
             help: false,
             layers,
+            layer_view: LayerView::new(),
+            wished: None,
+            folder: std::env::current_dir().ok(),
         };
         app.open(path);
         Ok(app)
@@ -139,7 +148,8 @@ impl App {
                     self.shown.exposure = opened.settings.exposure;
                     self.notices = opened.warnings.iter().map(|text| Notice { text: text.clone(), bad: false }).collect();
                     self.progress = Progress::default();
-                    (self.picture, self.sent, self.moved) = (None, None, None);
+                    (self.picture, self.sent, self.moved, self.wished) = (None, None, None, None);
+                    self.layer_view.forget();
                     self.scene = Some(*opened);
                 }
                 Report::Picture(picture) => {
@@ -147,6 +157,8 @@ impl App {
                     self.picture = Some(picture);
                 }
                 Report::Progress(progress) => self.progress = *progress,
+                Report::Layers(apart) => self.layer_view.set(apart),
+                Report::Probe(probe) => self.layer_view.probe = probe,
                 Report::Saved(path) => self.say(format!("Saved {}", path.display()), false),
                 Report::Refused(error) => self.refuse(error),
                 Report::Failed(error) => {
@@ -175,6 +187,7 @@ impl App {
     /// Textures went with their context.
     pub fn forget_textures(&mut self) {
         self.texture = None;
+        self.layer_view.forget_textures();
     }
 
     /// Waits some time for the renderer to leave its driver. Whether it has.
@@ -221,6 +234,11 @@ impl App {
         self.help ^= shortcut(Modifiers::NONE, Key::F1);
         self.panel ^= shortcut(Modifiers::NONE, Key::Tab);
         self.layers ^= shortcut(Modifiers::NONE, Key::L);
+        for (key, by) in [(Key::Comma, -1), (Key::Period, 1)] {
+            if self.layers && shortcut(Modifiers::NONE, key) {
+                self.layer_view.step(by, self.view.settings.directions);
+            }
+        }
         if shortcut(Modifiers::NONE, Key::Escape) {
             self.help = false;
             self.notices.clear();
@@ -234,7 +252,7 @@ impl App {
 
     pub fn ask_open(&mut self) {
         self.saving = false;
-        self.dialog = dialog(&self.path).title("Open a scene").add_file_filter_extensions("Scenes", vec!["toml", "obj"]);
+        self.dialog = dialog(self.folder.as_deref()).title("Open a scene").add_file_filter_extensions("Scenes", vec!["toml", "obj"]);
         self.dialog = std::mem::take(&mut self.dialog).default_file_filter("Scenes");
         self.dialog.pick_file();
     }
@@ -246,7 +264,7 @@ impl App {
         self.saving = true;
         let name = self.path.with_extension("png");
         let name = name.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        self.dialog = dialog(&self.path)
+        self.dialog = dialog(self.folder.as_deref())
             .title("Save the picture")
             .default_file_name(&name)
             .add_save_extension("PNG, 8 bit to look at", "png")
@@ -258,29 +276,52 @@ impl App {
         self.dialog.update(ui.ctx());
         match self.dialog.take_picked() {
             Some(path) if self.saving => self.worker.send(Command::Save(path)),
-            Some(path) => self.open(path),
+            Some(path) => self.open_chosen(path),
             None => {}
         }
         let dropped = ui.ctx().input(|input| input.raw.dropped_files.first().map(|file| file.path().to_owned()));
         if let Some(path) = dropped {
-            self.open(path);
+            self.open_chosen(path);
         }
     }
 
-    /// The picture, as large as fits, on whole pixels.
+    fn open_chosen(&mut self, path: PathBuf) {
+        self.folder = path.parent().map(Path::to_owned);
+        self.open(path);
+    }
+
+    /// The picture, and around it the layers.
     fn center(&mut self, ui: &mut Ui) {
-        let (area, response) = ui.allocate_exact_size(ui.available_size(), Sense::click_and_drag());
+        let area = ui.available_rect_before_wrap();
+        if !self.layers {
+            self.picture(ui, area);
+            return;
+        }
+        let (picture, stack, row) = LayerView::split(area);
+        let shown = self.picture(ui, picture);
+        self.layer_view.point(ui, shown);
+        if let Some(scene) = &self.scene {
+            self.layer_view.stack(ui, stack, scene.bounds.extent() / scene.bounds.diagonal());
+        }
+        self.layer_view.row(ui, row);
+    }
+
+    /// As large as fits, on whole pixels. Where it is.
+    fn picture(&mut self, ui: &mut Ui, area: Rect) -> Rect {
+        let response = ui.interact(area, ui.id().with("picture"), Sense::click_and_drag());
         if let Some(scene) = &self.scene
-            && move_camera(ui, &response, &mut self.view.camera, scene.diagonal)
+            && move_camera(ui, &response, &mut self.view.camera, scene.bounds.diagonal())
         {
             self.moved = Some(Instant::now());
         }
-        let Some(picture) = &self.picture else { return };
+        let [width, height] = self.view.settings.size.map(|side| side as f32);
+        let shown = fitted(area, vec2(width, height), ui.pixels_per_point());
+        let Some(picture) = &self.picture else { return shown };
         let texture = self
             .texture
             .get_or_insert_with(|| ui.ctx().load_texture("picture", picture.image.clone(), TextureOptions::LINEAR));
-        let [width, height] = self.view.settings.size.map(|side| side as f32);
-        Image::new(&*texture).paint_at(ui, fitted(area, vec2(width, height), ui.pixels_per_point()));
+        Image::new(&*texture).paint_at(ui, shown);
+        shown
     }
 
     fn overlays(&mut self, ui: &Ui) {
@@ -369,6 +410,11 @@ impl App {
                 self.moved = None;
             }
         }
+        let wish = self.layers.then_some(self.layer_view.wish);
+        if wish != self.wished {
+            self.worker.send(Command::Layers(wish));
+            self.wished = wish;
+        }
         let now = (self.view.clone(), self.shown);
         match &self.sent {
             Some(sent) if *sent == now => return,
@@ -386,11 +432,10 @@ impl App {
     }
 }
 
-fn dialog(beside: &Path) -> FileDialog {
-    let folder = beside.parent().filter(|folder| folder.is_dir()).map(Path::to_owned);
+fn dialog(folder: Option<&Path>) -> FileDialog {
     let dialog = FileDialog::new().as_modal(true).default_size([560.0, 360.0]);
-    match folder.or_else(|| std::env::current_dir().ok()) {
-        Some(folder) => dialog.initial_directory(folder),
+    match folder {
+        Some(folder) => dialog.initial_directory(folder.to_owned()),
         None => dialog,
     }
 }

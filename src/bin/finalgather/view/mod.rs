@@ -3,6 +3,7 @@
 mod app;
 mod camera;
 mod latency;
+mod layers;
 mod panel;
 mod picture;
 mod window;

@@ -28,6 +28,7 @@ pub fn show(app: &mut App, ui: &mut Ui) {
         if ui.button("Save…").clicked() {
             app.ask_save();
         }
+        app.layers ^= ui.selectable_label(app.layers, "Layers").clicked();
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
             app.help ^= ui.selectable_label(app.help, "F1").clicked();
         });
@@ -35,6 +36,9 @@ pub fn show(app: &mut App, ui: &mut Ui) {
     ui.add_space(2.0);
     ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
         progress(app, ui);
+        if app.layers {
+            layers(app, ui);
+        }
         shown(app, ui);
         settings(app, ui);
         stages(app, ui);
@@ -72,6 +76,40 @@ fn progress(app: &App, ui: &mut Ui) {
         let error = progress.statistics.error.map_or("–".into(), |error| format!("{:.2} %", 100.0 * error));
         row(ui, "Estimated error", error);
         row(ui, "Time", format!("{:.1} s", progress.seconds));
+    });
+}
+
+fn layers(app: &mut App, ui: &mut Ui) {
+    section(ui, &format!("{} layers, far to near", app.layer_view.count()));
+    let directions = app.view.settings.directions;
+    let view = &mut app.layer_view;
+    rows(ui, "layers", |ui| {
+        ui.label("Direction");
+        ui.horizontal(|ui| {
+            for (name, by) in [("◀", -1), ("▶", 1)] {
+                if ui.small_button(name).clicked() {
+                    view.step(by, directions);
+                }
+            }
+            ui.monospace(view.number().to_string());
+        });
+        ui.end_row();
+
+        ui.label("");
+        let mut follow = view.wish.number.is_none();
+        if ui.checkbox(&mut follow, "the one at hand").changed() {
+            view.wish.number = if follow { None } else { Some(view.number()) };
+        }
+        ui.end_row();
+
+        ui.label("");
+        ui.checkbox(&mut view.wish.opposite, "its other end");
+        ui.end_row();
+
+        ui.label("Apart");
+        ui.spacing_mut().slider_width = 112.0;
+        ui.add(Slider::new(&mut view.explode, 0.0..=1.5).show_value(false));
+        ui.end_row();
     });
 }
 

@@ -3,6 +3,7 @@
 //! It heeds [`Command`]s between two steps and tells by [`Report`]s what has come of them.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender, TryRecvError};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant, SystemTime};
@@ -12,11 +13,14 @@ use egui::ColorImage;
 use finalgather::error::{Error, Result};
 use finalgather::gpu::{Backend, DeviceChoice, Gpu, StageClock};
 use finalgather::image::{Image, WriteOptions};
-use finalgather::render::{Render, Statistics};
+use finalgather::math::Aabb;
+use finalgather::render::{End, Layers, Probe, Render, Statistics};
 use finalgather::scene::{Camera, Scene};
 use finalgather::settings::Settings;
 use finalgather::shaders;
+use glam::Vec2;
 
+use super::layers::{Apart, Wish};
 use super::picture::{Shown, developed};
 use crate::args::Overrides;
 
@@ -25,6 +29,8 @@ pub enum Command {
     Open(PathBuf),
     Look(View),
     Show(Shown),
+    /// What the layer view is to have, while there is one.
+    Layers(Option<Wish>),
     /// Writes the picture so far.
     Save(PathBuf),
 }
@@ -46,6 +52,8 @@ pub enum Report {
     Opened(Box<Opened>),
     Picture(Picture),
     Progress(Box<Progress>),
+    Layers(Apart),
+    Probe(Option<Probe>),
     Saved(PathBuf),
     /// It goes on with what it had.
     Refused(Error),
@@ -59,8 +67,8 @@ pub struct Opened {
     pub camera: Camera,
     /// The scene file's with those of the command line over them.
     pub settings: Settings,
-    /// Length of the scene's box from corner to corner.
-    pub diagonal: f32,
+    /// The scene's box.
+    pub bounds: Aabb,
     pub warnings: Vec<String>,
     pub renderer: String,
 }
@@ -155,6 +163,9 @@ struct Job {
     worked: Duration,
     device: Vec<(&'static str, Option<f64>)>,
     finished: bool,
+    /// As shown last, and the place in them.
+    layers: Option<Arc<Layers>>,
+    place: Option<Vec2>,
 }
 
 fn work(start: &Start, commands: &Receiver<Command>, tell: &dyn Fn(Report)) -> Result<()> {
@@ -166,6 +177,7 @@ fn work(start: &Start, commands: &Receiver<Command>, tell: &dyn Fn(Report)) -> R
     let clock = StageClock::start(&gpu);
     let mut job: Option<Job> = None;
     let mut shown = Shown::default();
+    let mut wish: Option<Wish> = None;
     loop {
         let command = if job.as_ref().is_some_and(Job::has_work) {
             commands.try_recv().map_err(|none| none == TryRecvError::Disconnected)
@@ -193,6 +205,12 @@ fn work(start: &Start, commands: &Receiver<Command>, tell: &dyn Fn(Report)) -> R
                     job.view = view;
                 }
             }
+            Ok(Command::Layers(other)) => {
+                wish = other;
+                if let (Some(wish), Some(job)) = (&wish, &mut job) {
+                    job.take_apart(wish, tell)?;
+                }
+            }
             Ok(Command::Save(path)) => {
                 if let Some(job) = &job {
                     tell(job.save(&gpu, &path).map_or_else(Report::Refused, |()| Report::Saved(path)));
@@ -209,7 +227,10 @@ fn work(start: &Start, commands: &Receiver<Command>, tell: &dyn Fn(Report)) -> R
                     }
                 }
                 if let Some(job) = &mut job {
-                    job.advance(&clock, start.shrink, &shown, tell)?;
+                    let pictured = job.advance(&clock, start.shrink, &shown, tell)?;
+                    if let Some(wish) = wish.filter(|_| pictured) {
+                        job.take_apart(&wish, tell)?;
+                    }
                 }
             }
         }
@@ -229,15 +250,23 @@ fn open(gpu: &Gpu, start: &Start, path: &Path) -> Result<(Opened, Job)> {
     if scene.framed {
         scene.camera = Camera::framing(scene.mesh.bounds(), settings.size);
     }
+    let camera = about(scene.camera, scene.mesh.bounds());
     let opened = Opened {
         path: path.to_owned(),
-        camera: scene.camera,
+        camera,
         settings: settings.clone(),
-        diagonal: scene.mesh.bounds().diagonal(),
+        bounds: scene.mesh.bounds(),
         warnings: scene.warnings.clone(),
         renderer: gpu.info().renderer.clone(),
     };
-    Ok((opened, Job::new(scene.camera, render, settings)))
+    Ok((opened, Job::new(camera, render, settings)))
+}
+
+/// The camera with its target, about which it turns, as far away as the middle of the scene.
+fn about(camera: Camera, bounds: Aabb) -> Camera {
+    let forward = (camera.target - camera.eye).normalize();
+    let distance = forward.dot(bounds.center() - camera.eye);
+    if distance > 0.0 { Camera { target: camera.eye + distance * forward, ..camera } } else { camera }
 }
 
 impl Job {
@@ -256,6 +285,8 @@ impl Job {
             worked: Duration::ZERO,
             device: Vec::new(),
             finished: false,
+            layers: None,
+            place: None,
         }
     }
 
@@ -263,13 +294,13 @@ impl Job {
         !self.fresh || !(self.halted || self.finished)
     }
 
-    /// One step, and a picture where one is due.
+    /// One step, and a picture where one is due. Whether one was.
     ///
     /// # Errors
     /// When the device has failed for good.
-    fn advance(&mut self, clock: &StageClock, shrink: u32, shown: &Shown, tell: &dyn Fn(Report)) -> Result<()> {
+    fn advance(&mut self, clock: &StageClock, shrink: u32, shown: &Shown, tell: &dyn Fn(Report)) -> Result<bool> {
         if !self.has_work() {
-            return Ok(());
+            return Ok(false);
         }
         let begun = Instant::now();
         if !self.fresh {
@@ -291,7 +322,8 @@ impl Job {
             0 => self.imaged == 0 || self.taken.elapsed() > 4 * self.cost,
             pace => done - self.imaged >= pace,
         };
-        if done > self.imaged && (due || all) {
+        let pictured = done > self.imaged && (due || all);
+        if pictured {
             let start = Instant::now();
             self.image = self.render.picture();
             let stages = clock.take().stages.into_iter();
@@ -311,6 +343,27 @@ impl Job {
                 stages: self.device.clone(),
             })));
         }
+        Ok(pictured)
+    }
+
+    /// The layers that are wished for, and what a point samples of them, as far as they are not on show.
+    fn take_apart(&mut self, wish: &Wish, tell: &dyn Fn(Report)) -> Result<()> {
+        let number = wish.number.unwrap_or(self.render.directions_done().saturating_sub(1));
+        let end = End { number, opposite: wish.opposite };
+        let layers = match self.layers.take().filter(|layers| layers.end == end) {
+            Some(layers) => layers,
+            None => {
+                let layers = Arc::new(self.render.layers(end)?);
+                tell(Report::Layers(Apart::new(layers.clone())));
+                self.place = None;
+                layers
+            }
+        };
+        if let Some(place) = wish.place.filter(|_| self.place != wish.place) {
+            self.place = wish.place;
+            tell(Report::Probe(self.render.probe(&layers, place)?));
+        }
+        self.layers = Some(layers);
         Ok(())
     }
 
@@ -328,6 +381,7 @@ impl Job {
         match self.render.restart(self.view.camera, &settings) {
             Ok(()) => {
                 (self.halted, self.finished, self.imaged) = (false, false, 0);
+                self.layers = None;
                 self.worked = Duration::ZERO;
             }
             Err(error) => tell(Report::Refused(error)),
