@@ -47,6 +47,7 @@ pub struct App {
     saving: bool,
     pub panel: bool,
     pub help: bool,
+    pub quit: bool,
     /// Whether the layer view is on.
     pub layers: bool,
     pub layer_view: LayerView,
@@ -95,6 +96,7 @@ impl App {
             saving: false,
             panel: true,
             help: false,
+            quit: false,
             layers,
             layer_view: LayerView::new(),
             wished: None,
@@ -125,8 +127,9 @@ impl App {
     /// Directions gathered, once there are no more to come and the picture of them is there.
     pub fn finished(&self) -> bool {
         let settled = self.moved.is_none() && self.sent.as_ref().is_some_and(|(view, _)| !view.moving);
+        let apart = !self.layers || self.layer_view.count() > 0;
         let done = self.picture.as_ref().is_some_and(|picture| picture.sharp && picture.directions == self.directions());
-        self.failure.is_some() || !self.opening && (self.scene.is_none() || self.progress.done && settled && done)
+        self.failure.is_some() || !self.opening && (self.scene.is_none() || self.progress.done && settled && apart && done)
     }
 
     pub fn directions(&self) -> u32 {
@@ -228,6 +231,7 @@ impl App {
         if shortcut(Modifiers::CTRL, Key::S) {
             self.ask_save();
         }
+        self.quit |= shortcut(Modifiers::CTRL, Key::Q);
         if ctx.egui_wants_keyboard_input() {
             return;
         }
@@ -330,12 +334,7 @@ impl App {
         let card = Frame::popup(&ui.ctx().global_style()).inner_margin(12.0);
         if self.opening {
             egui::Area::new("opening".into()).anchor(Align2::LEFT_BOTTOM, vec2(12.0, -12.0)).show(ui.ctx(), |ui| {
-                card.show(ui, |ui| {
-                    ui.horizontal(|ui| {
-                        ui.spinner();
-                        ui.label(format!("Opening {}", self.path.display()));
-                    })
-                })
+                card.show(ui, |ui| ui.label(format!("Opening {}", self.path.display())))
             });
         }
         let width = (area.width() - if self.panel { panel::WIDTH } else { 0.0 } - 24.0).clamp(160.0, 560.0);

@@ -7,7 +7,7 @@ use finalgather::scene::Camera;
 use glam::{Quat, Vec2, Vec3};
 
 /// Keys and what they do, as F1 shows them.
-pub const KEYS: [(&str, &str); 14] = [
+pub const KEYS: [(&str, &str); 15] = [
     ("left drag", "orbit"),
     ("right drag", "look around"),
     ("middle or Shift + left drag", "pan"),
@@ -20,6 +20,7 @@ pub const KEYS: [(&str, &str); 14] = [
     (", .", "direction before, next"),
     ("Ctrl + O", "open a scene"),
     ("Ctrl + S", "save the picture"),
+    ("Ctrl + Q", "end"),
     ("Tab", "hide or show the panel"),
     ("F1", "this list"),
 ];

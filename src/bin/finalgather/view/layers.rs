@@ -14,7 +14,7 @@ use finalgather::render::{LayerTexel, Layers, Probe};
 use glam::{Mat3, Vec2, Vec3};
 
 /// Side of a layer in the stack, in pieces.
-const PIECES: u32 = 128;
+const PIECES: u32 = 86;
 /// Between two layers of a stack wholly apart, in unit space, where the scene's radius is 1.
 const GAP: f32 = 0.9;
 /// Height of the row of thumbnails.
@@ -40,6 +40,14 @@ pub struct Apart {
     pub layers: Arc<Layers>,
     /// For each layer.
     pub images: Vec<ColorImage>,
+    pieces: Vec<Piece>,
+}
+
+/// A square of texels on its surface.
+struct Piece {
+    layer: usize,
+    corners: [Vec3; 4],
+    color: Color32,
 }
 
 pub struct LayerView {
@@ -64,8 +72,29 @@ impl Apart {
             let pixels = layer.chunks(side).rev().flatten().map(color).collect();
             ColorImage::new([side, side], pixels)
         };
-        Self { images: layers.layers.iter().map(image).collect(), layers }
+        Self { images: layers.layers.iter().map(image).collect(), pieces: pieces(&layers), layers }
     }
+}
+
+fn pieces(layers: &Layers) -> Vec<Piece> {
+    let step = layers.size.div_ceil(PIECES);
+    let half = 0.5 * step as f32;
+    let places = move || (step / 2..layers.size).step_by(step as usize);
+    let mut pieces = Vec::new();
+    for (layer, texels) in layers.layers.iter().enumerate() {
+        for (y, x) in places().flat_map(|y| places().map(move |x| (y, x))) {
+            let Some(texel) = &texels[(y * layers.size + x) as usize] else { continue };
+            let corner = |offset: Vec2| {
+                let place = Vec2::new(x as f32, y as f32) + 0.5 + offset;
+                // What is seen at a grazing angle reaches far, but not out of the scene.
+                let depth = (texel.depth + texel.slopes.dot(offset)).clamp(0.0, 1.0);
+                layers.from_layer.transform_point3(place.extend(depth))
+            };
+            let corners = [(-half, -half), (half, -half), (half, half), (-half, half)].map(|offset| corner(offset.into()));
+            pieces.push(Piece { layer, corners, color: color(texel) });
+        }
+    }
+    pieces
 }
 
 /// Albedo, brighter the more it faces the rays.
@@ -179,28 +208,15 @@ impl LayerView {
         }
         view.bundle(&painter, layers, reach);
         // Painted from the back, for there is no depth test here.
-        let mut pieces: Vec<(f32, [Pos2; 4], Color32)> = Vec::new();
-        let step = (layers.size / PIECES).max(1);
-        for (index, layer) in layers.layers.iter().enumerate() {
-            let shift = apart_by(index);
-            for y in (step / 2..layers.size).step_by(step as usize) {
-                for x in (step / 2..layers.size).step_by(step as usize) {
-                    if let Some(texel) = &layer[(y * layers.size + x) as usize] {
-                        let half = 0.5 * step as f32;
-                        let corner = |dx: f32, dy: f32| {
-                            let offset = Vec2::new(dx, dy) * half;
-                            let place = Vec2::new(x as f32, y as f32) + 0.5 + offset;
-                            let depth = texel.depth + texel.slopes.dot(offset);
-                            view.project(layers.from_layer.transform_point3(place.extend(depth)) + shift)
-                        };
-                        let corners = [corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)];
-                        let depth = corners.iter().map(|(_, depth)| depth).sum();
-                        pieces.push((depth, corners.map(|(at, _)| at), color(texel).gamma_multiply(0.9)));
-                    }
-                }
-            }
-        }
-        pieces.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let shifts: Vec<Vec3> = (0..count).map(apart_by).collect();
+        let projected = |piece: &Piece| {
+            let ends = piece.corners.map(|corner| view.project(corner + shifts[piece.layer]));
+            let depth: f32 = ends.iter().map(|(_, depth)| depth).sum();
+            (depth.to_bits(), ends.map(|(at, _)| at), piece.color)
+        };
+        let mut pieces: Vec<_> = apart.pieces.iter().map(projected).collect();
+        // Depths are positive, and so in the order of their bits.
+        pieces.sort_unstable_by_key(|&(depth, ..)| std::cmp::Reverse(depth));
         let mut mesh = Mesh::default();
         for (_, corners, color) in pieces {
             let first = mesh.vertices.len() as u32;

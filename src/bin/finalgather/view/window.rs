@@ -150,12 +150,14 @@ impl Window {
             let bytes: Vec<u8> = image.pixels.iter().flat_map(|pixel| [pixel.r(), pixel.g(), pixel.b()]).collect();
             write_srgb8(path, image.size, &bytes)?;
         }
-        if last {
-            if let Some(error) = self.app.failure() {
+        if last || self.app.quit {
+            if last && let Some(error) = self.app.failure() {
                 self.outcome = Err(error);
             }
             events.exit();
-        } else if self.frames.is_some() && self.app.finished() {
+            return Ok(());
+        }
+        if self.frames.is_some() && self.app.finished() {
             self.again = Some(begun);
         }
         presented.or_else(|error| self.recover(events, &error))
