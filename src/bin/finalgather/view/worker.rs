@@ -124,7 +124,7 @@ impl Worker {
             };
             // Whatever this thread starts, the driver's threads for one, yields to the interface too. Where the system refuses, all are equal.
             #[cfg(target_os = "linux")]
-            let _ = rustix::process::nice(5);
+            let _ = rustix::process::nice(10);
             if let Err(error) = work(&start, &receiver, &tell) {
                 tell(Report::Failed(error));
             }
