@@ -147,7 +147,8 @@ impl App {
             match report {
                 Report::Opened(opened) => {
                     self.opening = false;
-                    self.view = View { camera: opened.camera, settings: opened.settings.clone(), moving: false, pace: self.view.pace };
+                    self.view =
+                        View { camera: opened.camera, settings: opened.settings.clone(), moving: false, pace: self.view.pace };
                     self.shown.exposure = opened.settings.exposure;
                     self.notices = opened.warnings.iter().map(|text| Notice { text: text.clone(), bad: false }).collect();
                     self.progress = Progress::default();
@@ -236,7 +237,7 @@ impl App {
             return;
         }
         self.help ^= shortcut(Modifiers::NONE, Key::F1);
-        self.panel ^= shortcut(Modifiers::NONE, Key::Tab);
+        self.panel ^= shortcut(Modifiers::NONE, Key::P);
         self.layers ^= shortcut(Modifiers::NONE, Key::L);
         for (key, by) in [(Key::Comma, -1), (Key::Period, 1)] {
             if self.layers && shortcut(Modifiers::NONE, key) {
@@ -256,7 +257,8 @@ impl App {
 
     pub fn ask_open(&mut self) {
         self.saving = false;
-        self.dialog = dialog(self.folder.as_deref()).title("Open a scene").add_file_filter_extensions("Scenes", vec!["toml", "obj"]);
+        self.dialog =
+            dialog(self.folder.as_deref()).title("Open a scene").add_file_filter_extensions("Scenes", vec!["toml", "obj"]);
         self.dialog = std::mem::take(&mut self.dialog).default_file_filter("Scenes");
         self.dialog.pick_file();
     }
@@ -321,9 +323,8 @@ impl App {
         let [width, height] = self.view.settings.size.map(|side| side as f32);
         let shown = fitted(area, vec2(width, height), ui.pixels_per_point());
         let Some(picture) = &self.picture else { return shown };
-        let texture = self
-            .texture
-            .get_or_insert_with(|| ui.ctx().load_texture("picture", picture.image.clone(), TextureOptions::LINEAR));
+        let texture =
+            self.texture.get_or_insert_with(|| ui.ctx().load_texture("picture", picture.image.clone(), TextureOptions::LINEAR));
         Image::new(&*texture).paint_at(ui, shown);
         shown
     }
@@ -333,9 +334,9 @@ impl App {
         let left = area.left() + 12.0;
         let card = Frame::popup(&ui.ctx().global_style()).inner_margin(12.0);
         if self.opening {
-            egui::Area::new("opening".into()).anchor(Align2::LEFT_BOTTOM, vec2(12.0, -12.0)).show(ui.ctx(), |ui| {
-                card.show(ui, |ui| ui.label(format!("Opening {}", self.path.display())))
-            });
+            egui::Area::new("opening".into())
+                .anchor(Align2::LEFT_BOTTOM, vec2(12.0, -12.0))
+                .show(ui.ctx(), |ui| card.show(ui, |ui| ui.label(format!("Opening {}", self.path.display()))));
         }
         let width = (area.width() - if self.panel { panel::WIDTH } else { 0.0 } - 24.0).clamp(160.0, 560.0);
         let mut dismissed = None;

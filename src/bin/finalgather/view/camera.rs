@@ -21,7 +21,7 @@ pub const KEYS: [(&str, &str); 15] = [
     ("Ctrl + O", "open a scene"),
     ("Ctrl + S", "save the picture"),
     ("Ctrl + Q", "end"),
-    ("Tab", "hide or show the panel"),
+    ("P", "hide or show the panel"),
     ("F1", "this list"),
 ];
 

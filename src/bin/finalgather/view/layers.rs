@@ -237,7 +237,8 @@ impl LayerView {
             }
             view.dot(&painter, start, RAY);
         }
-        let text = self.probe.as_ref().map_or("Point at the picture to follow a ray.".to_owned(), |probe| sentence(probe, layers));
+        let text =
+            self.probe.as_ref().map_or("Point at the picture to follow a ray.".to_owned(), |probe| sentence(probe, layers));
         let font = FontId::proportional(13.0);
         let galley = painter.layout(text, font, Color32::from_gray(210), area.width() - 24.0);
         painter.galley(area.left_top() + vec2(12.0, 12.0), galley, Color32::WHITE);
@@ -274,7 +275,9 @@ fn sentence(probe: &Probe, layers: &Layers) -> String {
     match sampled {
         0 => "The point's ray leaves the scene: all layers lie behind it and are culled (KILL).".to_owned(),
         1 => "The point samples the farthest layer; all others lie behind it and are culled (KILL).".to_owned(),
-        _ => format!("The point samples {sampled} layers, far to near, and keeps the last, the nearest ahead; those behind it are culled (KILL)."),
+        _ => format!(
+            "The point samples {sampled} layers, far to near, and keeps the last, the nearest ahead; those behind it are culled (KILL)."
+        ),
     }
 }
 

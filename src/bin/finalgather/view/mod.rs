@@ -42,7 +42,8 @@ pub fn run(args: &ViewArgs) -> Result<u8> {
     let start = Start { backend: args.backend, device: args.gl_device, overrides: args.overrides.clone(), shaders, shrink: 2 };
     let app = App::new(start, scene, args.layers, events.create_proxy())?;
     let mut window = Window::new(args, app);
-    let ended = events.run_app(&mut window).map_err(|error| Error::gl(format!("the window system failed: {error}"), "start again"));
+    let ended =
+        events.run_app(&mut window).map_err(|error| Error::gl(format!("the window system failed: {error}"), "start again"));
     let End { outcome, times: [frames, answers], api, directions, left } = window.end();
     let outcome = ended.and(outcome).and_then(|()| {
         let json = json!({ "api": api, "directions": directions, "frame": frames, "answer": answers });

@@ -85,7 +85,8 @@ impl Window {
     }
 
     fn open(&self, events: &ActiveEventLoop) -> Result<Shell> {
-        let failed = |problem: String| Error::gl(format!("no window can be made: {problem}"), "try --glx; render works without one");
+        let failed =
+            |problem: String| Error::gl(format!("no window can be made: {problem}"), "try --glx; render works without one");
         let mut size = LogicalSize::<f64>::from(self.size.map(f64::from));
         if let Some(scale) = self.scale {
             size = LogicalSize::new(size.width * f64::from(scale), size.height * f64::from(scale));

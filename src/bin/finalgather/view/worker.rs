@@ -243,7 +243,9 @@ fn work(start: &Start, commands: &Receiver<Command>, tell: &dyn Fn(Report)) -> R
 /// When a file of the folder or a folder in it was changed last.
 fn newest(folder: &Path) -> Option<SystemTime> {
     let entries = fs::read_dir(folder).ok()?.flatten();
-    entries.filter_map(|entry| if entry.path().is_dir() { newest(&entry.path()) } else { entry.metadata().ok()?.modified().ok() }).max()
+    entries
+        .filter_map(|entry| if entry.path().is_dir() { newest(&entry.path()) } else { entry.metadata().ok()?.modified().ok() })
+        .max()
 }
 
 fn open(gpu: &Gpu, start: &Start, path: &Path) -> Result<(Opened, Job)> {
@@ -309,7 +311,9 @@ impl Job {
         if !self.fresh {
             self.restart(shrink, tell);
         }
-        if !self.halted && let Err(error) = self.render.step() {
+        if !self.halted
+            && let Err(error) = self.render.step()
+        {
             if matches!(error, Error::Gl { .. }) {
                 return Err(error);
             }
