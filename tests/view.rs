@@ -6,6 +6,7 @@ use std::fs;
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
+use std::sync::{Mutex, PoisonError};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
@@ -71,10 +72,13 @@ fn start(command: &mut Command) -> Child {
 
 impl Display {
     fn start() -> Self {
+        // Two that start at once may choose one number.
+        static ONE: Mutex<()> = Mutex::new(());
+        let _one = ONE.lock().unwrap_or_else(PoisonError::into_inner);
         let folder = tempfile::tempdir().unwrap();
         let mut server = start(
             Command::new("Xvfb")
-                .args(["-displayfd", "1", "-screen", "0", "1024x768x24", "-nolisten", "tcp", "-fbdir"])
+                .args(["-displayfd", "1", "-screen", "0", "1024x768x24", "-noreset", "-nolisten", "tcp", "-fbdir"])
                 .arg(folder.path())
                 .stdout(Stdio::piped())
                 .stderr(Stdio::null()),
@@ -142,7 +146,10 @@ impl<'a> View<'a> {
         let begun = Instant::now();
         while !condition(self) {
             assert!(begun.elapsed() < PATIENCE, "waited in vain for {what}; the title is {:?}", self.title());
-            assert_eq!(self.tool.try_wait().unwrap(), None, "ended while waited for {what}");
+            if let Some(status) = self.tool.try_wait().unwrap() {
+                let said = std::io::read_to_string(self.tool.stderr.take().unwrap()).unwrap();
+                panic!("ended with {status} while waited for {what}: {said}");
+            }
             sleep(Duration::from_millis(30));
         }
     }
