@@ -338,6 +338,9 @@ fn keys_and_switches_show_other_things() {
 
     // Without the panel the picture has all of the width.
     view.key("p");
+    // And its corner is empty.
+    let corner = [300, 0, 92, 20];
+    view.until("no panel", |view| view.whole().crop(corner).rgb.iter().all(|&pixel| pixel == [16; 3]));
     view.until("a larger picture", |view| {
         view.display.pixels().crop([330, 280, 20, 20]).difference(&plain.crop([330, 280, 20, 20])).1 > 5.0
     });

@@ -119,17 +119,23 @@ impl App {
         match (&self.scene, self.opening) {
             (_, true) => format!("{name}: opening - finalgather"),
             (None, false) => "finalgather".to_owned(),
-            _ if self.progress.done => format!("{name}: {} directions, done - finalgather", gather.directions),
+            _ if self.done() => format!("{name}: {} directions, done - finalgather", gather.directions),
             _ => format!("{name}: {} directions - finalgather", gather.directions),
         }
     }
 
-    /// Directions gathered, once there are no more to come and the picture of them is there.
+    /// Whether all directions of the view as it is now are gathered.
+    pub fn done(&self) -> bool {
+        let progress = &self.progress;
+        progress.done && !self.view.moving && progress.view.as_ref().is_some_and(|view| view.is_gathered_as(&self.view))
+    }
+
+    /// Whether all that was asked for is to be seen, or nothing will be.
     pub fn finished(&self) -> bool {
-        let settled = self.moved.is_none() && self.sent.as_ref().is_some_and(|(view, _)| !view.moving);
         let apart = !self.layers || self.layer_view.count() > 0;
-        let done = self.picture.as_ref().is_some_and(|picture| picture.sharp && picture.directions == self.directions());
-        self.failure.is_some() || !self.opening && (self.scene.is_none() || self.progress.done && settled && apart && done)
+        let shown = |picture: &Picture| picture.sharp && picture.directions == self.directions();
+        let pictured = self.directions() == 0 || self.picture.as_ref().is_some_and(shown);
+        self.failure.is_some() || !self.opening && (self.scene.is_none() || self.done() && apart && pictured)
     }
 
     pub fn directions(&self) -> u32 {
@@ -424,9 +430,6 @@ impl App {
                 self.worker.send(Command::Show(now.1));
                 self.worker.send(Command::Look(now.0.clone()));
             }
-        }
-        if self.sent.as_ref().is_none_or(|(view, _)| *view != now.0) && self.sent.is_some() {
-            self.progress.done = false;
         }
         self.sent = Some(now);
     }

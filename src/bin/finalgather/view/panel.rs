@@ -67,7 +67,7 @@ fn progress(app: &App, ui: &mut Ui) {
     section(ui, &name);
     let (progress, settings) = (&app.progress, &app.view.settings);
     let done = progress.statistics.gather.directions;
-    let share = if progress.done { 1.0 } else { done as f32 / settings.directions as f32 };
+    let share = if app.done() { 1.0 } else { done as f32 / settings.directions as f32 };
     ui.add(ProgressBar::new(share).desired_height(6.0));
     rows(ui, "progress", |ui| {
         row(ui, "Directions", format!("{done} of {}", settings.directions));
@@ -171,7 +171,7 @@ fn settings(app: &mut App, ui: &mut Ui) {
         ui.add(DragValue::new(&mut settings.directions).range(16..=1_000_000).speed(8.0).update_while_editing(false));
         ui.end_row();
 
-        ui.label("… a picture");
+        ui.label("Per picture");
         let text = |pace: f64, _| if pace == 0.0 { "as fits".into() } else { format!("{pace}") };
         ui.add(DragValue::new(pace).range(0..=1024).speed(1.0).custom_formatter(text))
             .on_hover_text("Directions from one picture to the next");

@@ -47,6 +47,14 @@ pub struct View {
     pub pace: u32,
 }
 
+impl View {
+    /// Whether the renderer has the same to do for both.
+    pub fn is_gathered_as(&self, other: &Self) -> bool {
+        let settings = Settings { exposure: other.settings.exposure, ..self.settings.clone() };
+        View { settings, pace: other.pace, ..*self } == *other
+    }
+}
+
 /// What the renderer tells.
 pub enum Report {
     Opened(Box<Opened>),
@@ -84,6 +92,8 @@ pub struct Picture {
 #[derive(Clone, Default)]
 pub struct Progress {
     pub statistics: Statistics,
+    /// Of what.
+    pub view: Option<View>,
     /// Whether nothing is left to do, and shown.
     pub done: bool,
     /// Seconds of work since the view changed last.
@@ -204,7 +214,7 @@ fn work(start: &Start, commands: &Receiver<Command>, tell: &dyn Fn(Report)) -> R
             }
             Ok(Command::Look(view)) => {
                 if let Some(job) = &mut job {
-                    job.fresh &= View { pace: view.pace, ..job.view.clone() } == view;
+                    job.fresh &= job.view.is_gathered_as(&view);
                     job.view = view;
                 }
             }
@@ -345,7 +355,8 @@ impl Job {
             self.told = Instant::now();
             tell(Report::Progress(Box::new(Progress {
                 statistics: self.render.statistics().clone(),
-                done: all && !self.view.moving,
+                view: Some(self.view.clone()),
+                done: all,
                 seconds: self.worked.as_secs_f64(),
                 stages: self.device.clone(),
             })));
