@@ -229,7 +229,7 @@ pub struct ViewArgs {
     #[arg(long, value_name = "FILE", requires = "frames")]
     pub screenshot: Option<PathBuf>,
 
-    /// Print one JSON object at the end, on how fast the window answered
+    /// Print one JSON object at the end: how fast the window drew and answered from the first picture on, in milliseconds
     #[arg(long)]
     pub json: bool,
 

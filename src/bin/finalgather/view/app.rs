@@ -138,6 +138,10 @@ impl App {
         self.failure.is_some() || !self.opening && (self.scene.is_none() || self.done() && apart && pictured)
     }
 
+    pub fn has_picture(&self) -> bool {
+        self.picture.is_some()
+    }
+
     pub fn directions(&self) -> u32 {
         self.progress.statistics.gather.directions
     }

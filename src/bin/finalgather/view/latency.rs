@@ -47,15 +47,18 @@ impl Latency {
         self.pending.get_or_insert(came);
     }
 
-    /// A frame is on the screen.
-    pub fn frame(&mut self, begun: Instant) {
-        self.frames.push(begun.elapsed());
-        self.answers.extend(self.pending.take().map(|came| came.elapsed()));
+    /// A frame is on the screen. Those before the first picture do not count: in them the driver compiles what egui draws with.
+    pub fn frame(&mut self, begun: Instant, counts: bool) {
+        let came = self.pending.take();
+        if counts {
+            self.frames.push(begun.elapsed());
+            self.answers.extend(came.map(|came| came.elapsed()));
+        }
     }
 
-    /// Of frames, and of answers. The first frame sets egui up.
+    /// Of frames, and of answers.
     pub fn times(&self) -> [Times; 2] {
-        [times(self.frames.get(1..).unwrap_or_default()), times(&self.answers)]
+        [times(&self.frames), times(&self.answers)]
     }
 }
 

@@ -39,7 +39,7 @@ pub fn run(args: &ViewArgs) -> Result<u8> {
     // In a development build the shaders at hand are the ones worth seeing.
     let own = Path::new(env!("CARGO_MANIFEST_DIR")).join("glsl");
     let shaders = args.shaders.clone().or_else(|| Some(own).filter(|own| cfg!(debug_assertions) && own.is_dir()));
-    let start = Start { backend: args.backend, device: args.gl_device, overrides: args.overrides.clone(), shaders, shrink: 2 };
+    let start = Start { backend: args.backend, device: args.gl_device, overrides: args.overrides.clone(), shaders };
     let app = App::new(start, scene, args.layers, events.create_proxy())?;
     let mut window = Window::new(args, app);
     let ended =

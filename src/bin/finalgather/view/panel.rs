@@ -1,6 +1,6 @@
 //! The panel beside the picture: how far the render is, what is shown of it, and how it is made.
 
-use egui::{Checkbox, Color32, ComboBox, DragValue, Grid, ProgressBar, RichText, ScrollArea, Slider, Ui, vec2};
+use egui::{Checkbox, Color32, ComboBox, DragValue, Grid, ProgressBar, RichText, ScrollArea, Slider, SliderClamping, Ui, vec2};
 use finalgather::settings::Pipeline;
 
 use super::app::App;
@@ -130,7 +130,7 @@ fn shown(app: &mut App, ui: &mut Ui) {
     rows(ui, "exposure", |ui| {
         ui.label("Exposure");
         ui.spacing_mut().slider_width = 76.0;
-        ui.add(Slider::new(&mut shown.exposure, -6.0..=6.0).step_by(0.1).suffix(" EV"));
+        ui.add(Slider::new(&mut shown.exposure, -6.0..=6.0).clamping(SliderClamping::Never).step_by(0.1).suffix(" EV"));
         ui.end_row();
     });
     // What is saved is exposed as what is seen.
@@ -163,12 +163,25 @@ fn settings(app: &mut App, ui: &mut Ui) {
 
         ui.label("Stop fraction");
         let stops = matches!(settings.pipeline, Pipeline::Kill | Pipeline::EarlyKill);
-        ui.add_enabled(stops, DragValue::new(&mut settings.stop_fraction).range(0.0..=0.2).speed(0.0002).max_decimals(4))
-            .on_disabled_hover_text("For the pipelines of 2004: the others look at all layers.");
+        ui.add_enabled(
+            stops,
+            DragValue::new(&mut settings.stop_fraction)
+                .range(0.0..=0.2)
+                .clamp_existing_to_range(false)
+                .speed(0.0002)
+                .max_decimals(4),
+        )
+        .on_disabled_hover_text("For the pipelines of 2004: the others look at all layers.");
         ui.end_row();
 
         ui.label("Directions");
-        ui.add(DragValue::new(&mut settings.directions).range(16..=1_000_000).speed(8.0).update_while_editing(false));
+        ui.add(
+            DragValue::new(&mut settings.directions)
+                .range(16..=1_000_000)
+                .clamp_existing_to_range(false)
+                .speed(8.0)
+                .update_while_editing(false),
+        );
         ui.end_row();
 
         ui.label("Per picture");

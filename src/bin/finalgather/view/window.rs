@@ -141,7 +141,7 @@ impl Window {
         let shot = self.screenshot.as_ref().filter(|_| last).map(|path| (path, shell.screen.read(size)));
         shell.window.pre_present_notify();
         let presented = shell.screen.present();
-        self.latency.frame(begun);
+        self.latency.frame(begun, self.app.has_picture());
         let title = self.app.title();
         if title != self.title {
             shell.window.set_title(&title);

@@ -24,6 +24,9 @@ use super::layers::{Apart, Wish};
 use super::picture::{Shown, developed};
 use crate::args::Overrides;
 
+/// How sides of the picture shrink while it moves.
+const SHRINK: u32 = 2;
+
 /// What the renderer is to do.
 pub enum Command {
     Open(PathBuf),
@@ -117,8 +120,6 @@ pub struct Start {
     pub overrides: Overrides,
     /// Where shaders are read, and read again when they change.
     pub shaders: Option<PathBuf>,
-    /// How sides of the picture shrink while it moves.
-    pub shrink: u32,
 }
 
 impl Worker {
@@ -240,7 +241,7 @@ fn work(start: &Start, commands: &Receiver<Command>, tell: &dyn Fn(Report)) -> R
                     }
                 }
                 if let Some(job) = &mut job {
-                    let pictured = job.advance(&clock, start.shrink, &shown, tell)?;
+                    let pictured = job.advance(&clock, &shown, tell)?;
                     if let Some(wish) = wish.filter(|_| pictured) {
                         job.take_apart(&wish, tell)?;
                     }
@@ -313,13 +314,13 @@ impl Job {
     ///
     /// # Errors
     /// When the device has failed for good.
-    fn advance(&mut self, clock: &StageClock, shrink: u32, shown: &Shown, tell: &dyn Fn(Report)) -> Result<bool> {
+    fn advance(&mut self, clock: &StageClock, shown: &Shown, tell: &dyn Fn(Report)) -> Result<bool> {
         if !self.has_work() {
             return Ok(false);
         }
         let begun = Instant::now();
         if !self.fresh {
-            self.restart(shrink, tell);
+            self.restart(tell);
         }
         if !self.halted
             && let Err(error) = self.render.step()
@@ -386,10 +387,10 @@ impl Job {
     }
 
     /// Begins with the view as it was last asked for.
-    fn restart(&mut self, shrink: u32, tell: &dyn Fn(Report)) {
+    fn restart(&mut self, tell: &dyn Fn(Report)) {
         let mut settings = self.view.settings.clone();
         if self.view.moving {
-            settings.size = settings.size.map(|side| side.div_ceil(shrink));
+            settings.size = settings.size.map(|side| side.div_ceil(SHRINK));
             settings.layer_size = settings.layer_size.min(128);
             // Blocks of eight directions, with a few samples of the lights each.
             settings.directions = 256;
