@@ -52,6 +52,17 @@ library libEGL_mesa.so.0 || missing "Mesa's EGL" libegl-mesa0 mesa-libEGL mesa
 software_gl || missing "Mesa's software OpenGL driver" libgl1-mesa-dri mesa-dri-drivers mesa
 if [[ $tests ]]; then
     command -v glslangValidator >/dev/null || missing glslangValidator glslang-tools glslang glslang
+    # Of the window: servers without a screen, who types and points, and what winit and glutin load by name.
+    command -v Xvfb >/dev/null || missing Xvfb xvfb xorg-x11-server-Xvfb xorg-server-xvfb
+    command -v xdotool >/dev/null || missing xdotool xdotool xdotool xdotool
+    command -v weston >/dev/null || missing weston weston weston weston
+    library libGL.so.1 || missing "libGL.so.1 (GLVND)" libgl1 libglvnd-glx libglvnd
+    library libGLX_mesa.so.0 || missing "Mesa's GLX" libglx-mesa0 mesa-libGL mesa
+    library libX11-xcb.so.1 || missing libX11-xcb libx11-xcb1 libX11-xcb libx11
+    library libXcursor.so.1 || missing libXcursor libxcursor1 libXcursor libxcursor
+    library libXi.so.6 || missing libXi libxi6 libXi libxi
+    library libxkbcommon-x11.so.0 || missing libxkbcommon-x11 libxkbcommon-x11-0 libxkbcommon-x11 libxkbcommon-x11
+    library libwayland-egl.so.1 || missing libwayland-egl libwayland-egl1 libwayland-egl wayland
     # Mesa 25.1 dropped OSMesa; where no package has it, the tests go without.
     if command -v apt-get >/dev/null && ! library libOSMesa.so && { packaged libosmesa6 || ! lists_there; }; then
         missing libOSMesa libosmesa6 "" ""

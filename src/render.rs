@@ -6,6 +6,8 @@
 //! anti-aliasing and soft shadows free of extra gather work, and its sums are independent of all other blocks. Photons are
 //! traced afresh now and then, so that their noise averages out in long renders as the directions' does.
 
+mod layers;
+
 use std::time::Instant;
 
 use glam::Vec4;
@@ -28,6 +30,8 @@ use crate::reference::Reference;
 use crate::scene::{Bvh, Camera, Lights, Scene, UnitSpace};
 use crate::settings::{Estimator, Pipeline, Settings};
 
+pub use layers::{End, LayerTexel, Layers, Probe};
+
 /// A render in progress.
 pub struct Render {
     gpu: Gpu,
@@ -42,13 +46,8 @@ pub struct Render {
     photons: PhotonTexture,
     /// Which of the successive photon maps it is.
     photon_map: u64,
-    camera: CameraPoints,
-    direct: Direct,
-    direct_sums: Sums,
-    rough: PhotonMap,
+    passes: Passes,
     directions: Directions,
-    interleave: Interleave,
-    method: Method,
     /// The block in progress.
     block: Option<Block>,
     /// Directions gathered so far.
@@ -57,6 +56,16 @@ pub struct Render {
     /// Whether the error that was asked for is reached.
     reached: bool,
     statistics: Statistics,
+}
+
+/// All passes and what they draw into: what a render at other settings makes anew.
+struct Passes {
+    camera: CameraPoints,
+    direct: Direct,
+    direct_sums: Sums,
+    rough: PhotonMap,
+    interleave: Interleave,
+    method: Method,
 }
 
 /// Who gathers, and the sums of the block in progress.
@@ -141,28 +150,8 @@ impl Render {
         if scene.framed {
             scene.camera = Camera::framing(scene.mesh.bounds(), settings.size);
         }
-        let points = settings.size;
         let geometry = Geometry::upload(gpu, &scene)?;
-        let camera = CameraPoints::new(gpu, points)?;
-        let direct = Direct::new(gpu, settings.shadow_size, settings.seed)?;
-        let direct_sums = Sums::new(gpu, points)?;
-        let rough = PhotonMap::new(gpu, points)?;
-        let interleave = Interleave::new(settings.interleave, points, settings.seed);
-        let gather: Option<Box<dyn Gather>> = match settings.pipeline {
-            Pipeline::Kill => {
-                Some(Box::new(KillGather::new(gpu, settings.layer_size, interleave.tile(), settings.stop_fraction)?))
-            }
-            Pipeline::EarlyKill => {
-                Some(Box::new(KillGather::early(gpu, settings.layer_size, interleave.tile(), settings.stop_fraction)?))
-            }
-            Pipeline::Fused => Some(Box::new(FusedGather::new(gpu, settings.layer_size)?)),
-            Pipeline::RaycastGl => Some(Box::new(RayGather::new(gpu, &scene)?)),
-            Pipeline::Raycast => None,
-        };
-        let method = match gather {
-            Some(gather) => Method::Gl { gather, sums: Sums::new(gpu, interleave.sums_size())? },
-            None => Method::Rays { points: Vec::new(), sums: Vec::new() },
-        };
+        let passes = Passes::new(gpu, &scene, settings)?;
 
         // The first photons also tell, for all maps, which surfaces light reaches.
         let start = Instant::now();
@@ -201,18 +190,50 @@ impl Render {
             grid,
             photons,
             photon_map: 0,
-            camera,
-            direct,
-            direct_sums,
-            rough,
-            interleave,
-            method,
+            passes,
             block: None,
             done: 0,
             film: PairwiseSum::default(),
             reached: false,
             statistics,
         })
+    }
+
+    /// Begins again: what `camera`, in world space, sees by other `settings`. Photons and surfaces stay, and passes where the settings let them.
+    ///
+    /// # Errors
+    /// As [`Self::new`]; then nothing has changed.
+    ///
+    /// # Panics
+    /// When `settings` ask for other photons.
+    pub fn restart(&mut self, camera: Camera, settings: &Settings) -> Result<()> {
+        let photons = |of: &Settings| (of.seed, of.photons, of.bounces, of.grid_cells);
+        assert_eq!(photons(settings), photons(&self.settings), "a restart keeps the photons");
+        settings.validate()?;
+        let passes = |of: &Settings| (of.size, of.layer_size, of.pipeline, of.interleave, of.stop_fraction, of.shadow_size);
+        if passes(settings) != passes(&self.settings) {
+            self.passes = Passes::new(&self.gpu, &self.scene, settings)?;
+        }
+        self.directions = Directions::new(settings.sequence, settings.seed);
+        self.settings = settings.clone();
+        self.scene.camera = self.space.enter_camera(camera);
+        self.block = None;
+        self.done = 0;
+        self.film = PairwiseSum::default();
+        self.reached = false;
+        let Statistics { scene, photons, .. } = self.statistics;
+        self.statistics = Statistics { scene, photons, ..Statistics::default() };
+        self.statistics.gather.layer_size = settings.layer_size;
+        Ok(())
+    }
+
+    /// Compiles all programs again, after [`crate::shaders::reload`]; what was gathered is to be begun again by [`Self::restart`].
+    ///
+    /// # Errors
+    /// When one does not compile; then nothing has changed.
+    pub fn reload(&mut self) -> Result<()> {
+        self.passes = Passes::new(&self.gpu, &self.scene, &self.settings)?;
+        Ok(())
     }
 
     /// Directions gathered so far.
@@ -274,22 +295,22 @@ impl Render {
 
         let start = Instant::now();
         let offset = sobol(index, self.settings.seed);
-        let visible = self.camera.see(&self.geometry, &self.scene.camera, offset.into());
-        let points = self.camera.points(&visible);
-        let rough = self.rough.see(&self.photons, points);
+        let visible = self.passes.camera.see(&self.geometry, &self.scene.camera, offset.into());
+        let points = self.passes.camera.points(&visible);
+        let rough = self.passes.rough.see(&self.photons, points);
         self.statistics.seconds.visible_points += self.finish("finding visible points", start)?;
 
         // Each block takes its share of one sequence of light samples, so that together they cover the lights evenly.
         let start = Instant::now();
         let light_samples = u64::from(self.settings.light_samples).div_ceil(blocks);
-        self.direct_sums.clear();
+        self.passes.direct_sums.clear();
         let first = u64::from(index) * light_samples;
         for sample in first..first + light_samples {
-            self.direct.add(&self.geometry, &self.lights, sample, points, &self.direct_sums);
+            self.passes.direct.add(&self.geometry, &self.lights, sample, points, &self.passes.direct_sums);
         }
         self.statistics.seconds.direct += self.finish("direct light", start)?;
 
-        match &mut self.method {
+        match &mut self.passes.method {
             Method::Gl { sums, .. } => sums.clear(),
             Method::Rays { points, sums } => {
                 *points = visible.pixels();
@@ -299,8 +320,9 @@ impl Render {
         self.statistics.gather.points = visible.count;
         let end = self.settings.directions.min(self.done + self.directions_per_block());
         let mut left: Vec<u32> = (self.done..end).rev().collect();
-        left.sort_by_key(|&direction| self.interleave.subset(direction, index).index());
-        Ok(Block { index, visible, rough, left, taken: vec![0; self.interleave.subsets()], light_samples: light_samples as u32 })
+        left.sort_by_key(|&direction| self.passes.interleave.subset(direction, index).index());
+        let taken = vec![0; self.passes.interleave.subsets()];
+        Ok(Block { index, visible, rough, left, taken, light_samples: light_samples as u32 })
     }
 
     /// Replaces the photon map by one of fresh photons.
@@ -318,11 +340,11 @@ impl Render {
 
     fn gather_directions(&mut self, block: &mut Block) -> Result<()> {
         let start = Instant::now();
-        let batch = match &self.method {
+        let batch = match &self.passes.method {
             Method::Gl { gather, .. } => gather.batch(),
             Method::Rays { .. } => 1,
         };
-        let subset_of = |&direction: &u32| self.interleave.subset(direction, block.index);
+        let subset_of = |&direction: &u32| self.passes.interleave.subset(direction, block.index);
         let Some(subset) = block.left.last().map(subset_of) else { return Ok(()) };
         let numbers: Vec<u32> =
             block.left.iter().rev().take(batch).take_while(|&direction| subset_of(direction) == subset).copied().collect();
@@ -333,14 +355,14 @@ impl Render {
             Direction { vector: axes * direction.vector, ..direction }
         };
         let directions: Vec<Direction> = numbers.iter().map(turned).collect();
-        let points = self.camera.points(&block.visible).only(subset);
-        let layers = match &mut self.method {
+        let points = self.passes.camera.points(&block.visible).only(subset);
+        let layers = match &mut self.passes.method {
             Method::Gl { gather, sums } => {
                 gather.add(Work { geometry: &self.geometry, photons: &self.photons, points, sums }, &directions)?
             }
             Method::Rays { points, sums } => {
                 let rays = Reference::new(&self.scene, &self.bvh, &self.grid);
-                let interleave = self.interleave;
+                let interleave = self.passes.interleave;
                 let cast = |(i, (point, sum)): (usize, (&Option<GatherPoint>, &mut Vec4))| match point {
                     Some(point) if interleave.subset_of(i) == subset => {
                         directions.iter().for_each(|direction| *sum += rays.sample(point, direction.vector).as_vec4());
@@ -360,27 +382,27 @@ impl Render {
     }
 
     fn film_of(&self, block: &Block) -> Film {
-        let mut gathered = match &self.method {
-            Method::Gl { sums, .. } => self.interleave.in_order(sums.read()),
+        let mut gathered = match &self.passes.method {
+            Method::Gl { sums, .. } => self.passes.interleave.in_order(sums.read()),
             Method::Rays { sums, .. } => sums.clone(),
         };
         if self.settings.estimator == Estimator::Plain {
             // The weights' expected sum in place of their own: over the sphere, the mean of max(n·d, 0) is 1/4, that of |n·d| 1/2.
-            let both_ends = matches!(&self.method, Method::Gl { gather, .. } if gather.both_ends());
+            let both_ends = matches!(&self.passes.method, Method::Gl { gather, .. } if gather.both_ends());
             let mean = if both_ends { 0.5 } else { 0.25 };
-            let taken = |pixel| block.taken[self.interleave.subset_of(pixel).index()];
+            let taken = |pixel| block.taken[self.passes.interleave.subset_of(pixel).index()];
             gathered.iter_mut().enumerate().for_each(|(pixel, sum)| sum.w = mean * taken(pixel) as f32);
         }
-        let gathered = self.interleave.share(gathered, &block.taken, &block.visible);
+        let gathered = self.passes.interleave.share(gathered, &block.taken, &block.visible);
         let directions = block.taken.iter().sum();
-        let direct = self.direct_sums.read();
+        let direct = self.passes.direct_sums.read();
         Film::of_block(self.settings.size, &block.visible, (&direct, block.light_samples), &block.rough, (&gathered, directions))
     }
 
     /// Few enough that a picture has about 32 sub-pixel offsets, and at most 128, so that a long render keeps refining its edges and
     /// shadows; but at least one for each interleaved subset. A power of two.
     fn directions_per_block(&self) -> u32 {
-        self.settings.directions.div_ceil(32).next_power_of_two().min(128).max(self.interleave.subsets() as u32)
+        self.settings.directions.div_ceil(32).next_power_of_two().min(128).max(self.passes.interleave.subsets() as u32)
     }
 
     /// Once in a while, for the report and to stop a render that is good enough.
@@ -397,6 +419,33 @@ impl Render {
         self.gpu.finish();
         self.gpu.check(stage)?;
         Ok(start.elapsed().as_secs_f64())
+    }
+}
+
+impl Passes {
+    fn new(gpu: &Gpu, scene: &Scene, settings: &Settings) -> Result<Self> {
+        let points = settings.size;
+        let camera = CameraPoints::new(gpu, points)?;
+        let direct = Direct::new(gpu, settings.shadow_size, settings.seed)?;
+        let direct_sums = Sums::new(gpu, points)?;
+        let rough = PhotonMap::new(gpu, points)?;
+        let interleave = Interleave::new(settings.interleave, points, settings.seed);
+        let gather: Option<Box<dyn Gather>> = match settings.pipeline {
+            Pipeline::Kill => {
+                Some(Box::new(KillGather::new(gpu, settings.layer_size, interleave.tile(), settings.stop_fraction)?))
+            }
+            Pipeline::EarlyKill => {
+                Some(Box::new(KillGather::early(gpu, settings.layer_size, interleave.tile(), settings.stop_fraction)?))
+            }
+            Pipeline::Fused => Some(Box::new(FusedGather::new(gpu, settings.layer_size)?)),
+            Pipeline::RaycastGl => Some(Box::new(RayGather::new(gpu, scene)?)),
+            Pipeline::Raycast => None,
+        };
+        let method = match gather {
+            Some(gather) => Method::Gl { gather, sums: Sums::new(gpu, interleave.sums_size())? },
+            None => Method::Rays { points: Vec::new(), sums: Vec::new() },
+        };
+        Ok(Self { camera, direct, direct_sums, rough, interleave, method })
     }
 }
 

@@ -1,6 +1,9 @@
 //! Every shader program of the crate, from the sources in `glsl/`. Tests compile all of [`ALL`] and [`WITH_IMAGES`].
 
-use crate::gpu::ShaderSource;
+use std::fs;
+use std::path::Path;
+
+use crate::gpu::{ShaderSource, replace_shader_text};
 
 const INCLUDES: &[(&str, &str)] = &[
     ("surface.glsl", include_str!("../glsl/include/surface.glsl")),
@@ -72,3 +75,17 @@ pub static ALL: [&ShaderSource; 17] = [
 
 /// Those for devices on which shaders write to images.
 pub static WITH_IMAGES: [&ShaderSource; 2] = [&STORE_APPEND, &STORE_SORT];
+
+/// Reads the files of a folder laid out as `glsl/`, as far as it has them, in place of what is embedded: for work on shaders. Programs made
+/// from now on are of these.
+pub fn reload(folder: &Path) {
+    let vertex = [("surface", VISIBLE_POINTS.vertex), ("fullscreen", DIRECT.vertex)];
+    let vertex = vertex.map(|(name, text)| (format!("{name}.vert"), text));
+    let fragments = ALL.iter().chain(&WITH_IMAGES).map(|source| (format!("{}.frag", source.name), source.fragment));
+    let includes = INCLUDES.iter().map(|&(name, text)| (format!("include/{name}"), text));
+    for (path, embedded) in vertex.into_iter().chain(fragments).chain(includes) {
+        if let Ok(text) = fs::read_to_string(folder.join(path)) {
+            replace_shader_text(embedded, text);
+        }
+    }
+}

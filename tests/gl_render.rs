@@ -9,9 +9,10 @@ use finalgather::direction::Directions;
 use finalgather::gpu::{Backend, DeviceChoice, Gpu};
 use finalgather::image::compare::{Selection, compare};
 use finalgather::image::{Channel, Image};
-use finalgather::render::Render;
-use finalgather::scene::Scene;
+use finalgather::render::{End, Render};
+use finalgather::scene::{Bvh, Camera, RAY_OFFSET, Scene, UnitSpace};
 use finalgather::settings::{Estimator, Pipeline, Settings};
+use glam::Vec3;
 
 /// The Cornell box, small.
 fn cornell() -> (Scene, Settings) {
@@ -52,6 +53,70 @@ fn same(a: &Image, b: &Image) -> bool {
         image.channels.iter().map(|c| (c.name.clone(), channel(&c.samples))).collect()
     };
     bits(a) == bits(b)
+}
+
+#[test]
+fn begun_again_is_begun_anew() {
+    let gpu = gpu();
+    let (scene, settings) = cornell();
+    let mut render = Render::new(&gpu, &scene, &settings).unwrap();
+    let gather = |render: &mut Render| {
+        while !render.is_done() {
+            render.step().unwrap();
+        }
+        render.picture()
+    };
+    // Away from the scene's own view, in the middle of a block, smaller and by another pipeline; and back.
+    let start = gather(&mut render);
+    let camera = Camera { eye: scene.camera.eye + Vec3::new(60.0, 40.0, 0.0), ..scene.camera };
+    render.restart(camera, &settings).unwrap();
+    render.step().unwrap();
+    assert!(render.directions_done() < 64, "something is left to interrupt");
+    let other = Settings { size: [24, 20], pipeline: Pipeline::Kill, layer_size: 32, ..settings.clone() };
+    render.restart(camera, &other).unwrap();
+    let moved = gather(&mut render);
+    assert!(same(&moved, &gather(&mut Render::new(&gpu, &Scene { camera, ..scene.clone() }, &other).unwrap())));
+    render.restart(scene.camera, &settings).unwrap();
+    assert!(same(&gather(&mut render), &start));
+    assert_eq!(render.statistics().gather.directions, 64);
+
+    // A refused restart leaves everything as it is.
+    let refused = render.restart(camera, &Settings { layer_size: 1, ..settings.clone() });
+    assert!(refused.is_err());
+    assert!(same(&render.picture(), &start));
+}
+
+/// What the layer view says of a point is what an exact ray finds.
+#[test]
+fn probes_find_what_rays_find() {
+    let gpu = gpu();
+    let (scene, settings) = cornell();
+    let render = Render::new(&gpu, &scene, &settings).unwrap();
+    let (unit, _) = UnitSpace::enter(&scene);
+    let bvh = Bvh::new(&unit.mesh);
+    let (mut hits, mut misses) = (0, 0);
+    for number in 0..8 {
+        for opposite in [false, true] {
+            let layers = render.layers(End { number, opposite }).unwrap();
+            assert!(!layers.layers.is_empty());
+            for place in [(0.3, 0.4), (0.6, 0.7), (0.5, 0.1), (0.9, 0.5)] {
+                let probe = render.probe(&layers, place.into()).unwrap().expect("the box fills the picture");
+                let faces = probe.point.cosine(layers.direction) > 0.0;
+                let ray = bvh.nearest(probe.point.position + RAY_OFFSET * probe.point.normal, layers.direction, None);
+                let expected = ray.filter(|_| faces).map(|hit| hit.distance);
+                let found = probe.hit.map(|hit| hit.distance(probe.point.position));
+                assert_eq!(expected.is_some(), found.is_some(), "{number} {opposite} {place:?}: {expected:?} {found:?}");
+                if let (Some(expected), Some(found)) = (expected, found) {
+                    assert!((expected - found).abs() < 0.05, "{number} {opposite} {place:?}: {expected} {found}");
+                }
+                // Far to near, all layers up to one are sampled and none after.
+                assert!(probe.sampled.is_sorted_by(|a, b| a >= b), "{:?}", probe.sampled);
+                assert_eq!(probe.sampled.first(), Some(&found.is_some()));
+                if found.is_some() { hits += 1 } else { misses += 1 }
+            }
+        }
+    }
+    assert!(hits > 16 && misses > 16, "{hits} hits, {misses} misses");
 }
 
 #[test]

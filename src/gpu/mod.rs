@@ -15,13 +15,17 @@ mod resource;
 mod target;
 mod texture;
 mod vertices;
+#[cfg(feature = "window")]
+mod window;
 
 pub use clock::{StageClock, StageTimes};
 pub use context::{Gpu, GpuInfo, Limits};
 pub use draw::{Blend, DepthTest, Draw, Geometry};
 pub use headless::{Backend, DeviceChoice, DeviceInfo, list_devices};
-pub use program::{Program, ShaderSource, Uniform};
+pub use program::{Program, ShaderSource, Uniform, replace_shader_text};
 pub use query::SampleQuery;
 pub use target::Target;
 pub use texture::{Filter, Format, Texture, Wrap};
 pub use vertices::VertexArray;
+#[cfg(feature = "window")]
+pub use window::Screen;

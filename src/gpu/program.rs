@@ -1,5 +1,9 @@
 //! Shader programs: compiled from embedded sources, with uniforms given whole at each draw.
 
+use std::borrow::Cow;
+use std::collections::HashMap;
+use std::sync::{LazyLock, PoisonError, RwLock};
+
 use bytemuck::cast_slice;
 use glam::{Mat4, Vec3, Vec4};
 use glow::HasContext;
@@ -45,14 +49,28 @@ pub struct Program {
     uniforms: Vec<(String, glow::NativeUniformLocation)>,
 }
 
+/// Texts that take the place of embedded ones.
+static REPLACED: LazyLock<RwLock<HashMap<&'static str, String>>> = LazyLock::new(Default::default);
+
+/// From now on programs are compiled with `text` in the place of an embedded one: for work on shaders while they run.
+pub fn replace_shader_text(embedded: &'static str, text: String) {
+    REPLACED.write().unwrap_or_else(PoisonError::into_inner).insert(embedded, text);
+}
+
+fn current(embedded: &'static str) -> Cow<'static, str> {
+    let replaced = REPLACED.read().unwrap_or_else(PoisonError::into_inner);
+    replaced.get(embedded).map_or(Cow::Borrowed(embedded), |text| Cow::Owned(text.clone()))
+}
+
 impl ShaderSource {
     /// Both stages with includes put in, as (vertex, fragment).
     ///
     /// # Errors
     /// [`Error::Gl`] when an included file does not exist.
     pub fn resolve(&self) -> Result<(String, String)> {
-        let stage = |text: &str| {
-            let (version, rest) = text.split_once('\n').unwrap_or((text, ""));
+        let stage = |embedded| {
+            let text = current(embedded);
+            let (version, rest) = text.split_once('\n').unwrap_or((&text, ""));
             let defines: String = self.defines.iter().map(|name| format!("#define {name}\n")).collect();
             Ok(format!("{version}\n{defines}{}", self.resolve_stage(rest)?))
         };
@@ -70,7 +88,7 @@ impl ShaderSource {
                     let (_, text) = found.ok_or_else(|| {
                         Error::gl(format!("shader {} includes {file}, which does not exist", self.name), "report this")
                     })?;
-                    resolved.push_str(&self.resolve_stage(text)?);
+                    resolved.push_str(&self.resolve_stage(&current(text))?);
                 }
             }
             resolved.push('\n');

@@ -9,6 +9,7 @@ mod flip;
 mod png;
 
 pub use file::{WriteOptions, check_writable};
+pub use png::write_srgb8;
 
 /// A picture: channels of equal size, rows from the top, linear values.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -6,6 +6,7 @@ use std::path::Path;
 use ::image::codecs::png::PngEncoder;
 use ::image::{ExtendedColorType, ImageEncoder, ImageFormat};
 
+use super::file::write_file;
 use super::{Channel, Image};
 use crate::error::{Error, Result};
 
@@ -13,9 +14,14 @@ use crate::error::{Error, Result};
 const KNEE: f32 = 0.8;
 
 impl Image {
-    /// [`Self::to_rgb8`] through the tone curve, opaque.
+    /// [`Self::to_srgb8`], opaque.
     pub(super) fn to_png(&self, exposure: f32) -> Result<Vec<u8>> {
-        encode(self.width, self.height, &self.to_rgb8(exposure, tone)?)
+        encode(self.width, self.height, &self.to_srgb8(exposure)?)
+    }
+
+    /// R, G and B of each pixel in turn, as a PNG of this exposure in stops has them.
+    pub fn to_srgb8(&self, exposure: f32) -> Result<Vec<u8>> {
+        self.to_rgb8(exposure, tone)
     }
 
     /// R, G and B of each pixel in turn: times 2^`exposure`, through `curve`, which is [`tone`] or nothing, and [`encode_srgb`].
@@ -40,6 +46,11 @@ impl Image {
         });
         Ok(Self { width: picture.width() as usize, height: picture.height() as usize, channels: channels.collect() })
     }
+}
+
+/// Writes three bytes a pixel, as a display gets them, as PNG: the whole file or nothing.
+pub fn write_srgb8(path: &Path, [width, height]: [usize; 2], rgb8: &[u8]) -> Result<()> {
+    write_file(path, &encode(width, height, rgb8)?)
 }
 
 /// Three bytes a pixel, as a display gets them.

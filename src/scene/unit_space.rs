@@ -32,12 +32,16 @@ impl UnitSpace {
         let Mesh { positions, triangles, .. } = &mut scene.mesh;
         triangles.retain(|triangle| has_area(triangle.vertices.map(|vertex| positions[vertex as usize])));
         drop_doubles(&mut scene.mesh, &scene.materials);
-        // The direction is kept, and not the target, which may fall together with the eye.
-        let Camera { eye, target, .. } = scene.camera;
-        let forward = (target.as_dvec3() - eye.as_dvec3()).normalize().as_vec3();
-        scene.camera.eye = space.enter_point(eye);
-        scene.camera.target = scene.camera.eye + forward;
+        scene.camera = space.enter_camera(scene.camera);
         (scene, space)
+    }
+
+    /// A camera in world space as unit space has it.
+    pub fn enter_camera(self, camera: Camera) -> Camera {
+        // The direction is kept, and not the target, which may fall together with the eye.
+        let forward = (camera.target.as_dvec3() - camera.eye.as_dvec3()).normalize().as_vec3();
+        let eye = self.enter_point(camera.eye);
+        Camera { eye, target: eye + forward, ..camera }
     }
 
     fn enter_point(self, position: Vec3) -> Vec3 {

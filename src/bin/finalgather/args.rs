@@ -79,6 +79,21 @@ Exit codes:
    69  no OpenGL 3.3 here, or its driver failed
   130  stopped by SIGINT (Ctrl-C), 143 by SIGTERM: nothing is printed";
 
+#[cfg(feature = "window")]
+const VIEW_NOTES: &str = "\
+Examples:
+  finalgather view
+  finalgather view scene.toml --pipeline kill --directions 4000
+  finalgather view --directions 64 --frames 1 --screenshot window.png
+      unattended: the window once 64 directions are done, as a PNG
+
+Exit codes:
+    0  closed, or the screenshot is written
+    2  the request cannot be met: an option out of range
+   65  with --frames: the scene cannot be used
+   69  no window system here, or no OpenGL 3.3
+   75  the screenshot could not be written";
+
 const EXIT_CODES: &str = "\
 Exit codes:
     0  done
@@ -100,6 +115,8 @@ pub struct Args {
 #[derive(Debug, Subcommand)]
 pub enum Command {
     Render(RenderArgs),
+    #[cfg(feature = "window")]
+    View(ViewArgs),
     Compare(CompareArgs),
     Bench(BenchArgs),
     Info(InfoArgs),
@@ -134,9 +151,10 @@ pub struct RenderArgs {
     pub gl_device: DeviceChoice,
 }
 
-#[derive(Debug, clap::Args)]
+/// What the command line says over the scene file's settings.
+#[derive(Clone, Debug, clap::Args)]
 #[command(next_help_heading = "Settings")]
-struct Overrides {
+pub struct Overrides {
     #[arg(long, value_name = "WxH|N", value_parser = size, help = setting("Picture size in pixels; N is N by N", |s| format!("{}x{}", s.size[0], s.size[1])))]
     size: Option<[u32; 2]>,
 
@@ -175,6 +193,60 @@ struct Overrides {
 
     #[arg(long, value_name = "EV", help = setting("Exposure of .png in stops", |s| s.exposure))]
     exposure: Option<f32>,
+}
+
+/// Open a window on a scene: the picture as it gathers, a camera to move, the layers of a direction to look at
+///
+/// The same renderer as `render`, with its settings; F1 in the window lists keys.
+#[cfg(feature = "window")]
+#[derive(Debug, clap::Args)]
+#[command(after_help = VIEW_NOTES, args_override_self = true, allow_negative_numbers = true)]
+pub struct ViewArgs {
+    /// Scene file: .toml, or a bare .obj with its .mtl [default: the Cornell box]
+    pub scene: Option<PathBuf>,
+
+    /// Inner size of the window in points; N is N by N [default: room for the picture and the panel]
+    #[arg(long, value_name = "WxH|N", value_parser = size)]
+    pub window: Option<[u32; 2]>,
+
+    /// Pixels of a point, on screens of many small pixels [default: what the system says]
+    #[arg(long, value_name = "FACTOR", value_parser = factor)]
+    pub scale: Option<f32>,
+
+    /// Begin in the layer view
+    #[arg(long)]
+    pub layers: bool,
+
+    /// Prefer GLX to EGL, on X11
+    #[arg(long)]
+    pub glx: bool,
+
+    /// Once all directions are done, draw so many frames, write --screenshot and end
+    #[arg(long, value_name = "N", value_parser = count::<u32>)]
+    pub frames: Option<u32>,
+
+    /// Where --frames writes the window as PNG
+    #[arg(long, value_name = "FILE", requires = "frames")]
+    pub screenshot: Option<PathBuf>,
+
+    /// Print one JSON object at the end: how fast the window drew and answered from the first picture on, in milliseconds
+    #[arg(long)]
+    pub json: bool,
+
+    /// Read shaders from this folder, laid out as glsl/, and again when a file there changes
+    #[arg(long, value_name = "FOLDER", hide_short_help = true)]
+    pub shaders: Option<PathBuf>,
+
+    #[command(flatten)]
+    pub overrides: Overrides,
+
+    /// Where the renderer's OpenGL context comes from
+    #[arg(long, default_value = "auto", value_parser = named_backend(), help_heading = "OpenGL")]
+    pub backend: Backend,
+
+    /// EGL device of the renderer: auto, sw (a software renderer) or an index listed by `finalgather info`
+    #[arg(long, default_value = "auto", value_name = "auto|sw|INDEX", help_heading = "OpenGL")]
+    pub gl_device: DeviceChoice,
 }
 
 /// Compare a picture with a reference: mean, bias, MAE, RMSE, relative MSE, PSNR, FLIP
@@ -277,27 +349,32 @@ impl RenderArgs {
         }
     }
 
+    pub fn override_settings(&self, settings: Settings) -> Settings {
+        self.overrides.put_over(settings)
+    }
+}
+
+impl Overrides {
     /// `settings` with what was asked for here put over it.
-    pub fn override_settings(&self, mut settings: Settings) -> Settings {
+    pub fn put_over(&self, mut settings: Settings) -> Settings {
         fn put<T: Copy>(target: &mut T, source: Option<T>) {
             if let Some(value) = source {
                 *target = value;
             }
         }
-        let from = &self.overrides;
-        put(&mut settings.size, from.size);
-        put(&mut settings.directions, from.directions);
-        put(&mut settings.layer_size, from.layer_size);
-        put(&mut settings.pipeline, from.pipeline);
-        put(&mut settings.photons, from.photons);
-        put(&mut settings.bounces, from.bounces);
-        put(&mut settings.estimator, from.estimator);
-        put(&mut settings.sequence, from.sequence);
-        put(&mut settings.interleave, from.interleave);
-        put(&mut settings.seed, from.seed);
-        put(&mut settings.stop_fraction, from.stop_fraction);
-        put(&mut settings.until, from.until);
-        put(&mut settings.exposure, from.exposure);
+        put(&mut settings.size, self.size);
+        put(&mut settings.directions, self.directions);
+        put(&mut settings.layer_size, self.layer_size);
+        put(&mut settings.pipeline, self.pipeline);
+        put(&mut settings.photons, self.photons);
+        put(&mut settings.bounces, self.bounces);
+        put(&mut settings.estimator, self.estimator);
+        put(&mut settings.sequence, self.sequence);
+        put(&mut settings.interleave, self.interleave);
+        put(&mut settings.seed, self.seed);
+        put(&mut settings.stop_fraction, self.stop_fraction);
+        put(&mut settings.until, self.until);
+        put(&mut settings.exposure, self.exposure);
         settings
     }
 }
@@ -345,6 +422,12 @@ fn count<T: TryFrom<u64>>(text: &str) -> Result<T, String> {
 fn share(text: &str) -> Result<f32, String> {
     let share = text.parse().ok().filter(|share| (0.0..1.0).contains(share));
     share.ok_or("not a share from 0 up to, not including, 1".into())
+}
+
+/// Of a size, far from where numbers or windows end.
+#[cfg(feature = "window")]
+fn factor(text: &str) -> Result<f32, String> {
+    text.parse().ok().filter(|factor| (0.25..=8.0).contains(factor)).ok_or("not a factor from 0.25 to 8".into())
 }
 
 fn stops(text: &str) -> Result<f32, String> {

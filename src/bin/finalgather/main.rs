@@ -14,6 +14,8 @@ mod interrupt;
 mod progress;
 mod render;
 mod report;
+#[cfg(feature = "window")]
+mod view;
 
 use args::{Args, Command};
 
@@ -21,6 +23,8 @@ fn main() -> ExitCode {
     let started = Instant::now();
     let outcome = match Args::parse().command {
         Command::Render(args) => render::run(&args, started),
+        #[cfg(feature = "window")]
+        Command::View(args) => view::run(&args),
         Command::Compare(args) => compare::run(&args),
         Command::Bench(args) => bench::run(&args),
         Command::Info(args) => info::run(&args),

@@ -104,7 +104,7 @@ fn is_black(image: &Image) -> Result<bool> {
 }
 
 /// What made the picture. No times and no paths: the same render gives the same file.
-fn metadata(gl: &GpuInfo, settings: &Settings, directions_done: u32) -> String {
+pub fn metadata(gl: &GpuInfo, settings: &Settings, directions_done: u32) -> String {
     json!({
         "version": env!("CARGO_PKG_VERSION"),
         "renderer": gl.renderer,

@@ -1,0 +1,457 @@
+//! What the window shows and what it asks of the renderer: the picture, what is said over it, and dialogs.
+
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use egui::{
+    Align2, CentralPanel, Color32, Context, Frame, Image, Key, KeyboardShortcut, Modifiers, Panel, Rect, RichText, Sense,
+    TextureHandle, TextureOptions, Ui, Vec2, pos2, vec2,
+};
+use egui_file_dialog::FileDialog;
+use finalgather::error::{Error, Result};
+use finalgather::scene::Camera;
+use winit::event_loop::EventLoopProxy;
+
+use super::camera::{KEYS, move_camera};
+use super::layers::{LayerView, Wish};
+use super::panel;
+use super::picture::Shown;
+use super::worker::{Command, Opened, Picture, Progress, Report, Start, View, Worker};
+
+/// After the last move; then the picture is gathered as it is to stay.
+const STILL: Duration = Duration::from_millis(150);
+
+pub struct App {
+    start: Start,
+    proxy: EventLoopProxy<()>,
+    worker: Worker,
+    /// Being opened, or the one that is open.
+    pub path: PathBuf,
+    pub opening: bool,
+    pub scene: Option<Opened>,
+    pub view: View,
+    pub shown: Shown,
+    /// As the renderer knows them.
+    sent: Option<(View, Shown)>,
+    moved: Option<Instant>,
+    picture: Option<Picture>,
+    texture: Option<TextureHandle>,
+    pub progress: Progress,
+    pub notices: Vec<Notice>,
+    /// Why the renderer has ended.
+    failure: Option<Error>,
+    /// Why the scene was not opened.
+    refused: Option<Error>,
+    dialog: FileDialog,
+    /// What the dialog is for.
+    saving: bool,
+    pub panel: bool,
+    pub help: bool,
+    pub quit: bool,
+    /// Whether the layer view is on.
+    pub layers: bool,
+    pub layer_view: LayerView,
+    wished: Option<Wish>,
+    /// Where dialogs begin.
+    folder: Option<PathBuf>,
+}
+
+pub struct Notice {
+    pub text: String,
+    pub bad: bool,
+}
+
+fn spawn(start: &Start, proxy: &EventLoopProxy<()>) -> Result<Worker> {
+    let proxy = proxy.clone();
+    Worker::start(start.clone(), move || {
+        // The loop is gone only when the process ends.
+        let _ = proxy.send_event(());
+    })
+    .map_err(|error| Error::usage(format!("no thread can be made: {error}"), "allow more threads"))
+}
+
+impl App {
+    pub fn new(start: Start, path: PathBuf, layers: bool, proxy: EventLoopProxy<()>) -> Result<Self> {
+        let worker = spawn(&start, &proxy)?;
+        let camera = Camera { eye: glam::Vec3::Z, target: glam::Vec3::ZERO, up: glam::Vec3::Y, fov_y_degrees: 40.0 };
+        let view = View { camera, settings: start.overrides.put_over(Default::default()), moving: false, pace: 0 };
+        let mut app = Self {
+            start,
+            proxy,
+            worker,
+            path: PathBuf::new(),
+            opening: false,
+            scene: None,
+            view,
+            shown: Shown::default(),
+            sent: None,
+            moved: None,
+            picture: None,
+            texture: None,
+            progress: Progress::default(),
+            notices: Vec::new(),
+            failure: None,
+            refused: None,
+            dialog: FileDialog::new(),
+            saving: false,
+            panel: true,
+            help: false,
+            quit: false,
+            layers,
+            layer_view: LayerView::new(),
+            wished: None,
+            folder: std::env::current_dir().ok(),
+        };
+        app.open(path);
+        Ok(app)
+    }
+
+    pub fn open(&mut self, path: PathBuf) {
+        self.notices.clear();
+        self.opening = true;
+        self.path.clone_from(&path);
+        self.worker.send(Command::Open(path));
+    }
+
+    pub fn title(&self) -> String {
+        let name = self.path.file_name().unwrap_or_default().to_string_lossy();
+        let gather = &self.progress.statistics.gather;
+        match (&self.scene, self.opening) {
+            (_, true) => format!("{name}: opening - finalgather"),
+            (None, false) => "finalgather".to_owned(),
+            _ if self.done() => format!("{name}: {} directions, done - finalgather", gather.directions),
+            _ => format!("{name}: {} directions - finalgather", gather.directions),
+        }
+    }
+
+    /// Whether all directions of the view as it is now are gathered.
+    pub fn done(&self) -> bool {
+        let progress = &self.progress;
+        progress.done && !self.view.moving && progress.view.as_ref().is_some_and(|view| view.is_gathered_as(&self.view))
+    }
+
+    /// Whether all that was asked for is to be seen, or nothing will be.
+    pub fn finished(&self) -> bool {
+        let apart = !self.layers || self.layer_view.count() > 0;
+        let shown = |picture: &Picture| picture.sharp && picture.directions == self.directions();
+        let pictured = self.directions() == 0 || self.picture.as_ref().is_some_and(shown);
+        self.failure.is_some() || !self.opening && (self.scene.is_none() || self.done() && apart && pictured)
+    }
+
+    pub fn has_picture(&self) -> bool {
+        self.picture.is_some()
+    }
+
+    pub fn directions(&self) -> u32 {
+        self.progress.statistics.gather.directions
+    }
+
+    /// What ended the renderer, or kept the first scene from being opened; said once.
+    pub fn failure(&mut self) -> Option<Error> {
+        self.failure.take().or_else(|| self.refused.take_if(|_| self.scene.is_none()))
+    }
+
+    /// Everything that the renderer has told since.
+    pub fn receive(&mut self) {
+        while let Ok(report) = self.worker.reports.try_recv() {
+            match report {
+                Report::Opened(opened) => {
+                    self.opening = false;
+                    self.view =
+                        View { camera: opened.camera, settings: opened.settings.clone(), moving: false, pace: self.view.pace };
+                    self.shown.exposure = opened.settings.exposure;
+                    self.notices = opened.warnings.iter().map(|text| Notice { text: text.clone(), bad: false }).collect();
+                    self.progress = Progress::default();
+                    (self.picture, self.sent, self.moved, self.wished) = (None, None, None, None);
+                    self.layer_view.forget();
+                    self.scene = Some(*opened);
+                }
+                Report::Picture(picture) => {
+                    self.texture = None;
+                    self.picture = Some(picture);
+                }
+                Report::Progress(progress) => self.progress = *progress,
+                Report::Layers(apart) => self.layer_view.set(apart),
+                Report::Probe(probe) => self.layer_view.probe = probe,
+                Report::Saved(path) => self.say(format!("Saved {}", path.display()), false),
+                Report::Refused(error) => self.refuse(error),
+                Report::Failed(error) => {
+                    self.opening = false;
+                    self.failure = Some(error);
+                }
+            }
+        }
+    }
+
+    fn refuse(&mut self, error: Error) {
+        self.say(error.to_string(), true);
+        if std::mem::take(&mut self.opening) {
+            self.refused = Some(error);
+            if let Some(scene) = &self.scene {
+                self.path.clone_from(&scene.path);
+            }
+        }
+    }
+
+    pub fn say(&mut self, text: String, bad: bool) {
+        self.notices.retain(|notice| notice.text != text);
+        self.notices.push(Notice { text, bad });
+    }
+
+    /// Textures went with their context.
+    pub fn forget_textures(&mut self) {
+        self.texture = None;
+        self.layer_view.forget_textures();
+    }
+
+    /// Waits some time for the renderer to leave its driver. Whether it has.
+    pub fn end(&mut self) -> bool {
+        self.worker.end(Duration::from_secs(3))
+    }
+
+    fn restart(&mut self) {
+        self.worker.end(Duration::from_secs(1));
+        match spawn(&self.start, &self.proxy) {
+            Err(error) => self.say(error.to_string(), true),
+            Ok(worker) => {
+                self.worker = worker;
+                self.failure = None;
+                let path = self.path.clone();
+                self.open(path);
+            }
+        }
+    }
+
+    /// One frame.
+    pub fn show(&mut self, ui: &mut Ui) {
+        self.keys(ui.ctx());
+        if self.panel {
+            Panel::right("panel").exact_size(panel::WIDTH).resizable(false).show(ui, |ui| panel::show(self, ui));
+        }
+        CentralPanel::no_frame().frame(Frame::NONE.fill(Color32::from_gray(16))).show(ui, |ui| self.center(ui));
+        self.overlays(ui);
+        self.dialogs(ui);
+        self.send(ui.ctx());
+    }
+
+    fn keys(&mut self, ctx: &Context) {
+        let shortcut = |modifiers, key| ctx.input_mut(|input| input.consume_shortcut(&KeyboardShortcut::new(modifiers, key)));
+        if shortcut(Modifiers::CTRL, Key::O) {
+            self.ask_open();
+        }
+        if shortcut(Modifiers::CTRL, Key::S) {
+            self.ask_save();
+        }
+        self.quit |= shortcut(Modifiers::CTRL, Key::Q);
+        if ctx.egui_wants_keyboard_input() {
+            return;
+        }
+        self.help ^= shortcut(Modifiers::NONE, Key::F1);
+        self.panel ^= shortcut(Modifiers::NONE, Key::P);
+        self.layers ^= shortcut(Modifiers::NONE, Key::L);
+        for (key, by) in [(Key::Comma, -1), (Key::Period, 1)] {
+            if self.layers && shortcut(Modifiers::NONE, key) {
+                self.layer_view.step(by, self.view.settings.directions);
+            }
+        }
+        if shortcut(Modifiers::NONE, Key::Escape) {
+            self.help = false;
+            self.notices.clear();
+        }
+        if shortcut(Modifiers::NONE, Key::R)
+            && let Some(scene) = &self.scene
+        {
+            self.view.camera = scene.camera;
+        }
+    }
+
+    pub fn ask_open(&mut self) {
+        self.saving = false;
+        self.dialog =
+            dialog(self.folder.as_deref()).title("Open a scene").add_file_filter_extensions("Scenes", vec!["toml", "obj"]);
+        self.dialog = std::mem::take(&mut self.dialog).default_file_filter("Scenes");
+        self.dialog.pick_file();
+    }
+
+    pub fn ask_save(&mut self) {
+        if self.picture.is_none() {
+            return;
+        }
+        self.saving = true;
+        let name = self.path.with_extension("png");
+        let name = name.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        self.dialog = dialog(self.folder.as_deref())
+            .title("Save the picture")
+            .default_file_name(&name)
+            .add_save_extension("PNG, 8 bit to look at", "png")
+            .add_save_extension("EXR, all channels", "exr");
+        self.dialog.save_file();
+    }
+
+    fn dialogs(&mut self, ui: &Ui) {
+        self.dialog.update(ui.ctx());
+        match self.dialog.take_picked() {
+            Some(path) if self.saving => self.worker.send(Command::Save(path)),
+            Some(path) => self.open_chosen(path),
+            None => {}
+        }
+        let dropped = ui.ctx().input(|input| input.raw.dropped_files.first().map(|file| file.path().to_owned()));
+        if let Some(path) = dropped {
+            self.open_chosen(path);
+        }
+    }
+
+    fn open_chosen(&mut self, path: PathBuf) {
+        self.folder = path.parent().map(Path::to_owned);
+        self.open(path);
+    }
+
+    /// The picture, and around it the layers.
+    fn center(&mut self, ui: &mut Ui) {
+        let area = ui.available_rect_before_wrap();
+        if !self.layers {
+            self.picture(ui, area);
+            return;
+        }
+        let (picture, stack, row) = LayerView::split(area);
+        let shown = self.picture(ui, picture);
+        self.layer_view.point(ui, shown);
+        if let Some(scene) = &self.scene {
+            self.layer_view.stack(ui, stack, scene.bounds.extent() / scene.bounds.diagonal());
+        }
+        self.layer_view.row(ui, row);
+    }
+
+    /// As large as fits, on whole pixels. Where it is.
+    fn picture(&mut self, ui: &mut Ui, area: Rect) -> Rect {
+        let response = ui.interact(area, ui.id().with("picture"), Sense::click_and_drag());
+        if let Some(scene) = &self.scene
+            && move_camera(ui, &response, &mut self.view.camera, scene.bounds.diagonal())
+        {
+            self.moved = Some(Instant::now());
+        }
+        let [width, height] = self.view.settings.size.map(|side| side as f32);
+        let shown = fitted(area, vec2(width, height), ui.pixels_per_point());
+        let Some(picture) = &self.picture else { return shown };
+        let texture =
+            self.texture.get_or_insert_with(|| ui.ctx().load_texture("picture", picture.image.clone(), TextureOptions::LINEAR));
+        Image::new(&*texture).paint_at(ui, shown);
+        shown
+    }
+
+    fn overlays(&mut self, ui: &Ui) {
+        let area = ui.ctx().content_rect();
+        let left = area.left() + 12.0;
+        let card = Frame::popup(&ui.ctx().global_style()).inner_margin(12.0);
+        if self.opening {
+            egui::Area::new("opening".into())
+                .anchor(Align2::LEFT_BOTTOM, vec2(12.0, -12.0))
+                .show(ui.ctx(), |ui| card.show(ui, |ui| ui.label(format!("Opening {}", self.path.display()))));
+        }
+        let width = (area.width() - if self.panel { panel::WIDTH } else { 0.0 } - 24.0).clamp(160.0, 560.0);
+        let mut dismissed = None;
+        let mut again = false;
+        egui::Area::new("notices".into()).fixed_pos(pos2(left, area.top() + 12.0)).show(ui.ctx(), |ui| {
+            ui.set_max_width(width);
+            if let Some(error) = &self.failure {
+                card.stroke((1.0, panel::BAD)).show(ui, |ui| {
+                    ui.label(RichText::new("The renderer has stopped").strong().color(panel::BAD));
+                    ui.label(error.to_string());
+                    ui.add_space(6.0);
+                    again = ui.button("Start again").clicked();
+                });
+            }
+            for (index, notice) in self.notices.iter().enumerate() {
+                let color = if notice.bad { panel::BAD } else { ui.visuals().weak_text_color() };
+                card.stroke((1.0, color)).show(ui, |ui| {
+                    // A shader's log has many lines.
+                    egui::ScrollArea::vertical().max_height(0.6 * area.height()).id_salt(index).show(ui, |ui| {
+                        ui.horizontal_top(|ui| {
+                            if ui.small_button("✖").clicked() {
+                                dismissed = Some(index);
+                            }
+                            let text = RichText::new(&notice.text);
+                            let long = notice.text.lines().count() > 4;
+                            ui.add(egui::Label::new(if long { text.monospace() } else { text }).wrap());
+                        });
+                    });
+                });
+                ui.add_space(6.0);
+            }
+        });
+        if let Some(index) = dismissed {
+            self.notices.remove(index);
+        }
+        if again {
+            self.restart();
+        }
+        let mut open = self.help;
+        egui::Window::new("Keys and mouse")
+            .open(&mut open)
+            .anchor(Align2::CENTER_CENTER, Vec2::ZERO)
+            .collapsible(false)
+            .resizable(false)
+            .show(ui.ctx(), |ui| {
+                egui::Grid::new("keys").num_columns(2).spacing(vec2(24.0, 6.0)).show(ui, |ui| {
+                    for (keys, effect) in KEYS {
+                        ui.strong(keys);
+                        ui.label(effect);
+                        ui.end_row();
+                    }
+                });
+                if let Some(scene) = &self.scene {
+                    ui.separator();
+                    ui.weak(format!("finalgather {} on {}", env!("CARGO_PKG_VERSION"), scene.renderer));
+                }
+            });
+        self.help = open;
+    }
+
+    /// Tells the renderer what has changed.
+    fn send(&mut self, ctx: &Context) {
+        if self.scene.is_none() || self.opening {
+            return;
+        }
+        if let Some(moved) = self.moved {
+            self.view.moving = moved.elapsed() < STILL || ctx.input(|input| input.pointer.any_down());
+            if self.view.moving {
+                ctx.request_repaint_after(STILL.saturating_sub(moved.elapsed()).max(Duration::from_millis(10)));
+            } else {
+                self.moved = None;
+            }
+        }
+        let wish = self.layers.then_some(self.layer_view.wish);
+        if wish != self.wished {
+            self.worker.send(Command::Layers(wish));
+            self.wished = wish;
+        }
+        let now = (self.view.clone(), self.shown);
+        match &self.sent {
+            Some(sent) if *sent == now => return,
+            Some((view, _)) if *view == now.0 => self.worker.send(Command::Show(now.1)),
+            Some((_, shown)) if *shown == now.1 => self.worker.send(Command::Look(now.0.clone())),
+            _ => {
+                self.worker.send(Command::Show(now.1));
+                self.worker.send(Command::Look(now.0.clone()));
+            }
+        }
+        self.sent = Some(now);
+    }
+}
+
+fn dialog(folder: Option<&Path>) -> FileDialog {
+    let dialog = FileDialog::new().as_modal(true).default_size([560.0, 360.0]);
+    match folder {
+        Some(folder) => dialog.initial_directory(folder.to_owned()),
+        None => dialog,
+    }
+}
+
+/// The largest rectangle of these proportions in `area`, centred, its corners on pixels.
+fn fitted(area: Rect, size: Vec2, pixels_per_point: f32) -> Rect {
+    let room = area * pixels_per_point;
+    let scale = (room.width() / size.x).min(room.height() / size.y);
+    let size = (size * scale).round();
+    let min = (room.center() - 0.5 * size).round();
+    Rect::from_min_size(min, size) / pixels_per_point
+}

@@ -1,0 +1,112 @@
+//! The camera that mouse, touchpad and keys move, in world space.
+
+use std::f32::consts::PI;
+
+use egui::{Key, Modifiers, PointerButton, Response, Ui};
+use finalgather::scene::Camera;
+use glam::{Quat, Vec2, Vec3};
+
+/// Keys and what they do, as F1 shows them.
+pub const KEYS: [(&str, &str); 15] = [
+    ("left drag", "orbit"),
+    ("right drag", "look around"),
+    ("middle or Shift + left drag", "pan"),
+    ("wheel, pinch", "zoom"),
+    ("W A S D, arrows", "fly forward, left, back, right"),
+    ("Q E", "fly down, up"),
+    ("Shift", "fly faster"),
+    ("R", "the scene's own view"),
+    ("L", "layer view"),
+    (", .", "direction before, next"),
+    ("Ctrl + O", "open a scene"),
+    ("Ctrl + S", "save the picture"),
+    ("Ctrl + Q", "end"),
+    ("P", "hide or show the panel"),
+    ("F1", "this list"),
+];
+
+/// Nearest that an orbit comes to its target, as a share of the scene.
+const NEAREST: f32 = 1e-3;
+
+/// Moves `camera` as the frame's input over the picture asks; `diagonal` is the size of the scene. Whether anything did.
+pub fn move_camera(ui: &Ui, response: &Response, camera: &mut Camera, diagonal: f32) -> bool {
+    let before = *camera;
+    let mut held = false;
+    let (shift, time) = ui.input(|input| (input.modifiers.shift, input.stable_dt.min(0.1)));
+    let height = response.rect.height().max(1.0);
+    let drag = Vec2::from(<[f32; 2]>::from(response.drag_delta())) / height;
+    if response.dragged_by(PointerButton::Middle) || (shift && response.dragged_by(PointerButton::Primary)) {
+        held = true;
+        pan(camera, drag);
+    } else if response.dragged_by(PointerButton::Primary) {
+        held = true;
+        orbit(camera, drag);
+    } else if response.dragged_by(PointerButton::Secondary) {
+        held = true;
+        look(camera, drag);
+    }
+    if response.contains_pointer() {
+        let (scroll, pinch) = ui.input(|input| (input.smooth_scroll_delta().y, input.zoom_delta()));
+        let factor = (-scroll / 400.0).exp() / pinch;
+        if factor != 1.0 {
+            zoom(camera, factor, NEAREST * diagonal);
+        }
+    }
+    if !ui.ctx().egui_wants_keyboard_input() {
+        let toward = ui.input(|input| {
+            // With Ctrl or Alt they are something else.
+            let free = input.modifiers.matches_logically(Modifiers::SHIFT) || input.modifiers.is_none();
+            let key = |keys: [Key; 2]| f32::from(free && keys.into_iter().any(|key| input.key_down(key)));
+            let along = key([Key::W, Key::ArrowUp]) - key([Key::S, Key::ArrowDown]);
+            let right = key([Key::D, Key::ArrowRight]) - key([Key::A, Key::ArrowLeft]);
+            Vec3::new(right, key([Key::E; 2]) - key([Key::Q; 2]), -along)
+        });
+        if toward != Vec3::ZERO {
+            held = true;
+            ui.ctx().request_repaint();
+            let speed = diagonal * if shift { 1.0 } else { 0.25 };
+            let step = camera.axes() * toward.normalize() * speed * time;
+            camera.eye += step;
+            camera.target += step;
+        }
+    }
+    held || *camera != before
+}
+
+/// About the target: `drag` is in heights of the picture, of which one is half a turn.
+fn orbit(camera: &mut Camera, drag: Vec2) {
+    let offset = camera.eye - camera.target;
+    camera.eye = camera.target + turned(camera, offset, -PI * drag);
+}
+
+/// The same about the eye, by as much as the picture shows.
+fn look(camera: &mut Camera, drag: Vec2) {
+    let ahead = camera.target - camera.eye;
+    camera.target = camera.eye + turned(camera, ahead, drag * camera.fov_y_degrees.to_radians());
+}
+
+/// `arm` turned about the upright axis and tilted about the camera's right, short of the poles.
+fn turned(camera: &Camera, arm: Vec3, by: Vec2) -> Vec3 {
+    let up = camera.up.normalize();
+    let right = camera.axes().x_axis;
+    let back = (camera.eye - camera.target).normalize();
+    let height = back.dot(up).clamp(-1.0, 1.0).asin();
+    let limit = (0.49 * PI).max(height.abs());
+    let tilt = height - (height - by.y).clamp(-limit, limit);
+    Quat::from_axis_angle(up, by.x) * (Quat::from_axis_angle(right, tilt) * arm)
+}
+
+/// So that what is as far as the target stays under the pointer.
+fn pan(camera: &mut Camera, drag: Vec2) {
+    let distance = camera.eye.distance(camera.target);
+    let height = 2.0 * distance * (0.5 * camera.fov_y_degrees.to_radians()).tan();
+    let step = camera.axes() * Vec3::new(-drag.x, drag.y, 0.0) * height;
+    camera.eye += step;
+    camera.target += step;
+}
+
+fn zoom(camera: &mut Camera, factor: f32, nearest: f32) {
+    let offset = camera.eye - camera.target;
+    let distance = (offset.length() * factor).max(nearest);
+    camera.eye = camera.target + offset.normalize() * distance;
+}

@@ -1,0 +1,347 @@
+//! The layer view: the poster's figure 1, alive. The layers of a direction as thumbnails and as a stack that comes apart, the bundle of rays,
+//! and what the point under the mouse samples.
+
+use std::f32::consts::{FRAC_PI_2, PI};
+use std::sync::Arc;
+
+use egui::epaint::{Vertex, WHITE_UV};
+use egui::{
+    Align2, Color32, ColorImage, FontId, Mesh, Painter, Pos2, Rect, Response, Sense, Shape, Stroke, StrokeKind, TextureHandle,
+    TextureOptions, Ui, pos2, vec2,
+};
+use finalgather::math::frame;
+use finalgather::render::{LayerTexel, Layers, Probe};
+use glam::{Mat3, Vec2, Vec3};
+
+/// Side of a layer in the stack, in pieces.
+const PIECES: u32 = 86;
+/// Between two layers of a stack wholly apart, in unit space, where the scene's radius is 1.
+const GAP: f32 = 0.9;
+/// Height of the row of thumbnails.
+const ROW: f32 = 132.0;
+
+const KEPT: Color32 = Color32::from_rgb(120, 220, 120);
+const SAMPLED: Color32 = Color32::from_rgb(120, 170, 240);
+const CULLED: Color32 = Color32::from_rgb(235, 110, 95);
+const RAY: Color32 = Color32::from_rgb(255, 225, 120);
+
+/// What is asked of the renderer.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Wish {
+    /// `None`: the direction at hand.
+    pub number: Option<u32>,
+    pub opposite: bool,
+    /// As in [`Probe::place`].
+    pub place: Option<Vec2>,
+}
+
+/// What the renderer gives.
+pub struct Apart {
+    pub layers: Arc<Layers>,
+    /// For each layer.
+    pub images: Vec<ColorImage>,
+    pieces: Vec<Piece>,
+}
+
+/// A square of texels on its surface.
+struct Piece {
+    layer: usize,
+    corners: [Vec3; 4],
+    color: Color32,
+}
+
+pub struct LayerView {
+    pub wish: Wish,
+    apart: Option<Apart>,
+    pub probe: Option<Probe>,
+    textures: Vec<TextureHandle>,
+    /// 0: all layers in place.
+    pub explode: f32,
+    /// Where the stack is seen from, about the direction.
+    yaw: f32,
+    pitch: f32,
+    zoom: f32,
+}
+
+impl Apart {
+    pub fn new(layers: Arc<Layers>) -> Self {
+        let side = layers.size as usize;
+        let color = |texel: &Option<LayerTexel>| texel.as_ref().map_or(Color32::from_gray(30), color);
+        // Texel (0, 0) is at the lower left.
+        let image = |layer: &Vec<Option<LayerTexel>>| {
+            let pixels = layer.chunks(side).rev().flatten().map(color).collect();
+            ColorImage::new([side, side], pixels)
+        };
+        Self { images: layers.layers.iter().map(image).collect(), pieces: pieces(&layers), layers }
+    }
+}
+
+fn pieces(layers: &Layers) -> Vec<Piece> {
+    let step = layers.size.div_ceil(PIECES);
+    let half = 0.5 * step as f32;
+    let places = move || (step / 2..layers.size).step_by(step as usize);
+    let mut pieces = Vec::new();
+    for (layer, texels) in layers.layers.iter().enumerate() {
+        for (y, x) in places().flat_map(|y| places().map(move |x| (y, x))) {
+            let Some(texel) = &texels[(y * layers.size + x) as usize] else { continue };
+            let corner = |offset: Vec2| {
+                let place = Vec2::new(x as f32, y as f32) + 0.5 + offset;
+                // What is seen at a grazing angle reaches far, but not out of the scene.
+                let depth = (texel.depth + texel.slopes.dot(offset)).clamp(0.0, 1.0);
+                layers.from_layer.transform_point3(place.extend(depth))
+            };
+            let corners = [(-half, -half), (half, -half), (half, half), (-half, half)].map(|offset| corner(offset.into()));
+            pieces.push(Piece { layer, corners, color: color(texel) });
+        }
+    }
+    pieces
+}
+
+/// Albedo, brighter the more it faces the rays.
+fn color(texel: &LayerTexel) -> Color32 {
+    let shade = 0.35 + 0.65 * texel.cosine;
+    let [r, g, b] = (if texel.emissive { Vec3::ONE } else { shade * texel.albedo }).to_array();
+    egui::Rgba::from_rgb(r, g, b).into()
+}
+
+impl LayerView {
+    pub fn new() -> Self {
+        let wish = Wish { number: None, opposite: false, place: None };
+        Self { wish, apart: None, probe: None, textures: Vec::new(), explode: 0.6, yaw: -0.5, pitch: 0.35, zoom: 1.0 }
+    }
+
+    /// Replaces what is shown.
+    pub fn set(&mut self, apart: Apart) {
+        self.textures.clear();
+        self.probe = None;
+        self.apart = Some(apart);
+    }
+
+    pub fn forget(&mut self) {
+        *self = Self { wish: self.wish, explode: self.explode, yaw: self.yaw, pitch: self.pitch, zoom: self.zoom, ..Self::new() };
+    }
+
+    pub fn forget_textures(&mut self) {
+        self.textures.clear();
+    }
+
+    /// The direction on show.
+    pub fn number(&self) -> u32 {
+        self.wish.number.or(self.apart.as_ref().map(|apart| apart.layers.end.number)).unwrap_or(0)
+    }
+
+    pub fn count(&self) -> usize {
+        self.apart.as_ref().map_or(0, |apart| apart.layers.layers.len())
+    }
+
+    /// To the next direction, or the one before.
+    pub fn step(&mut self, by: i32, directions: u32) {
+        self.wish.number = Some(self.number().saturating_add_signed(by).min(directions.saturating_sub(1)));
+    }
+
+    /// Fills `area` but for what it returns, which is the picture's.
+    pub fn split(area: Rect) -> (Rect, Rect, Rect) {
+        let (upper, row) = area.split_top_bottom_at_y(area.bottom() - ROW.min(0.3 * area.height()));
+        let (picture, stack) = if upper.width() > upper.height() {
+            upper.split_left_right_at_fraction(0.45)
+        } else {
+            upper.split_top_bottom_at_fraction(0.45)
+        };
+        (picture.shrink(8.0), stack, row)
+    }
+
+    /// Over the picture: the point under the mouse. `shown` is where the picture is.
+    pub fn point(&mut self, ui: &Ui, shown: Rect) {
+        let pointer = ui.input(|input| input.pointer.hover_pos()).filter(|&at| shown.contains(at));
+        if let Some(at) = pointer {
+            let place = (at - shown.min) / shown.size();
+            self.wish.place = Some(Vec2::new(place.x, place.y));
+        }
+        if let Some(probe) = &self.probe {
+            let at = shown.min + vec2(probe.place.x, probe.place.y) * shown.size();
+            ui.painter().circle(at, 4.0, Color32::TRANSPARENT, Stroke::new(2.0, RAY));
+        }
+    }
+
+    /// The row of layers, the farthest first.
+    pub fn row(&mut self, ui: &mut Ui, area: Rect) {
+        let Some(apart) = &self.apart else { return };
+        if self.textures.is_empty() {
+            let load = |(i, image): (usize, &ColorImage)| {
+                ui.ctx().load_texture(format!("layer {i}"), image.clone(), TextureOptions::NEAREST)
+            };
+            self.textures = apart.images.iter().enumerate().map(load).collect();
+        }
+        let count = self.textures.len().max(1) as f32;
+        let side = (area.height() - 30.0).min((area.width() - 12.0) / count - 8.0).max(8.0);
+        let painter = ui.painter_at(area);
+        for (index, texture) in self.textures.iter().enumerate() {
+            let min = pos2(area.left() + 12.0 + index as f32 * (side + 8.0), area.top() + 20.0);
+            let place = Rect::from_min_size(min, vec2(side, side));
+            painter.image(texture.id(), place, Rect::from_min_max(Pos2::ZERO, pos2(1.0, 1.0)), Color32::WHITE);
+            let (border, word) = self.probe.as_ref().map_or((Color32::from_gray(70), ""), |probe| verdict(probe, index));
+            painter.rect_stroke(place, 2.0, Stroke::new(2.0, border), StrokeKind::Outside);
+            let text = format!("{} {word}", index + 1);
+            painter.text(min - vec2(0.0, 4.0), Align2::LEFT_BOTTOM, text, FontId::proportional(12.0), border);
+            if let Some(probe) = &self.probe {
+                let at = apart.layers.to_layer.transform_point3(probe.point.position) / apart.layers.size as f32;
+                let center = place.left_bottom() + vec2(at.x, -at.y) * side;
+                painter.circle_stroke(center, 3.5, Stroke::new(1.5, RAY));
+            }
+        }
+    }
+
+    /// The stack of layers in space.
+    pub fn stack(&mut self, ui: &Ui, area: Rect, half_extents: Vec3) {
+        let response = ui.interact(area, ui.id().with("stack"), Sense::click_and_drag());
+        self.turn(ui, &response);
+        let painter = ui.painter_at(area);
+        let Some(apart) = &self.apart else { return };
+        let layers = &*apart.layers;
+        let count = layers.layers.len();
+        let apart_by = |index: usize| layers.direction * (self.explode * GAP * (count - 1 - index) as f32);
+        let reach = self.explode * GAP * count.saturating_sub(1) as f32;
+        let view = Projection::new(self, area, layers.direction, reach);
+
+        for [a, b] in box_edges(half_extents) {
+            view.line(&painter, a, b, Stroke::new(1.0, Color32::from_gray(90)));
+        }
+        view.bundle(&painter, layers, reach);
+        // Painted from the back, for there is no depth test here.
+        let shifts: Vec<Vec3> = (0..count).map(apart_by).collect();
+        let projected = |piece: &Piece| {
+            let ends = piece.corners.map(|corner| view.project(corner + shifts[piece.layer]));
+            let depth: f32 = ends.iter().map(|(_, depth)| depth).sum();
+            (depth.to_bits(), ends.map(|(at, _)| at), piece.color)
+        };
+        let mut pieces: Vec<_> = apart.pieces.iter().map(projected).collect();
+        // Depths are positive, and so in the order of their bits.
+        pieces.sort_unstable_by_key(|&(depth, ..)| std::cmp::Reverse(depth));
+        let mut mesh = Mesh::default();
+        for (_, corners, color) in pieces {
+            let first = mesh.vertices.len() as u32;
+            mesh.vertices.extend(corners.map(|pos| Vertex { pos, uv: WHITE_UV, color }));
+            mesh.indices.extend([0, 1, 2, 0, 2, 3].map(|index| first + index));
+        }
+        painter.add(Shape::mesh(mesh));
+
+        if let Some(probe) = &self.probe {
+            let start = probe.point.position;
+            let kept = probe.sampled.iter().rposition(|&sampled| sampled);
+            if let (Some(hit), Some(kept)) = (probe.hit, kept) {
+                let end = hit + apart_by(kept);
+                view.line(&painter, start, end, Stroke::new(2.5, RAY));
+                view.dot(&painter, end, KEPT);
+            } else {
+                view.line(&painter, start, start + layers.direction * 0.4, Stroke::new(2.0, CULLED));
+            }
+            view.dot(&painter, start, RAY);
+        }
+        let text =
+            self.probe.as_ref().map_or("Point at the picture to follow a ray.".to_owned(), |probe| sentence(probe, layers));
+        let font = FontId::proportional(13.0);
+        let galley = painter.layout(text, font, Color32::from_gray(210), area.width() - 24.0);
+        painter.galley(area.left_top() + vec2(12.0, 12.0), galley, Color32::WHITE);
+    }
+
+    fn turn(&mut self, ui: &Ui, response: &Response) {
+        if response.dragged() {
+            let drag = response.drag_delta() / response.rect.height().max(1.0);
+            self.yaw -= PI * drag.x;
+            self.pitch = (self.pitch + PI * drag.y).clamp(-0.49 * PI, 0.49 * PI);
+        }
+        if response.contains_pointer() {
+            let (scroll, pinch) = ui.input(|input| (input.smooth_scroll_delta().y, input.zoom_delta()));
+            self.zoom = (self.zoom * (scroll / 400.0).exp() * pinch).clamp(0.2, 8.0);
+        }
+    }
+}
+
+/// What a layer is to the point, in colour and in a word.
+fn verdict(probe: &Probe, index: usize) -> (Color32, &'static str) {
+    let kept = probe.sampled.iter().rposition(|&sampled| sampled);
+    match probe.sampled.get(index) {
+        Some(true) if kept == Some(index) => (KEPT, "kept"),
+        Some(true) => (SAMPLED, "overwritten"),
+        _ => (CULLED, "culled"),
+    }
+}
+
+fn sentence(probe: &Probe, layers: &Layers) -> String {
+    if probe.point.cosine(layers.direction) == 0.0 {
+        return "The point's surface faces away from these rays: this end of the direction says nothing to it.".to_owned();
+    }
+    let sampled = probe.sampled.iter().filter(|&&sampled| sampled).count();
+    match sampled {
+        0 => "The point's ray leaves the scene: all layers lie behind it and are culled (KILL).".to_owned(),
+        1 => "The point samples the farthest layer; all others lie behind it and are culled (KILL).".to_owned(),
+        _ => format!(
+            "The point samples {sampled} layers, far to near, and keeps the last, the nearest ahead; those behind it are culled (KILL)."
+        ),
+    }
+}
+
+/// From unit space to the window.
+struct Projection {
+    eye: Vec3,
+    to_view: Mat3,
+    center: Pos2,
+    scale: f32,
+}
+
+impl Projection {
+    fn new(view: &LayerView, area: Rect, direction: Vec3, reach: f32) -> Self {
+        // Upright where the direction is not; then the stack comes apart to the right.
+        let right = direction;
+        let up = (Vec3::Y - Vec3::Y.dot(right) * right).try_normalize().unwrap_or(frame(right).x_axis);
+        let base = Mat3::from_cols(right, up, right.cross(up));
+        let turned = Mat3::from_rotation_y(view.yaw) * Mat3::from_rotation_x(-view.pitch);
+        let axes = base * turned;
+        let radius = 1.0 + 0.5 * reach;
+        let distance = 4.0 * radius;
+        let target = 0.5 * reach * direction;
+        let scale = 0.42 * area.width().min(area.height() * (1.0 + 0.4 * reach)) / radius * view.zoom * distance;
+        Self { eye: target + axes.z_axis * distance, to_view: axes.transpose(), center: area.center(), scale }
+    }
+
+    /// And how far off it is.
+    fn project(&self, position: Vec3) -> (Pos2, f32) {
+        let at = self.to_view * (position - self.eye);
+        let depth = (-at.z).max(0.05);
+        (self.center + vec2(at.x, -at.y) * (self.scale / depth), depth)
+    }
+
+    fn line(&self, painter: &Painter, a: Vec3, b: Vec3, stroke: Stroke) {
+        painter.line_segment([self.project(a).0, self.project(b).0], stroke);
+    }
+
+    fn dot(&self, painter: &Painter, at: Vec3, color: Color32) {
+        painter.circle(self.project(at).0, 4.0, color, Stroke::new(1.0, Color32::BLACK));
+    }
+
+    /// A few of the parallel rays, through the whole stack.
+    fn bundle(&self, painter: &Painter, layers: &Layers, reach: f32) {
+        const RAYS: u32 = 5;
+        let stroke = Stroke::new(1.0, RAY.gamma_multiply(0.35));
+        for i in 0..RAYS * RAYS {
+            let place = Vec2::new((i % RAYS) as f32 + 0.5, (i / RAYS) as f32 + 0.5) * layers.size as f32 / RAYS as f32;
+            let end = |depth: f32| layers.from_layer.transform_point3(place.extend(depth));
+            let (start, end) = (end(-0.1), end(1.1) + reach * layers.direction);
+            self.line(painter, start, end, stroke);
+            let tip = self.project(end).0;
+            let ahead = (tip - self.project(start).0).normalized();
+            for side in [FRAC_PI_2 * 1.7, -FRAC_PI_2 * 1.7] {
+                painter.line_segment([tip, tip + 7.0 * (egui::emath::Rot2::from_angle(side) * ahead)], stroke);
+            }
+        }
+    }
+}
+
+/// The twelve edges of a box about the origin.
+fn box_edges(half: Vec3) -> impl Iterator<Item = [Vec3; 2]> {
+    let corner = move |bits: usize| half * Vec3::from([0, 1, 2].map(|axis| if bits >> axis & 1 == 1 { 1.0 } else { -1.0 }));
+    (0..8).flat_map(move |bits: usize| {
+        let ends = [1, 2, 4].into_iter().filter(move |axis| bits & axis == 0);
+        ends.map(move |axis| [corner(bits), corner(bits | axis)])
+    })
+}

@@ -1,0 +1,430 @@
+//! The renderer on a thread and a GL context of its own, so that the interface never waits for it.
+//!
+//! It heeds [`Command`]s between two steps and tells by [`Report`]s what has come of them.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender, TryRecvError};
+use std::thread::{self, JoinHandle};
+use std::time::{Duration, Instant, SystemTime};
+use std::{fs, io};
+
+use egui::ColorImage;
+use finalgather::error::{Error, Result};
+use finalgather::gpu::{Backend, DeviceChoice, Gpu, StageClock};
+use finalgather::image::{Image, WriteOptions};
+use finalgather::math::Aabb;
+use finalgather::render::{End, Layers, Probe, Render, Statistics};
+use finalgather::scene::{Camera, Scene};
+use finalgather::settings::Settings;
+use finalgather::shaders;
+use glam::Vec2;
+
+use super::layers::{Apart, Wish};
+use super::picture::{Shown, developed};
+use crate::args::Overrides;
+
+/// How sides of the picture shrink while it moves.
+const SHRINK: u32 = 2;
+
+/// What the renderer is to do.
+pub enum Command {
+    Open(PathBuf),
+    Look(View),
+    Show(Shown),
+    /// What the layer view is to have, while there is one.
+    Layers(Option<Wish>),
+    /// Writes the picture so far.
+    Save(PathBuf),
+}
+
+/// What is to be rendered of the scene.
+#[derive(Clone, PartialEq)]
+pub struct View {
+    /// In world space.
+    pub camera: Camera,
+    pub settings: Settings,
+    /// Rather soon than sharp.
+    pub moving: bool,
+    /// Directions from one picture to the next; 0 is as many as leave most of the time to them.
+    pub pace: u32,
+}
+
+impl View {
+    /// Whether the renderer has the same to do for both.
+    pub fn is_gathered_as(&self, other: &Self) -> bool {
+        let settings = Settings { exposure: other.settings.exposure, ..self.settings.clone() };
+        View { settings, pace: other.pace, ..*self } == *other
+    }
+}
+
+/// What the renderer tells.
+pub enum Report {
+    Opened(Box<Opened>),
+    Picture(Picture),
+    Progress(Box<Progress>),
+    Layers(Apart),
+    Probe(Option<Probe>),
+    Saved(PathBuf),
+    /// It goes on with what it had.
+    Refused(Error),
+    /// It has ended.
+    Failed(Error),
+}
+
+/// A scene that is there now.
+pub struct Opened {
+    pub path: PathBuf,
+    pub camera: Camera,
+    /// The scene file's with those of the command line over them.
+    pub settings: Settings,
+    /// The scene's box.
+    pub bounds: Aabb,
+    pub warnings: Vec<String>,
+    pub renderer: String,
+}
+
+pub struct Picture {
+    pub image: ColorImage,
+    /// What it is the mean of.
+    pub directions: u32,
+    /// Of the view as it is to stay.
+    pub sharp: bool,
+}
+
+#[derive(Clone, Default)]
+pub struct Progress {
+    pub statistics: Statistics,
+    /// Of what.
+    pub view: Option<View>,
+    /// Whether nothing is left to do, and shown.
+    pub done: bool,
+    /// Seconds of work since the view changed last.
+    pub seconds: f64,
+    /// Milliseconds a direction on the device; `None` where it tells no time.
+    pub stages: Vec<(&'static str, Option<f64>)>,
+}
+
+/// The interface's end of the thread; dropped, it ends.
+pub struct Worker {
+    commands: Option<Sender<Command>>,
+    pub reports: Receiver<Report>,
+    thread: Option<JoinHandle<()>>,
+}
+
+/// What it starts from.
+#[derive(Clone)]
+pub struct Start {
+    pub backend: Backend,
+    pub device: DeviceChoice,
+    pub overrides: Overrides,
+    /// Where shaders are read, and read again when they change.
+    pub shaders: Option<PathBuf>,
+}
+
+impl Worker {
+    /// `wake` is called after each report.
+    pub fn start(start: Start, wake: impl Fn() + Send + 'static) -> io::Result<Self> {
+        let (commands, receiver) = mpsc::channel();
+        let (sender, reports) = mpsc::channel();
+        let thread = thread::Builder::new().name("renderer".into()).spawn(move || {
+            let tell = |report| {
+                // Nobody listens only when all is about to end.
+                let _ = sender.send(report);
+                wake();
+            };
+            // Whatever this thread starts, the driver's threads for one, yields to the interface too. Where the system refuses, all are equal.
+            #[cfg(target_os = "linux")]
+            let _ = rustix::process::nice(10);
+            if let Err(error) = work(&start, &receiver, &tell) {
+                tell(Report::Failed(error));
+            }
+        })?;
+        Ok(Self { commands: Some(commands), reports, thread: Some(thread) })
+    }
+
+    /// A thread that has failed hears nothing; what it was to do is asked again of the next.
+    pub fn send(&self, command: Command) {
+        let _ = self.commands.as_ref().map(|commands| commands.send(command));
+    }
+
+    /// Waits some time for it to leave the GL driver. Whether it has.
+    pub fn end(&mut self, patience: Duration) -> bool {
+        self.commands = None;
+        let until = Instant::now() + patience;
+        while self.thread.as_ref().is_some_and(|thread| !thread.is_finished()) && Instant::now() < until {
+            thread::sleep(Duration::from_millis(5));
+        }
+        self.thread.take_if(|thread| thread.is_finished()).map(JoinHandle::join).is_some()
+    }
+}
+
+/// The scene that is open.
+struct Job {
+    render: Render,
+    /// As last asked for, and whether the render is of that.
+    view: View,
+    fresh: bool,
+    /// Why it does not go on.
+    halted: bool,
+    /// The picture so far, as the clock at its time had it.
+    image: Image,
+    imaged: u32,
+    /// When that was, and how long it took.
+    taken: Instant,
+    cost: Duration,
+    told: Instant,
+    worked: Duration,
+    device: Vec<(&'static str, Option<f64>)>,
+    finished: bool,
+    /// As shown last, and the place in them.
+    layers: Option<Arc<Layers>>,
+    place: Option<Vec2>,
+}
+
+fn work(start: &Start, commands: &Receiver<Command>, tell: &dyn Fn(Report)) -> Result<()> {
+    if let Some(folder) = &start.shaders {
+        shaders::reload(folder);
+    }
+    let mut changed = start.shaders.as_deref().and_then(newest);
+    let gpu = Gpu::headless(start.backend, start.device)?;
+    let clock = StageClock::start(&gpu);
+    let mut job: Option<Job> = None;
+    let mut shown = Shown::default();
+    let mut wish: Option<Wish> = None;
+    loop {
+        let command = if job.as_ref().is_some_and(Job::has_work) {
+            commands.try_recv().map_err(|none| none == TryRecvError::Disconnected)
+        } else {
+            commands.recv_timeout(Duration::from_millis(250)).map_err(|none| none == RecvTimeoutError::Disconnected)
+        };
+        match command {
+            Err(true) => return Ok(()),
+            Ok(Command::Open(path)) => match open(&gpu, start, &path) {
+                Ok((opened, next)) => {
+                    tell(Report::Opened(Box::new(opened)));
+                    job = Some(next);
+                }
+                Err(error) => tell(Report::Refused(error)),
+            },
+            Ok(Command::Show(other)) => {
+                shown = other;
+                if let Some(job) = &job {
+                    job.show(&shown, tell)?;
+                }
+            }
+            Ok(Command::Look(view)) => {
+                if let Some(job) = &mut job {
+                    job.fresh &= job.view.is_gathered_as(&view);
+                    job.view = view;
+                }
+            }
+            Ok(Command::Layers(other)) => {
+                wish = other;
+                if let (Some(wish), Some(job)) = (&wish, &mut job) {
+                    job.take_apart(wish, tell)?;
+                }
+            }
+            Ok(Command::Save(path)) => {
+                if let Some(job) = &job {
+                    tell(job.save(&gpu, &path).map_or_else(Report::Refused, |()| Report::Saved(path)));
+                }
+            }
+            Err(false) => {
+                if let Some(folder) = &start.shaders
+                    && changed != newest(folder)
+                {
+                    changed = newest(folder);
+                    shaders::reload(folder);
+                    if let Some(job) = &mut job {
+                        job.reload(tell);
+                    }
+                }
+                if let Some(job) = &mut job {
+                    let pictured = job.advance(&clock, &shown, tell)?;
+                    if let Some(wish) = wish.filter(|_| pictured) {
+                        job.take_apart(&wish, tell)?;
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// When a file of the folder or a folder in it was changed last.
+fn newest(folder: &Path) -> Option<SystemTime> {
+    let entries = fs::read_dir(folder).ok()?.flatten();
+    entries
+        .filter_map(|entry| if entry.path().is_dir() { newest(&entry.path()) } else { entry.metadata().ok()?.modified().ok() })
+        .max()
+}
+
+fn open(gpu: &Gpu, start: &Start, path: &Path) -> Result<(Opened, Job)> {
+    let mut scene = Scene::load(path)?;
+    let settings = start.overrides.put_over(scene.settings.clone());
+    let render = Render::new(gpu, &scene, &settings)?;
+    if scene.framed {
+        scene.camera = Camera::framing(scene.mesh.bounds(), settings.size);
+    }
+    let camera = about(scene.camera, scene.mesh.bounds());
+    let opened = Opened {
+        path: path.to_owned(),
+        camera,
+        settings: settings.clone(),
+        bounds: scene.mesh.bounds(),
+        warnings: scene.warnings.clone(),
+        renderer: gpu.info().renderer.clone(),
+    };
+    Ok((opened, Job::new(camera, render, settings)))
+}
+
+/// The camera with its target, about which it turns, as far away as the middle of the scene.
+fn about(camera: Camera, bounds: Aabb) -> Camera {
+    let forward = (camera.target - camera.eye).normalize();
+    let distance = forward.dot(bounds.center() - camera.eye);
+    if distance > 0.0 { Camera { target: camera.eye + distance * forward, ..camera } } else { camera }
+}
+
+impl Job {
+    fn new(camera: Camera, render: Render, settings: Settings) -> Self {
+        let view = View { camera, settings, moving: false, pace: 0 };
+        Self {
+            render,
+            view,
+            fresh: true,
+            halted: false,
+            image: Image::default(),
+            imaged: 0,
+            taken: Instant::now(),
+            cost: Duration::ZERO,
+            told: Instant::now(),
+            worked: Duration::ZERO,
+            device: Vec::new(),
+            finished: false,
+            layers: None,
+            place: None,
+        }
+    }
+
+    fn has_work(&self) -> bool {
+        !self.fresh || !(self.halted || self.finished)
+    }
+
+    /// One step, and a picture where one is due. Whether one was.
+    ///
+    /// # Errors
+    /// When the device has failed for good.
+    fn advance(&mut self, clock: &StageClock, shown: &Shown, tell: &dyn Fn(Report)) -> Result<bool> {
+        if !self.has_work() {
+            return Ok(false);
+        }
+        let begun = Instant::now();
+        if !self.fresh {
+            self.restart(tell);
+        }
+        if !self.halted
+            && let Err(error) = self.render.step()
+        {
+            if matches!(error, Error::Gl { .. }) {
+                return Err(error);
+            }
+            tell(Report::Refused(error));
+            self.halted = true;
+        }
+        self.worked += begun.elapsed();
+
+        let done = self.render.directions_done();
+        let all = self.render.is_done() || self.halted;
+        let due = match self.view.pace {
+            // The first few at once; then a picture costs a fifth of the time.
+            0 => self.imaged == 0 || self.taken.elapsed() > 4 * self.cost,
+            pace => done - self.imaged >= pace,
+        };
+        let pictured = done > self.imaged && (due || all);
+        if pictured {
+            let start = Instant::now();
+            self.image = self.render.picture();
+            let stages = clock.take().stages.into_iter();
+            let directions = f64::from(done - self.imaged);
+            self.device = stages.map(|(name, seconds)| (name, seconds.map(|seconds| 1e3 * seconds / directions))).collect();
+            self.imaged = done;
+            self.show(shown, tell)?;
+            (self.taken, self.cost) = (Instant::now(), start.elapsed());
+        }
+        self.finished = all;
+        if all || self.told.elapsed() > Duration::from_millis(200) {
+            self.told = Instant::now();
+            tell(Report::Progress(Box::new(Progress {
+                statistics: self.render.statistics().clone(),
+                view: Some(self.view.clone()),
+                done: all,
+                seconds: self.worked.as_secs_f64(),
+                stages: self.device.clone(),
+            })));
+        }
+        Ok(pictured)
+    }
+
+    /// The layers that are wished for, and what a point samples of them, as far as they are not on show.
+    fn take_apart(&mut self, wish: &Wish, tell: &dyn Fn(Report)) -> Result<()> {
+        let number = wish.number.unwrap_or(self.render.directions_done().saturating_sub(1));
+        let end = End { number, opposite: wish.opposite };
+        let layers = match self.layers.take().filter(|layers| layers.end == end) {
+            Some(layers) => layers,
+            None => {
+                let layers = Arc::new(self.render.layers(end)?);
+                tell(Report::Layers(Apart::new(layers.clone())));
+                self.place = None;
+                layers
+            }
+        };
+        if let Some(place) = wish.place.filter(|_| self.place != wish.place) {
+            self.place = wish.place;
+            tell(Report::Probe(self.render.probe(&layers, place)?));
+        }
+        self.layers = Some(layers);
+        Ok(())
+    }
+
+    /// Begins with the view as it was last asked for.
+    fn restart(&mut self, tell: &dyn Fn(Report)) {
+        let mut settings = self.view.settings.clone();
+        if self.view.moving {
+            settings.size = settings.size.map(|side| side.div_ceil(SHRINK));
+            settings.layer_size = settings.layer_size.min(128);
+            // Blocks of eight directions, with a few samples of the lights each.
+            settings.directions = 256;
+            settings.light_samples = 128;
+        }
+        self.fresh = true;
+        match self.render.restart(self.view.camera, &settings) {
+            Ok(()) => {
+                (self.halted, self.finished, self.imaged) = (false, false, 0);
+                self.layers = None;
+                self.worked = Duration::ZERO;
+            }
+            Err(error) => tell(Report::Refused(error)),
+        }
+    }
+
+    fn reload(&mut self, tell: &dyn Fn(Report)) {
+        match self.render.reload() {
+            Ok(()) => self.fresh = false,
+            Err(error) => tell(Report::Refused(error)),
+        }
+    }
+
+    fn show(&self, shown: &Shown, tell: &dyn Fn(Report)) -> Result<()> {
+        if self.imaged > 0 {
+            let image = developed(&self.image, shown)?;
+            tell(Report::Picture(Picture { image, directions: self.imaged, sharp: !self.view.moving }));
+        }
+        Ok(())
+    }
+
+    fn save(&self, gpu: &Gpu, path: &Path) -> Result<()> {
+        let settings = &self.view.settings;
+        let metadata = crate::render::metadata(gpu.info(), settings, self.render.directions_done());
+        self.render.picture().write(path, &WriteOptions { exposure: settings.exposure, metadata: Some(&metadata) })
+    }
+}

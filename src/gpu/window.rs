@@ -1,0 +1,139 @@
+//! A window's own context, on which egui draws: made from handles, whatever library the window comes from.
+//!
+//! It shares nothing with [`super::Gpu`], and its thread has no other context.
+
+use std::ffi::{CString, c_void};
+use std::num::NonZeroU32;
+use std::sync::Arc;
+
+use egui_glow::Painter;
+use glutin::config::Config;
+use glutin::context::{
+    ContextApi, ContextAttributesBuilder, GlProfile, NotCurrentGlContext, PossiblyCurrentContext, Robustness, Version,
+};
+use glutin::display::{Display, GetGlDisplay, GlDisplay};
+use glutin::surface::{GlSurface, Surface, SurfaceAttributesBuilder, SwapInterval, WindowSurface};
+use raw_window_handle::{HasWindowHandle, RawWindowHandle};
+
+use crate::error::{Error, Result};
+
+/// What a window shows.
+pub struct Screen {
+    painter: Painter,
+    surface: Surface<WindowSurface>,
+    context: PossiblyCurrentContext,
+    display: Display,
+    /// `glGetGraphicsResetStatus`, which OpenGL 3.3 knows as an extension.
+    reset_status: Option<extern "system" fn() -> u32>,
+    /// Outlives the surface.
+    _window: Arc<dyn HasWindowHandle>,
+}
+
+impl Screen {
+    /// A context and a surface of `size` pixels for a window of `config`'s display.
+    ///
+    /// # Errors
+    /// [`Error::Gl`] when the driver makes none of OpenGL 3.3.
+    pub fn new(window: Arc<dyn HasWindowHandle>, config: &Config, size: [u32; 2]) -> Result<Self> {
+        let error = |problem: String| {
+            Error::gl(
+                format!("the window has no OpenGL 3.3: {problem}"),
+                "install a GL driver for windows (Debian, Ubuntu: apt-get install libgl1-mesa-dri); render works without",
+            )
+        };
+        let failed = |problem: glutin::error::Error| error(problem.to_string());
+        let handle = window.window_handle().map_err(|problem| error(problem.to_string()))?.as_raw();
+        let display = config.display();
+        let [width, height] = sides(size);
+        let create = |robustness| {
+            let attributes = ContextAttributesBuilder::new()
+                .with_context_api(ContextApi::OpenGl(Some(Version::new(3, 3))))
+                .with_profile(GlProfile::Core)
+                .with_robustness(robustness)
+                .build(Some(handle));
+            unsafe { display.create_context(config, &attributes) }
+        };
+        // A robust one tells when it is lost.
+        let context = create(Robustness::RobustLoseContextOnReset).or_else(|_| create(Robustness::NotRobust)).map_err(failed)?;
+        let surface = SurfaceAttributesBuilder::<WindowSurface>::new().build(handle, width, height);
+        let surface = unsafe { display.create_window_surface(config, &surface) }.map_err(failed)?;
+        let context = context.make_current(&surface).map_err(failed)?;
+
+        // Wayland paces a window by events, and there a swap that waits would wait for ever while nothing is to be seen.
+        let paced = matches!(handle, RawWindowHandle::Wayland(_));
+        let interval = if paced { SwapInterval::DontWait } else { SwapInterval::Wait(NonZeroU32::MIN) };
+        // Not all can wait for the screen; then they do not.
+        let _ = surface.set_swap_interval(&context, interval);
+
+        let address = |name: &str| CString::new(name).map_or(std::ptr::null(), |name| display.get_proc_address(&name));
+        let functions = unsafe { glow::Context::from_loader_function(address) };
+        let painter = Painter::new(Arc::new(functions), "", None, false).map_err(|problem| error(problem.to_string()))?;
+        let reset_status = ["glGetGraphicsResetStatus", "glGetGraphicsResetStatusARB"]
+            .map(address)
+            .into_iter()
+            .find(|address| !address.is_null())
+            .map(|address| unsafe { std::mem::transmute::<*const c_void, extern "system" fn() -> u32>(address) });
+        Ok(Self { painter, surface, context, display, reset_status, _window: window })
+    }
+
+    /// What made the context: `EGL` or `GLX`.
+    pub fn api(&self) -> &'static str {
+        match self.display {
+            Display::Egl(_) => "EGL",
+            Display::Glx(_) => "GLX",
+        }
+    }
+
+    /// Side of the largest texture.
+    pub fn max_texture_side(&self) -> usize {
+        self.painter.max_texture_side()
+    }
+
+    pub fn resize(&self, size: [u32; 2]) {
+        let [width, height] = sides(size);
+        self.surface.resize(&self.context, width, height);
+    }
+
+    /// Draws a frame of egui's.
+    pub fn paint(
+        &mut self,
+        size: [u32; 2],
+        pixels_per_point: f32,
+        primitives: &[egui::ClippedPrimitive],
+        textures: &mut egui::TexturesDelta,
+    ) {
+        self.painter.clear(size, [0.0, 0.0, 0.0, 1.0]);
+        self.painter.paint_and_update_textures(size, pixels_per_point, primitives, textures);
+    }
+
+    /// The frame as it will be shown, row by row from the top.
+    pub fn read(&self, size: [u32; 2]) -> egui::ColorImage {
+        self.painter.read_screen_rgba(size)
+    }
+
+    /// Shows the frame.
+    ///
+    /// # Errors
+    /// [`Error::Gl`] when the context is lost, and all that it held.
+    pub fn present(&self) -> Result<()> {
+        let swapped = self.surface.swap_buffers(&self.context);
+        let lost = self.reset_status.map_or(0, |status| status());
+        let problem = match swapped {
+            Err(problem) => problem.to_string(),
+            Ok(()) if lost != 0 => format!("graphics reset 0x{lost:04x}"),
+            Ok(()) => return Ok(()),
+        };
+        Err(Error::gl(format!("the window lost its OpenGL context: {problem}"), "start again"))
+    }
+}
+
+impl Drop for Screen {
+    fn drop(&mut self) {
+        self.painter.destroy();
+    }
+}
+
+/// No surface is empty, even where its window is.
+fn sides(size: [u32; 2]) -> [NonZeroU32; 2] {
+    size.map(|side| NonZeroU32::new(side).unwrap_or(NonZeroU32::MIN))
+}
