@@ -157,7 +157,8 @@ const CLAIMS: [Claim; 12] = [
                 times.pictures.last()?.runs.iter().filter_map(|run| Some((&run.pipeline, ratio(run)?))).collect();
             let text: Vec<_> = ratios.iter().map(|(name, ratio)| format!("{ratio:.2} by <code>{name}</code>")).collect();
             let text = format!("Twice the directions take as many times as long: {} (the poster: 2.02).", text.join(", "));
-            Some((text, Verdict::of(ratios.iter().all(|(_, ratio)| (1.8..2.2).contains(ratio)))))
+            // One run on a machine that may be shared varies by a quarter; anything else than linear would be 1 or 4.
+            Some((text, Verdict::of(ratios.iter().all(|(_, ratio)| (1.5..2.5).contains(ratio)))))
         },
         shown_by: &["paper_figures/figures/times.toml", "paper_figures/figures/scaling.toml"],
     },
