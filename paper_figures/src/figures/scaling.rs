@@ -1,4 +1,4 @@
-//! How the time of each way to gather grows with directions, points, layers' size, triangles and depth complexity; and where rays on the CPU
+//! How the time of each way to gather grows with directions, points, layers' size, triangles and depth complexity; and where rays
 //! win: with few points and many triangles, for a bundle costs a pass over all triangles however few points ask.
 //!
 //! Each step of a series is a bench of its own. Who took more than the budget in a round is left out of the larger steps.
@@ -26,7 +26,7 @@ pub struct Parameters {
     layer_sizes: Vec<u32>,
     triangles: Vec<u32>,
     layers: Vec<u32>,
-    /// Sides of pictures between which the crossover is looked for; the series of triangles adds 256.
+    /// Sides of pictures between which the crossover is looked for; the series of triangles adds 512.
     crossover_sides: Vec<u32>,
 }
 
@@ -75,7 +75,7 @@ pub struct Cost {
     bias: Option<f64>,
 }
 
-/// Where fused begins to be faster than rays on the CPU, for one scene.
+/// Where fused begins to be faster than rays, for one scene.
 #[derive(Serialize, Deserialize)]
 pub struct Crossover {
     triangles: usize,
@@ -98,8 +98,8 @@ struct Recipe<'a> {
     step: &'a dyn Fn(u32) -> Result<(Scene, Where, Settings, Plan)>,
 }
 
-/// Rays on the CPU.
-const RAYS: [&str; 2] = ["raycast", "raycast-cosine"];
+/// What casts rays one by one.
+const RAYS: [&str; 3] = ["raycast-gl", "raycast", "raycast-cosine"];
 
 impl Figure for Scaling {
     const KIND: &'static str = "scaling";
@@ -154,22 +154,22 @@ impl Figure for Scaling {
         })?;
         add(Recipe {
             of: "triangles",
-            fixed: "room with hills, 2^16 points".into(),
+            fixed: "room with hills, 2^18 points".into(),
             steps: steps(&parameters.triangles),
             budget: budget(4.0),
             contestants: all(),
-            step: &|triangles| Ok((hills(triangles), Where::Camera, settings(256), plan(few / 2))),
+            step: &|triangles| Ok((hills(triangles), Where::Camera, settings(512), plan(few / 2))),
         })?;
         add(Recipe {
             of: "depth complexity",
-            fixed: "pile of plates, 2^16 points on them".into(),
+            fixed: "pile of plates, 2^18 points on them".into(),
             steps: steps(&parameters.layers),
             budget: budget(4.0),
             contestants: all(),
             step: &|layers| {
                 let scene = plates(layers);
-                let points = points_on(&scene, 1 << 16);
-                Ok((scene, Where::Points(points), settings(256), plan(few / 2)))
+                let points = points_on(&scene, 1 << 18);
+                Ok((scene, Where::Points(points), settings(512), plan(few / 2)))
             },
         })?;
 
@@ -354,7 +354,7 @@ impl Scaling {
         let grid = || self.series.iter().filter(|series| series.of == "triangles").flat_map(|series| &series.steps);
         let triangles = Axis::log("triangles", grid().map(|step| step.triangles as f64), plot::whole);
         let points = Axis::log("points", grid().map(|step| f64::from(step.points)), plot::whole);
-        plot::lines(area, "Crossover: fused is faster above, rays on the CPU below", [&triangles, &points], &curves)
+        plot::lines(area, "Crossover: fused is faster above, rays below", [&triangles, &points], &curves)
     }
 }
 
