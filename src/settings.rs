@@ -83,6 +83,19 @@ pub enum Pipeline {
     RaycastGl,
 }
 
+impl Pipeline {
+    /// As settings spell it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Kill => "kill",
+            Self::EarlyKill => "early-kill",
+            Self::Fused => "fused",
+            Self::Raycast => "raycast",
+            Self::RaycastGl => "raycast-gl",
+        }
+    }
+}
+
 /// How radiance along N directions makes an irradiance. Both tend to the same value.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]

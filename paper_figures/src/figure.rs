@@ -131,6 +131,7 @@ impl Declaration {
 #[derive(Clone, Serialize, Deserialize)]
 pub struct Document {
     figure: String,
+    #[serde(default)]
     kind: String,
     /// ISO 8601, of the end of the measurement.
     pub date: String,
@@ -138,6 +139,7 @@ pub struct Document {
     pub scale: Scale,
     /// That the measurement took.
     pub seconds: f64,
+    #[serde(default = "no_parameters")]
     parameters: Value,
     data: Value,
 }

@@ -77,13 +77,18 @@ impl Page {
         self.figures().find(|figure| figure.name == name)
     }
 
-    /// With what was measured into the folder `out`.
-    pub fn html(&self, out: &Path) -> Result<String> {
+    /// What was measured into the folder `out`.
+    pub fn documents(&self, out: &Path) -> Result<Documents> {
         let read = |figure: &Declaration| {
             let path = out.join(format!("{}.json", figure.name));
             path.exists().then(|| Ok((figure.name.clone(), Document::read(&path)?)))
         };
-        let documents = Documents(self.figures().filter_map(read).collect::<Result<_>>()?);
+        Ok(Documents(self.figures().filter_map(read).collect::<Result<_>>()?))
+    }
+
+    /// With what was measured into the folder `out`.
+    pub fn html(&self, out: &Path) -> Result<String> {
+        let documents = self.documents(out)?;
         let mut html = String::new();
         write!(
             html,

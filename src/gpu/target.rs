@@ -65,6 +65,10 @@ impl Target {
                 gl.framebuffer_texture_2d(glow::FRAMEBUFFER, attachment, glow::TEXTURE_2D, Some(depth.name()), 0);
             }
             gl.draw_buffers(&buffers);
+            if buffers.is_empty() {
+                // To OpenGL 3.3 a framebuffer is complete only if what is read from is there.
+                gl.read_buffer(glow::NONE);
+            }
             gl.check_framebuffer_status(glow::FRAMEBUFFER)
         };
         gpu.check("making a render target")?;

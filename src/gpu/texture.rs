@@ -192,7 +192,7 @@ impl Texture {
         unsafe {
             gl.bind_texture(self.kind, Some(self.name()));
             let data = PixelPackData::Slice(Some(bytemuck::cast_slice_mut(&mut texels)));
-            gl.get_tex_image(self.kind, 0, layout, component, data);
+            self.resource.context().wait(|| gl.get_tex_image(self.kind, 0, layout, component, data));
         }
         texels
     }

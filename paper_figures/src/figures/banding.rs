@@ -25,7 +25,7 @@ pub struct Parameters {
 #[derive(Serialize, Deserialize)]
 pub struct Banding {
     runs: Vec<Run>,
-    /// Along one row of the back wall, with 64 directions to a pixel.
+    /// Along one row of the back wall, with [`Parameters::shown`] directions to a pixel.
     profiles: Vec<Profile>,
 }
 

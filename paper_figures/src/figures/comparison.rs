@@ -183,12 +183,12 @@ impl Figure for PictureComparison {
         );
         Ok(format!(
             "<div class=\"panels\">\n{}</div>\n{crops}<p>{size} × {size} pixels, {} triangles, {} visible points, pipeline <code>{}</code>. \
-             Against path tracing at {compared} × {compared}, without the lamp, two pixels around it and the worst 0.1 % of the others, both {agrees} within {}:</p>\n\
+             Against path tracing at {compared} × {compared}, without lamps, two pixels around them and the worst 0.1 % of the others, both {agrees} within {}:</p>\n\
              {numbers}{times}",
             panels(&self.panels),
             self.triangles,
             self.points,
-            serde_json::to_value(self.pipeline)?.as_str().unwrap_or_default(),
+            self.pipeline.name(),
             crate::plot::percent(parameters.limit),
         ))
     }

@@ -58,7 +58,7 @@ impl Figure for PathTracing {
         let size = pictures.path_traced().width;
         let mut runs = Vec::new();
         for &pipeline in &parameters.pipelines {
-            let name = serde_json::to_value(pipeline)?.as_str().unwrap_or_default().to_owned();
+            let name = pipeline.name().to_owned();
             let at = |&directions: &u32| {
                 let directions = task.scale.of(directions, 8);
                 let start = Instant::now();

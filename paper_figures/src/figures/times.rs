@@ -107,7 +107,7 @@ impl Figure for Times {
                 points = statistics.gather.points;
                 let ends = if pipeline == Pipeline::Fused { 1.0 } else { 0.5 };
                 let samples = ends * f64::from(points) * f64::from(directions);
-                let pipeline = serde_json::to_value(pipeline)?.as_str().unwrap_or_default().to_owned();
+                let pipeline = pipeline.name().to_owned();
                 let of = statistics.seconds;
                 eprintln!("  {} by {pipeline}: {:.1} s, gather {:.1} s", declared.name, total, of.gather);
                 settings.directions = directions.div_ceil(PARTS);

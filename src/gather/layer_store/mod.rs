@@ -85,8 +85,8 @@ impl LayerStore {
         self.layer_size
     }
 
-    /// Stores all layers of `bundles`, each in a tile, from the first on. Returns how many layers there are: the most that one of the
-    /// bundles has, or a little fewer than those before had, whichever is more.
+    /// Stores all layers of `bundles`, each in a tile, from the first on. Returns how many slots readers need to look at: the most surfaces
+    /// on a line, or a little fewer than the bundles before had, whichever is more.
     ///
     /// # Errors
     /// When the scene has more layers than the device has memory or array elements for: 12 bytes a texel each, and 4 to 16 more for
