@@ -26,7 +26,7 @@ pub struct Parameters {
 #[derive(Clone, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Picture {
-    name: String,
+    pub name: String,
     scene: String,
     reference: String,
     pub directions: u32,
