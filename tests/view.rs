@@ -472,6 +472,7 @@ fn a_scene_opened_while_another_opens_is_the_one_shown() {
     view.until("the second", |view| view.title().starts_with("quick.toml: 16 directions, done"));
     let expected = Pixels::of_png(&png);
     view.until("its picture", |view| view.picture().difference(&expected).0 <= 1);
+    assert!(!view.whole().has(BAD), "nothing was refused");
     assert!(view.end().status.success());
 }
 
