@@ -467,6 +467,7 @@ fn a_scene_opened_while_another_opens_is_the_one_shown() {
     let mut command = Command::new(env!("CARGO_BIN_EXE_finalgather"));
     command.args(["view", "--window", "392x560"]).env("DISPLAY", &display.name).env_remove("WAYLAND_DISPLAY");
     let mut view = View::start(&display, command.args(small).arg(slow));
+    view.until("a frame", |view| view.title().starts_with("slow.toml: opening"));
     view.choose(&quick);
     view.until("both scenes", |view| view.title().starts_with("quick.toml: opening"));
     view.until("the second", |view| view.title().starts_with("quick.toml: 16 directions, done"));
