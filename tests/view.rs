@@ -454,7 +454,7 @@ fn a_scene_opened_while_another_opens_is_the_one_shown() {
     let text = fs::read_to_string(scene()).unwrap().replace("\"cornell.obj\"", &format!("{mesh:?}"));
     let [slow, quick] = [("slow", 6), ("quick", 7)].map(|(name, seed)| {
         let path = folder.path().join(name).with_extension("toml");
-        let photons = if name == "slow" { 16_000_000 } else { 10_000 };
+        let photons = if name == "slow" { 16_000_000 } else { 3_000_000 };
         fs::write(&path, format!("{text}seed = {seed}\nphotons = {photons}\nlayer_size = 64\n")).unwrap();
         path
     });
