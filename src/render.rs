@@ -45,7 +45,7 @@ pub struct Render {
     grid: PhotonGrid,
     photons: PhotonTexture,
     /// Which of the successive photon maps it is.
-    photon_map: u64,
+    photon_map_number: u64,
     passes: Passes,
     directions: Directions,
     /// The block in progress.
@@ -66,6 +66,8 @@ struct Passes {
     rough: PhotonMap,
     interleave: Interleave,
     method: Method,
+    /// Of the layer view, once there is one.
+    shown: Option<layers::Apart>,
 }
 
 /// Who gathers, and the sums of the block in progress.
@@ -189,7 +191,7 @@ impl Render {
             geometry,
             grid,
             photons,
-            photon_map: 0,
+            photon_map_number: 0,
             passes,
             block: None,
             done: 0,
@@ -199,16 +201,16 @@ impl Render {
         })
     }
 
-    /// Begins again: what `camera`, in world space, sees by other `settings`. Photons and surfaces stay, and passes where the settings let them.
+    /// Begins again: what `camera`, in world space, sees by other `settings`. Surfaces stay, and passes where the settings let them. So do the
+    /// first photons; a render that had gone on to others traces them again.
     ///
     /// # Errors
-    /// As [`Self::new`]; then nothing has changed.
-    ///
-    /// # Panics
-    /// When `settings` ask for other photons.
+    /// As [`Self::new`], and when `settings` ask for other photons; then nothing has changed.
     pub fn restart(&mut self, camera: Camera, settings: &Settings) -> Result<()> {
         let photons = |of: &Settings| (of.seed, of.photons, of.bounces, of.grid_cells);
-        assert_eq!(photons(settings), photons(&self.settings), "a restart keeps the photons");
+        if photons(settings) != photons(&self.settings) {
+            return Err(Error::usage("the photons of a render in progress cannot change", "open the scene again"));
+        }
         settings.validate()?;
         let passes = |of: &Settings| (of.size, of.layer_size, of.pipeline, of.interleave, of.stop_fraction, of.shadow_size);
         if passes(settings) != passes(&self.settings) {
@@ -217,23 +219,35 @@ impl Render {
         self.directions = Directions::new(settings.sequence, settings.seed);
         self.settings = settings.clone();
         self.scene.camera = self.space.enter_camera(camera);
-        self.block = None;
-        self.done = 0;
-        self.film = PairwiseSum::default();
-        self.reached = false;
-        let Statistics { scene, photons, .. } = self.statistics;
-        self.statistics = Statistics { scene, photons, ..Statistics::default() };
-        self.statistics.gather.layer_size = settings.layer_size;
+        self.forget();
         Ok(())
     }
 
-    /// Compiles all programs again, after [`crate::shaders::reload`]; what was gathered is to be begun again by [`Self::restart`].
+    /// Compiles all programs again, after [`crate::shaders::reload`], and begins again.
     ///
     /// # Errors
     /// When one does not compile; then nothing has changed.
     pub fn reload(&mut self) -> Result<()> {
         self.passes = Passes::new(&self.gpu, &self.scene, &self.settings)?;
+        self.forget();
         Ok(())
+    }
+
+    /// All that was gathered.
+    fn forget(&mut self) {
+        self.block = None;
+        self.done = 0;
+        self.film = PairwiseSum::default();
+        self.reached = false;
+        // Later photons go, and the first ones count when they are traced again.
+        let photons = if self.photon_map_number == 0 { self.statistics.photons } else { PhotonCounts::default() };
+        self.statistics = Statistics { scene: self.statistics.scene, photons, ..Statistics::default() };
+        self.statistics.gather.layer_size = self.settings.layer_size;
+    }
+
+    /// What it is rendered by.
+    pub fn settings(&self) -> &Settings {
+        &self.settings
     }
 
     /// Directions gathered so far.
@@ -289,7 +303,7 @@ impl Render {
         let blocks = u64::from(self.settings.directions.div_ceil(self.directions_per_block()));
 
         let map = u64::from(self.done / DIRECTIONS_PER_PHOTON_MAP);
-        if map != self.photon_map {
+        if map != self.photon_map_number {
             self.trace_photons(map)?;
         }
 
@@ -333,7 +347,7 @@ impl Render {
         let numbers = map * self.settings.photons..(map + 1) * self.settings.photons;
         self.statistics.photons += tracer.trace(numbers, &mut self.grid);
         self.photons = PhotonTexture::upload(&self.gpu, &self.grid)?;
-        self.photon_map = map;
+        self.photon_map_number = map;
         self.statistics.seconds.photons += self.finish("uploading photons", start)?;
         Ok(())
     }
@@ -445,7 +459,7 @@ impl Passes {
             Some(gather) => Method::Gl { gather, sums: Sums::new(gpu, interleave.sums_size())? },
             None => Method::Rays { points: Vec::new(), sums: Vec::new() },
         };
-        Ok(Self { camera, direct, direct_sums, rough, interleave, method })
+        Ok(Self { camera, direct, direct_sums, rough, interleave, method, shown: None })
     }
 }
 

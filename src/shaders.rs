@@ -84,8 +84,6 @@ pub fn reload(folder: &Path) {
     let fragments = ALL.iter().chain(&WITH_IMAGES).map(|source| (format!("{}.frag", source.name), source.fragment));
     let includes = INCLUDES.iter().map(|&(name, text)| (format!("include/{name}"), text));
     for (path, embedded) in vertex.into_iter().chain(fragments).chain(includes) {
-        if let Ok(text) = fs::read_to_string(folder.join(path)) {
-            replace_shader_text(embedded, text);
-        }
+        replace_shader_text(embedded, fs::read_to_string(folder.join(path)).ok());
     }
 }

@@ -6,6 +6,7 @@ use std::path::Path;
 
 use common::gpu;
 use finalgather::direction::Directions;
+use finalgather::error::Error;
 use finalgather::gpu::{Backend, DeviceChoice, Gpu};
 use finalgather::image::compare::{Selection, compare};
 use finalgather::image::{Channel, Image};
@@ -83,7 +84,36 @@ fn begun_again_is_begun_anew() {
     // A refused restart leaves everything as it is.
     let refused = render.restart(camera, &Settings { layer_size: 1, ..settings.clone() });
     assert!(refused.is_err());
+    let other_photons = render.restart(camera, &Settings { seed: settings.seed + 1, ..settings.clone() });
+    assert!(matches!(other_photons, Err(Error::Usage { .. })));
     assert!(same(&render.picture(), &start));
+
+    // Nor does a reload leave anything of what was gathered.
+    render.reload().unwrap();
+    assert_eq!((render.directions_done(), render.statistics().gather.directions), (0, 0));
+    assert!(same(&gather(&mut render), &start));
+}
+
+/// Long renders go on to other photons; begun again, they have the first ones again, and count them once.
+#[test]
+fn begun_again_with_the_first_photons() {
+    let gpu = gpu();
+    let (scene, settings) = cornell();
+    let settings = Settings { size: [16, 12], directions: 1056, layer_size: 32, photons: 10_000, ..settings };
+    let mut render = Render::new(&gpu, &scene, &settings).unwrap();
+    let first = render.statistics().photons;
+    let gather = |render: &mut Render, directions: u32| {
+        while render.directions_done() < directions {
+            render.step().unwrap();
+        }
+        render.picture()
+    };
+    let start = gather(&mut render, 32);
+    gather(&mut render, 1056);
+    assert_eq!(render.statistics().photons.emitted, 2 * first.emitted);
+    render.restart(scene.camera, &settings).unwrap();
+    assert!(same(&gather(&mut render, 32), &start));
+    assert_eq!(render.statistics().photons, first);
 }
 
 /// What the layer view says of a point is what an exact ray finds.
@@ -91,7 +121,7 @@ fn begun_again_is_begun_anew() {
 fn probes_find_what_rays_find() {
     let gpu = gpu();
     let (scene, settings) = cornell();
-    let render = Render::new(&gpu, &scene, &settings).unwrap();
+    let mut render = Render::new(&gpu, &scene, &settings).unwrap();
     let (unit, _) = UnitSpace::enter(&scene);
     let bvh = Bvh::new(&unit.mesh);
     let (mut hits, mut misses) = (0, 0);

@@ -3,7 +3,7 @@
 #![cfg(all(target_os = "linux", feature = "window"))]
 
 use std::fs;
-use std::io::{BufRead, BufReader};
+use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 use std::sync::{Mutex, PoisonError};
@@ -60,9 +60,36 @@ impl Pixels {
 
 /// An X server without a screen; ends with the test.
 struct Display {
-    server: Child,
+    _server: Server,
     name: String,
     folder: TempDir,
+}
+
+/// Ends with the test, however that ends.
+struct Server(Child);
+
+impl Drop for Server {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+/// What it printed, once it has ended by itself.
+fn output(command: &mut Command) -> Output {
+    let mut child = Server(start(command.stdout(Stdio::piped()).stderr(Stdio::piped())));
+    let begun = Instant::now();
+    loop {
+        if let Some(status) = child.0.try_wait().unwrap() {
+            // It ended, so all that it said was no more than pipes hold.
+            let (mut stdout, mut stderr) = (Vec::new(), Vec::new());
+            child.0.stdout.take().unwrap().read_to_end(&mut stdout).unwrap();
+            child.0.stderr.take().unwrap().read_to_end(&mut stderr).unwrap();
+            return Output { status, stdout, stderr };
+        }
+        assert!(begun.elapsed() < PATIENCE, "{command:?} does not end");
+        sleep(Duration::from_millis(30));
+    }
 }
 
 fn start(command: &mut Command) -> Child {
@@ -76,16 +103,16 @@ impl Display {
         static ONE: Mutex<()> = Mutex::new(());
         let _one = ONE.lock().unwrap_or_else(PoisonError::into_inner);
         let folder = tempfile::tempdir().unwrap();
-        let mut server = start(
+        let mut server = Server(start(
             Command::new("Xvfb")
                 .args(["-displayfd", "1", "-screen", "0", "1024x768x24", "-noreset", "-nolisten", "tcp", "-fbdir"])
                 .arg(folder.path())
                 .stdout(Stdio::piped())
                 .stderr(Stdio::null()),
-        );
+        ));
         let mut number = String::new();
-        BufReader::new(server.stdout.take().unwrap()).read_line(&mut number).unwrap();
-        Self { server, name: format!(":{}", number.trim()), folder }
+        BufReader::new(server.0.stdout.take().unwrap()).read_line(&mut number).unwrap();
+        Self { _server: server, name: format!(":{}", number.trim()), folder }
     }
 
     /// What the screen shows, from the server's memory: an XWD file, of which each pixel is blue, green, red and nothing.
@@ -104,13 +131,6 @@ impl Display {
     }
 }
 
-impl Drop for Display {
-    fn drop(&mut self) {
-        let _ = self.server.kill();
-        let _ = self.server.wait();
-    }
-}
-
 /// `finalgather view` with a window of `SIDE` + the panel's width, at the upper left of the screen.
 struct View<'a> {
     display: &'a Display,
@@ -120,6 +140,10 @@ struct View<'a> {
 
 fn scene() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/cornell.toml")
+}
+
+fn glsl(name: &str) -> String {
+    fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("glsl").join(name)).unwrap()
 }
 
 fn view(display: &Display) -> Command {
@@ -196,6 +220,18 @@ impl<'a> View<'a> {
         tool.wait_with_output().unwrap()
     }
 
+    /// By the dialog: its path is edited after /.
+    fn choose(&mut self, path: &Path) {
+        let before = self.picture();
+        self.key("ctrl+o");
+        self.until("the dialog", |view| view.picture() != before);
+        self.key("slash");
+        sleep(Duration::from_millis(300));
+        self.key("ctrl+a");
+        self.xdotool(&["type", path.to_str().unwrap()]);
+        self.key("Return");
+    }
+
     fn until_gone(&mut self) {
         let begun = Instant::now();
         while self.tool.try_wait().unwrap().is_none() {
@@ -223,9 +259,8 @@ fn rendered(folder: &TempDir) -> Pixels {
 /// Runs it unattended and returns where the picture is in its screenshot, and what it printed.
 fn unattended(command: &mut Command, folder: &TempDir) -> (Pixels, Value) {
     let path = folder.path().join("window.png");
-    let output = start(command.arg(scene()).args(["--frames", "2", "--json", "--screenshot"]).arg(&path).stdout(Stdio::piped()));
-    let output = output.wait_with_output().unwrap();
-    assert!(output.status.success(), "{command:?}: {:?}", output.status);
+    let output = output(command.arg(scene()).args(["--frames", "2", "--json", "--screenshot"]).arg(&path));
+    assert!(output.status.success(), "{command:?}: {}", String::from_utf8_lossy(&output.stderr));
     let shot = Pixels::of_png(&path);
     assert_eq!((shot.width, shot.rgb.len()), (392, 392 * HEIGHT));
     (shot.crop([0, (HEIGHT - SIDE) / 2, SIDE, SIDE]), serde_json::from_slice(&output.stdout).unwrap())
@@ -248,13 +283,13 @@ fn shows_what_render_writes_by_egl_and_glx() {
 fn shows_the_same_under_wayland() {
     let (folder, runtime) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
     let expected = rendered(&folder);
-    let mut weston = start(
+    let _weston = Server(start(
         Command::new("weston")
             .args(["--backend=headless-backend.so", "--socket=wayland-test", "--idle-time=0", "--no-config"])
             .env("XDG_RUNTIME_DIR", runtime.path())
             .stdout(Stdio::null())
             .stderr(Stdio::null()),
-    );
+    ));
     let begun = Instant::now();
     while !runtime.path().join("wayland-test").exists() {
         assert!(begun.elapsed() < PATIENCE, "weston does not listen");
@@ -264,8 +299,6 @@ fn shows_the_same_under_wayland() {
     command.args(["view", "--window", "392x560"]).args(SMALL);
     command.env("XDG_RUNTIME_DIR", runtime.path()).env("WAYLAND_DISPLAY", "wayland-test").env_remove("DISPLAY");
     let (shown, json) = unattended(&mut command, &folder);
-    weston.kill().unwrap();
-    weston.wait().unwrap();
     assert_eq!(json["api"], "EGL");
     assert!(shown.difference(&expected).0 <= 1);
 }
@@ -366,14 +399,7 @@ fn a_broken_scene_is_said_and_the_old_one_stays() {
     let start = view.until_done();
     assert!(!view.whole().has(BAD));
 
-    // By the dialog: its path is edited after /.
-    view.key("ctrl+o");
-    view.until("the dialog", |view| view.picture() != start);
-    view.key("slash");
-    sleep(Duration::from_millis(300));
-    view.key("ctrl+a");
-    view.xdotool(&["type", broken.to_str().unwrap()]);
-    view.key("Return");
+    view.choose(&broken);
     view.until("the error", |view| view.whole().has(BAD));
     view.until("the old picture", |view| view.picture() == start);
     assert!(view.title().contains("cornell.toml"), "{}", view.title());
@@ -385,8 +411,7 @@ fn a_broken_scene_is_said_and_the_old_one_stays() {
 #[test]
 fn a_broken_shader_is_said_and_the_old_picture_stays() {
     let (display, folder) = (Display::start(), tempfile::tempdir().unwrap());
-    let glsl = Path::new(env!("CARGO_MANIFEST_DIR")).join("glsl/visible_points.frag");
-    let text = fs::read_to_string(glsl).unwrap();
+    let text = glsl("visible_points.frag");
     let file = folder.path().join("visible_points.frag");
     fs::write(&file, &text).unwrap();
     let mut view = View::start(&display, view(&display).arg(scene()).arg("--shaders").arg(folder.path()));
@@ -405,10 +430,58 @@ fn a_broken_shader_is_said_and_the_old_picture_stays() {
 }
 
 #[test]
+fn broken_layers_are_said_and_the_picture_goes_on() {
+    let (display, folder) = (Display::start(), tempfile::tempdir().unwrap());
+    let file = folder.path().join("peel.frag");
+    fs::write(&file, "broken").unwrap();
+    let mut view = View::start(&display, view(&display).arg(scene()).args(["--layers", "--shaders"]).arg(folder.path()));
+    view.until("all directions", |view| view.title().contains("16 directions, done"));
+    view.until("the compiler's log", |view| view.whole().has(BAD));
+
+    // What is embedded takes the place of a file that is gone.
+    let row = [0, HEIGHT - 100, SIDE, 90];
+    let empty = view.whole().crop(row);
+    fs::remove_file(&file).unwrap();
+    view.until("layers", |view| view.whole().crop(row).difference(&empty).1 > 5.0);
+    assert!(view.end().status.success());
+}
+
+/// One with other photons, so that neither is rendered by the other's camera and settings.
+#[test]
+fn a_scene_opened_while_another_opens_is_the_one_shown() {
+    let (display, folder) = (Display::start(), tempfile::tempdir().unwrap());
+    let mesh = scene().with_file_name("cornell.obj");
+    let text = fs::read_to_string(scene()).unwrap().replace("\"cornell.obj\"", &format!("{mesh:?}"));
+    let [slow, quick] = [("slow", 6), ("quick", 7)].map(|(name, seed)| {
+        let path = folder.path().join(name).with_extension("toml");
+        let photons = if name == "slow" { 16_000_000 } else { 3_000_000 };
+        fs::write(&path, format!("{text}seed = {seed}\nphotons = {photons}\nlayer_size = 64\n")).unwrap();
+        path
+    });
+    let small = ["--size", "128", "--directions", "16"];
+    let png = folder.path().join("quick.png");
+    let render =
+        Command::new(env!("CARGO_BIN_EXE_finalgather")).arg("render").arg(&quick).args(small).arg("-o").arg(&png).status();
+    assert!(render.unwrap().success());
+
+    let mut command = Command::new(env!("CARGO_BIN_EXE_finalgather"));
+    command.args(["view", "--window", "392x560"]).env("DISPLAY", &display.name).env_remove("WAYLAND_DISPLAY");
+    let mut view = View::start(&display, command.args(small).arg(slow));
+    view.until("a frame", |view| view.title().starts_with("slow.toml: opening"));
+    view.choose(&quick);
+    view.until("both scenes", |view| view.title().starts_with("quick.toml: opening"));
+    view.until("the second", |view| view.title().starts_with("quick.toml: 16 directions, done"));
+    let expected = Pixels::of_png(&png);
+    view.until("its picture", |view| view.picture().difference(&expected).0 <= 1);
+    assert!(!view.whole().has(BAD), "nothing was refused");
+    assert!(view.end().status.success());
+}
+
+#[test]
 fn failures_have_exit_codes() {
     let display = Display::start();
     let refusal = |command: &mut Command, code: i32, words: &str| {
-        let output = command.args(["--frames", "1"]).output().unwrap();
+        let output = output(command.args(["--frames", "1"]));
         let stderr = String::from_utf8(output.stderr).unwrap();
         assert_eq!(output.status.code(), Some(code), "{command:?}: {stderr}");
         assert!(stderr.contains(words) && stderr.contains("cure: "), "{stderr}");
@@ -416,4 +489,22 @@ fn failures_have_exit_codes() {
     refusal(view(&display).env_remove("DISPLAY"), 69, "no window system");
     refusal(view(&display).args(["--gl-device", "99"]), 69, "no such device");
     refusal(view(&display).arg("none.toml"), 65, "none.toml");
+
+    // A panic on the renderer's thread, and what goes wrong while the window is already there.
+    let folder = tempfile::tempdir().unwrap();
+    let changed = |name: &str, from: &str, to: &str| {
+        let text = glsl(name);
+        assert!(text.contains(from), "{name}");
+        fs::write(folder.path().join(name), text.replace(from, to)).unwrap();
+    };
+    let shaders = || ["--shaders".as_ref(), folder.path().as_os_str()];
+    changed(
+        "visible_points.frag",
+        "void main()\n{",
+        "uniform float unknown;\nvoid main()\n{\n    if (unknown > 0.0)\n        discard;",
+    );
+    refusal(view(&display).arg(scene()).args(shaders()), 69, "panicked: shader visible_points reads the uniform unknown");
+    fs::remove_file(folder.path().join("visible_points.frag")).unwrap();
+    fs::write(folder.path().join("peel.frag"), "broken").unwrap();
+    refusal(view(&display).arg(scene()).arg("--layers").args(shaders()), 69, "shader peel does not compile");
 }

@@ -52,9 +52,13 @@ pub struct Program {
 /// Texts that take the place of embedded ones.
 static REPLACED: LazyLock<RwLock<HashMap<&'static str, String>>> = LazyLock::new(Default::default);
 
-/// From now on programs are compiled with `text` in the place of an embedded one: for work on shaders while they run.
-pub fn replace_shader_text(embedded: &'static str, text: String) {
-    REPLACED.write().unwrap_or_else(PoisonError::into_inner).insert(embedded, text);
+/// From now on programs are compiled with `text`, if there is one, in the place of an embedded one: for work on shaders while they run.
+pub fn replace_shader_text(embedded: &'static str, text: Option<String>) {
+    let mut replaced = REPLACED.write().unwrap_or_else(PoisonError::into_inner);
+    match text {
+        Some(text) => replaced.insert(embedded, text),
+        None => replaced.remove(embedded),
+    };
 }
 
 fn current(embedded: &'static str) -> Cow<'static, str> {

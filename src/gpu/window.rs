@@ -7,6 +7,7 @@ use std::num::NonZeroU32;
 use std::sync::Arc;
 
 use egui_glow::Painter;
+use glow::HasContext;
 use glutin::config::Config;
 use glutin::context::{
     ContextApi, ContextAttributesBuilder, GlProfile, NotCurrentGlContext, PossiblyCurrentContext, Robustness, Version,
@@ -67,12 +68,14 @@ impl Screen {
 
         let address = |name: &str| CString::new(name).map_or(std::ptr::null(), |name| display.get_proc_address(&name));
         let functions = unsafe { glow::Context::from_loader_function(address) };
-        let painter = Painter::new(Arc::new(functions), "", None, false).map_err(|problem| error(problem.to_string()))?;
-        let reset_status = ["glGetGraphicsResetStatus", "glGetGraphicsResetStatusARB"]
-            .map(address)
-            .into_iter()
+        // GLX has an address for any name; only the extension says whether there is a function.
+        let robust = [("GL_KHR_robustness", "glGetGraphicsResetStatus"), ("GL_ARB_robustness", "glGetGraphicsResetStatusARB")];
+        let known = robust.into_iter().filter(|(extension, _)| functions.supported_extensions().contains(*extension));
+        let reset_status = known
+            .map(|(_, name)| address(name))
             .find(|address| !address.is_null())
             .map(|address| unsafe { std::mem::transmute::<*const c_void, extern "system" fn() -> u32>(address) });
+        let painter = Painter::new(Arc::new(functions), "", None, false).map_err(|problem| error(problem.to_string()))?;
         Ok(Self { painter, surface, context, display, reset_status, _window: window })
     }
 

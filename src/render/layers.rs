@@ -7,6 +7,7 @@ use crate::direction::Direction;
 use crate::error::Result;
 use crate::gather::{Bundle, Kill, Peel};
 use crate::geometry::triangle_order;
+use crate::gpu::Gpu;
 use crate::points::{GatherPoint, PointList};
 
 /// One of a render's directions, at either end.
@@ -56,12 +57,32 @@ pub struct Probe {
     pub hit: Option<Vec3>,
 }
 
+/// Most texels that are kept of a direction: 64 layers of 512², half a gigabyte.
+const MOST_TEXELS: usize = 1 << 24;
+
+/// The poster's two passes, for all directions and one point.
+pub(super) struct Apart {
+    peel: Peel,
+    kill: Kill,
+}
+
+impl Apart {
+    /// What is there, or else made.
+    fn of<'a>(shown: &'a mut Option<Self>, gpu: &Gpu, layer_size: u32) -> Result<&'a mut Self> {
+        let made = match shown.take() {
+            Some(made) => made,
+            None => Self { peel: Peel::new(gpu, layer_size)?, kill: Kill::new(gpu, [1, 1])? },
+        };
+        Ok(shown.insert(made))
+    }
+}
+
 impl Render {
-    /// Peels one direction for show, as [`crate::gather::KillGather`] peels it.
+    /// Peels one direction for show, as [`crate::gather::KillGather`] peels it: the farthest layers, as many as are kept.
     ///
     /// # Errors
-    /// When the device fails.
-    pub fn layers(&self, end: End) -> Result<Layers> {
+    /// When a program does not compile or the device fails.
+    pub fn layers(&mut self, end: End) -> Result<Layers> {
         let (bundle, size) = (self.bundle(end), self.settings.layer_size);
         let order = triangle_order(&self.scene);
         let from_layer = bundle.to_layer.inverse();
@@ -78,10 +99,10 @@ impl Render {
                 cosine: mesh.geometric_normal(triangle).dot(bundle.direction).abs(),
             })
         };
-        let mut peel = Peel::new(&self.gpu, size)?;
+        let Apart { peel, .. } = Apart::of(&mut self.passes.shown, &self.gpu, size)?;
         peel.start();
         let mut layers = Vec::new();
-        loop {
+        while (layers.len() + 1) * (size * size) as usize <= MOST_TEXELS {
             let texels: Vec<Vec4> = peel.next(&self.geometry, &bundle).read();
             let layer: Vec<_> = texels.into_iter().enumerate().map(read).collect();
             if layer.iter().all(Option::is_none) {
@@ -96,8 +117,8 @@ impl Render {
     /// What the point seen at `place`, as [`Probe::place`], samples of these layers; `None` where no surface is seen.
     ///
     /// # Errors
-    /// When the device fails.
-    pub fn probe(&self, layers: &Layers, place: Vec2) -> Result<Option<Probe>> {
+    /// When a program does not compile or the device fails.
+    pub fn probe(&mut self, layers: &Layers, place: Vec2) -> Result<Option<Probe>> {
         let camera = self.scene.camera;
         let [width, height] = self.settings.size.map(|side| side as f32);
         let up = (0.5 * camera.fov_y_degrees.to_radians()).tan();
@@ -109,11 +130,16 @@ impl Render {
 
         let bundle = self.bundle(layers.end);
         let list = PointList::upload(&self.gpu, &[point])?;
-        let (mut peel, kill) = (Peel::new(&self.gpu, layers.size)?, Kill::new(&self.gpu, list.points().size())?);
+        let Apart { peel, kill } = Apart::of(&mut self.passes.shown, &self.gpu, layers.size)?;
         peel.start();
         kill.start();
         let mut sample = |index| kill.sample(list.points(), &bundle, peel.next(&self.geometry, &bundle), index) > 0;
-        let sampled = (0..layers.layers.len() as u32).map(&mut sample).collect();
+        let mut all = 0..;
+        let sampled: Vec<bool> = all.by_ref().take(layers.layers.len()).map(&mut sample).collect();
+        // The hit may lie in a layer that is not kept.
+        if sampled.last() == Some(&true) {
+            all.find(|&index| !sample(index));
+        }
         let hit = kill.hits().read::<Vec2>()[0];
         self.gpu.check("sampling for show")?;
         let hit = (hit.y > 0.0).then(|| point.position + hit.x * bundle.direction);

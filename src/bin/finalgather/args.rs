@@ -205,7 +205,7 @@ pub struct ViewArgs {
     /// Scene file: .toml, or a bare .obj with its .mtl [default: the Cornell box]
     pub scene: Option<PathBuf>,
 
-    /// Inner size of the window in points; N is N by N [default: room for the picture and the panel]
+    /// Inner size of the window in points; N is N by N [default: room for the panel and a picture of --size, or 512x512 without]
     #[arg(long, value_name = "WxH|N", value_parser = size)]
     pub window: Option<[u32; 2]>,
 

@@ -1,6 +1,7 @@
 //! What the window shows and what it asks of the renderer: the picture, what is said over it, and dialogs.
 
 use std::path::{Path, PathBuf};
+use std::sync::mpsc::TryRecvError;
 use std::time::{Duration, Instant};
 
 use egui::{
@@ -27,7 +28,8 @@ pub struct App {
     worker: Worker,
     /// Being opened, or the one that is open.
     pub path: PathBuf,
-    pub opening: bool,
+    /// Scenes that were asked for and are not answered yet. Until all are, the renderer may be at another than the one on show.
+    opening: usize,
     pub scene: Option<Opened>,
     pub view: View,
     pub shown: Shown,
@@ -40,7 +42,7 @@ pub struct App {
     pub notices: Vec<Notice>,
     /// Why the renderer has ended.
     failure: Option<Error>,
-    /// Why the scene was not opened.
+    /// Why there is no scene, or not all that is asked for of it.
     refused: Option<Error>,
     dialog: FileDialog,
     /// What the dialog is for.
@@ -80,7 +82,7 @@ impl App {
             proxy,
             worker,
             path: PathBuf::new(),
-            opening: false,
+            opening: 0,
             scene: None,
             view,
             shown: Shown::default(),
@@ -108,7 +110,7 @@ impl App {
 
     pub fn open(&mut self, path: PathBuf) {
         self.notices.clear();
-        self.opening = true;
+        self.opening += 1;
         self.path.clone_from(&path);
         self.worker.send(Command::Open(path));
     }
@@ -116,7 +118,7 @@ impl App {
     pub fn title(&self) -> String {
         let name = self.path.file_name().unwrap_or_default().to_string_lossy();
         let gather = &self.progress.statistics.gather;
-        match (&self.scene, self.opening) {
+        match (&self.scene, self.opening > 0) {
             (_, true) => format!("{name}: opening - finalgather"),
             (None, false) => "finalgather".to_owned(),
             _ if self.done() => format!("{name}: {} directions, done - finalgather", gather.directions),
@@ -132,10 +134,10 @@ impl App {
 
     /// Whether all that was asked for is to be seen, or nothing will be.
     pub fn finished(&self) -> bool {
-        let apart = !self.layers || self.layer_view.count() > 0;
+        let apart = !self.layers || self.layer_view.count() > 0 || self.refused.is_some();
         let shown = |picture: &Picture| picture.sharp && picture.directions == self.directions();
         let pictured = self.directions() == 0 || self.picture.as_ref().is_some_and(shown);
-        self.failure.is_some() || !self.opening && (self.scene.is_none() || self.done() && apart && pictured)
+        self.failure.is_some() || self.opening == 0 && (self.scene.is_none() || self.done() && apart && pictured)
     }
 
     pub fn has_picture(&self) -> bool {
@@ -146,21 +148,29 @@ impl App {
         self.progress.statistics.gather.directions
     }
 
-    /// What ended the renderer, or kept the first scene from being opened; said once.
+    /// What ended the renderer, or kept it from all that was asked for; said once.
     pub fn failure(&mut self) -> Option<Error> {
-        self.failure.take().or_else(|| self.refused.take_if(|_| self.scene.is_none()))
+        self.failure.take().or_else(|| self.refused.take())
     }
 
     /// Everything that the renderer has told since.
     pub fn receive(&mut self) {
-        while let Ok(report) = self.worker.reports.try_recv() {
+        loop {
+            let report = match self.worker.reports.try_recv() {
+                Ok(report) => report,
+                Err(TryRecvError::Disconnected) if self.failure.is_none() => {
+                    Report::Failed(Error::gl("the renderer has ended without a word", "start again, and report this"))
+                }
+                Err(_) => return,
+            };
             match report {
                 Report::Opened(opened) => {
-                    self.opening = false;
+                    self.opening -= 1;
+                    self.refused = None;
                     self.view =
                         View { camera: opened.camera, settings: opened.settings.clone(), moving: false, pace: self.view.pace };
                     self.shown.exposure = opened.settings.exposure;
-                    self.notices = opened.warnings.iter().map(|text| Notice { text: text.clone(), bad: false }).collect();
+                    opened.warnings.iter().for_each(|text| self.say(text.clone(), false));
                     self.progress = Progress::default();
                     (self.picture, self.sent, self.moved, self.wished) = (None, None, None, None);
                     self.layer_view.forget();
@@ -173,22 +183,29 @@ impl App {
                 Report::Progress(progress) => self.progress = *progress,
                 Report::Layers(apart) => self.layer_view.set(apart),
                 Report::Probe(probe) => self.layer_view.probe = probe,
-                Report::Saved(path) => self.say(format!("Saved {}", path.display()), false),
-                Report::Refused(error) => self.refuse(error),
+                Report::Saved(path) => {
+                    let png = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("png"));
+                    let but = if png && !self.shown.is_radiance() { ": all of the radiance, not what is shown" } else { "" };
+                    self.say(format!("Saved {}{but}", path.display()), false);
+                }
+                Report::Refused(error) => self.say(error.to_string(), true),
+                Report::NotOpened(error) => {
+                    self.opening -= 1;
+                    self.say(error.to_string(), true);
+                    match &self.scene {
+                        Some(scene) if self.opening == 0 => self.path.clone_from(&scene.path),
+                        Some(_) => {}
+                        None => self.refused = Some(error),
+                    }
+                }
+                Report::Halted(error) => {
+                    self.say(error.to_string(), true);
+                    self.refused = Some(error);
+                }
                 Report::Failed(error) => {
-                    self.opening = false;
+                    self.opening = 0;
                     self.failure = Some(error);
                 }
-            }
-        }
-    }
-
-    fn refuse(&mut self, error: Error) {
-        self.say(error.to_string(), true);
-        if std::mem::take(&mut self.opening) {
-            self.refused = Some(error);
-            if let Some(scene) = &self.scene {
-                self.path.clone_from(&scene.path);
             }
         }
     }
@@ -267,9 +284,10 @@ impl App {
 
     pub fn ask_open(&mut self) {
         self.saving = false;
-        self.dialog =
-            dialog(self.folder.as_deref()).title("Open a scene").add_file_filter_extensions("Scenes", vec!["toml", "obj"]);
-        self.dialog = std::mem::take(&mut self.dialog).default_file_filter("Scenes");
+        self.dialog = dialog(self.folder.as_deref())
+            .title("Open a scene")
+            .add_file_filter_extensions("Scenes", vec!["toml", "obj"])
+            .default_file_filter("Scenes");
         self.dialog.pick_file();
     }
 
@@ -343,7 +361,7 @@ impl App {
         let area = ui.ctx().content_rect();
         let left = area.left() + 12.0;
         let card = Frame::popup(&ui.ctx().global_style()).inner_margin(12.0);
-        if self.opening {
+        if self.opening > 0 {
             egui::Area::new("opening".into())
                 .anchor(Align2::LEFT_BOTTOM, vec2(12.0, -12.0))
                 .show(ui.ctx(), |ui| card.show(ui, |ui| ui.label(format!("Opening {}", self.path.display()))));
@@ -409,7 +427,7 @@ impl App {
 
     /// Tells the renderer what has changed.
     fn send(&mut self, ctx: &Context) {
-        if self.scene.is_none() || self.opening {
+        if self.scene.is_none() || self.opening > 0 {
             return;
         }
         if let Some(moved) = self.moved {

@@ -13,8 +13,10 @@ use finalgather::math::frame;
 use finalgather::render::{LayerTexel, Layers, Probe};
 use glam::{Mat3, Vec2, Vec3};
 
-/// Side of a layer in the stack, in pieces.
-const PIECES: u32 = 86;
+/// About as many pieces has the stack: all are projected, sorted and drawn for each frame.
+const PIECES: f32 = 60e3;
+/// Longest side of a thumbnail, in pixels.
+const THUMBNAIL: u32 = 160;
 /// Between two layers of a stack wholly apart, in unit space, where the scene's radius is 1.
 const GAP: f32 = 0.9;
 /// Height of the row of thumbnails.
@@ -39,7 +41,7 @@ pub struct Wish {
 pub struct Apart {
     pub layers: Arc<Layers>,
     /// For each layer.
-    pub images: Vec<ColorImage>,
+    pub images: Vec<Arc<ColorImage>>,
     pieces: Vec<Piece>,
 }
 
@@ -65,21 +67,27 @@ pub struct LayerView {
 
 impl Apart {
     pub fn new(layers: Arc<Layers>) -> Self {
-        let side = layers.size as usize;
+        let size = layers.size;
+        let places = || middles(size, size.div_ceil(THUMBNAIL));
         let color = |texel: &Option<LayerTexel>| texel.as_ref().map_or(Color32::from_gray(30), color);
         // Texel (0, 0) is at the lower left.
         let image = |layer: &Vec<Option<LayerTexel>>| {
-            let pixels = layer.chunks(side).rev().flatten().map(color).collect();
-            ColorImage::new([side, side], pixels)
+            let pixels = places().rev().flat_map(|y| places().map(move |x| (y * size + x) as usize));
+            Arc::new(ColorImage::new([places().len(); 2], pixels.map(|at| color(&layer[at])).collect()))
         };
         Self { images: layers.layers.iter().map(image).collect(), pieces: pieces(&layers), layers }
     }
 }
 
+/// Texels of a side, of each `step` the middle one.
+fn middles(side: u32, step: u32) -> impl DoubleEndedIterator<Item = u32> + ExactSizeIterator {
+    (step / 2..side).step_by(step as usize)
+}
+
 fn pieces(layers: &Layers) -> Vec<Piece> {
-    let step = layers.size.div_ceil(PIECES);
+    let step = (layers.size as f32 * (layers.layers.len() as f32 / PIECES).sqrt()).ceil().max(1.0) as u32;
     let half = 0.5 * step as f32;
-    let places = move || (step / 2..layers.size).step_by(step as usize);
+    let places = move || middles(layers.size, step);
     let mut pieces = Vec::new();
     for (layer, texels) in layers.layers.iter().enumerate() {
         for (y, x) in places().flat_map(|y| places().map(move |x| (y, x))) {
@@ -139,7 +147,7 @@ impl LayerView {
         self.wish.number = Some(self.number().saturating_add_signed(by).min(directions.saturating_sub(1)));
     }
 
-    /// Fills `area` but for what it returns, which is the picture's.
+    /// The parts of `area`: the picture's, the stack's and the row's.
     pub fn split(area: Rect) -> (Rect, Rect, Rect) {
         let (upper, row) = area.split_top_bottom_at_y(area.bottom() - ROW.min(0.3 * area.height()));
         let (picture, stack) = if upper.width() > upper.height() {
@@ -167,7 +175,7 @@ impl LayerView {
     pub fn row(&mut self, ui: &mut Ui, area: Rect) {
         let Some(apart) = &self.apart else { return };
         if self.textures.is_empty() {
-            let load = |(i, image): (usize, &ColorImage)| {
+            let load = |(i, image): (usize, &Arc<ColorImage>)| {
                 ui.ctx().load_texture(format!("layer {i}"), image.clone(), TextureOptions::NEAREST)
             };
             self.textures = apart.images.iter().enumerate().map(load).collect();

@@ -53,6 +53,7 @@ pub fn run(args: &ViewArgs) -> Result<u8> {
         // As for signals: the handlers of process::exit would take the GL driver down under the renderer.
         let code = outcome.as_ref().map_or_else(crate::exit_code, |()| 0);
         outcome.unwrap_or_else(|error| report::say(&format!("error: {error}")));
+        drop(embedded);
         low_level::exit(code.into());
     }
     outcome.map(|()| 0)

@@ -30,12 +30,19 @@ impl Default for Shown {
     }
 }
 
+impl Shown {
+    /// Whether it is all of the radiance, which a PNG has.
+    pub fn is_radiance(&self) -> bool {
+        self.what == What::Radiance && self.direct && self.indirect && self.emission
+    }
+}
+
 /// As the PNG has it, where all of the radiance is shown.
 pub fn developed(image: &Image, shown: &Shown) -> Result<ColorImage> {
     let size = [image.width, image.height];
     let channel = |name: &str| image.channel(name).unwrap_or_default();
     let bytes = match shown.what {
-        What::Radiance if shown.direct && shown.indirect && shown.emission => image.to_srgb8(shown.exposure)?,
+        _ if shown.is_radiance() => image.to_srgb8(shown.exposure)?,
         What::Radiance | What::PhotonMap => {
             let rough = shown.what == What::PhotonMap;
             let parts = [

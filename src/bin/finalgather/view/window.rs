@@ -34,6 +34,8 @@ pub struct Window {
     /// When egui wants to draw again without being asked.
     again: Option<Instant>,
     latency: Latency,
+    /// Contexts lost in a row.
+    losses: u32,
     outcome: Result<()>,
 }
 
@@ -72,6 +74,7 @@ impl Window {
             title: String::new(),
             again: None,
             latency: Latency::new(),
+            losses: 0,
             outcome: Ok(()),
         }
     }
@@ -161,11 +164,21 @@ impl Window {
         if self.frames.is_some() && self.app.finished() {
             self.again = Some(begun);
         }
-        presented.or_else(|error| self.recover(events, &error))
+        match presented {
+            Ok(()) => {
+                self.losses = 0;
+                Ok(())
+            }
+            Err(error) => self.recover(events, error),
+        }
     }
 
-    /// A new context for the same window.
-    fn recover(&mut self, events: &ActiveEventLoop, error: &Error) -> Result<()> {
+    /// A new context for the same window, unless it loses one after the other.
+    fn recover(&mut self, events: &ActiveEventLoop, error: Error) -> Result<()> {
+        self.losses += 1;
+        if self.losses == 3 {
+            return Err(error);
+        }
         let Some(Shell { window, config, screen, .. }) = self.shell.take() else { return Ok(()) };
         drop(screen);
         let screen = Screen::new(window.clone(), &config, window.inner_size().into())?;

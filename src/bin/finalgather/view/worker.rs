@@ -2,6 +2,8 @@
 //!
 //! It heeds [`Command`]s between two steps and tells by [`Report`]s what has come of them.
 
+use std::any::Any;
+use std::panic::{self, AssertUnwindSafe};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender, TryRecvError};
@@ -29,6 +31,7 @@ const SHRINK: u32 = 2;
 
 /// What the renderer is to do.
 pub enum Command {
+    /// Answered by [`Report::Opened`] or [`Report::NotOpened`].
     Open(PathBuf),
     Look(View),
     Show(Shown),
@@ -61,6 +64,8 @@ impl View {
 /// What the renderer tells.
 pub enum Report {
     Opened(Box<Opened>),
+    /// The scene before stays.
+    NotOpened(Error),
     Picture(Picture),
     Progress(Box<Progress>),
     Layers(Apart),
@@ -68,6 +73,8 @@ pub enum Report {
     Saved(PathBuf),
     /// It goes on with what it had.
     Refused(Error),
+    /// Something that is asked for will not come: the rest of the directions, or the layers.
+    Halted(Error),
     /// It has ended.
     Failed(Error),
 }
@@ -85,7 +92,7 @@ pub struct Opened {
 }
 
 pub struct Picture {
-    pub image: ColorImage,
+    pub image: Arc<ColorImage>,
     /// What it is the mean of.
     pub directions: u32,
     /// Of the view as it is to stay.
@@ -136,7 +143,8 @@ impl Worker {
             // Whatever this thread starts, the driver's threads for one, yields to the interface too. Where the system refuses, all are equal.
             #[cfg(target_os = "linux")]
             let _ = rustix::process::nice(10);
-            if let Err(error) = work(&start, &receiver, &tell) {
+            let ended = panic::catch_unwind(AssertUnwindSafe(|| work(&start, &receiver, &tell)));
+            if let Err(error) = ended.unwrap_or_else(|words| Err(panicked(&*words))) {
                 tell(Report::Failed(error));
             }
         })?;
@@ -157,6 +165,11 @@ impl Worker {
         }
         self.thread.take_if(|thread| thread.is_finished()).map(JoinHandle::join).is_some()
     }
+}
+
+fn panicked(words: &(dyn Any + Send)) -> Error {
+    let words = words.downcast_ref::<String>().map(String::as_str).or(words.downcast_ref::<&str>().copied());
+    Error::gl(format!("the renderer panicked: {}", words.unwrap_or("it does not say why")), "start again, and report this")
 }
 
 /// The scene that is open.
@@ -180,6 +193,8 @@ struct Job {
     /// As shown last, and the place in them.
     layers: Option<Arc<Layers>>,
     place: Option<Vec2>,
+    /// Whether layers were asked for in vain.
+    blind: bool,
 }
 
 fn work(start: &Start, commands: &Receiver<Command>, tell: &dyn Fn(Report)) -> Result<()> {
@@ -195,8 +210,10 @@ fn work(start: &Start, commands: &Receiver<Command>, tell: &dyn Fn(Report)) -> R
     loop {
         let command = if job.as_ref().is_some_and(Job::has_work) {
             commands.try_recv().map_err(|none| none == TryRecvError::Disconnected)
-        } else {
+        } else if start.shaders.is_some() {
             commands.recv_timeout(Duration::from_millis(250)).map_err(|none| none == RecvTimeoutError::Disconnected)
+        } else {
+            commands.recv().map_err(|_| true)
         };
         match command {
             Err(true) => return Ok(()),
@@ -205,7 +222,7 @@ fn work(start: &Start, commands: &Receiver<Command>, tell: &dyn Fn(Report)) -> R
                     tell(Report::Opened(Box::new(opened)));
                     job = Some(next);
                 }
-                Err(error) => tell(Report::Refused(error)),
+                Err(error) => tell(Report::NotOpened(error)),
             },
             Ok(Command::Show(other)) => {
                 shown = other;
@@ -222,7 +239,7 @@ fn work(start: &Start, commands: &Receiver<Command>, tell: &dyn Fn(Report)) -> R
             Ok(Command::Layers(other)) => {
                 wish = other;
                 if let (Some(wish), Some(job)) = (&wish, &mut job) {
-                    job.take_apart(wish, tell)?;
+                    job.take_apart(wish, tell);
                 }
             }
             Ok(Command::Save(path)) => {
@@ -241,22 +258,18 @@ fn work(start: &Start, commands: &Receiver<Command>, tell: &dyn Fn(Report)) -> R
                     }
                 }
                 if let Some(job) = &mut job {
-                    let pictured = job.advance(&clock, &shown, tell)?;
-                    if let Some(wish) = wish.filter(|_| pictured) {
-                        job.take_apart(&wish, tell)?;
-                    }
+                    job.advance(&clock, &shown, wish.as_ref(), tell)?;
                 }
             }
         }
     }
 }
 
-/// When a file of the folder or a folder in it was changed last.
-fn newest(folder: &Path) -> Option<SystemTime> {
-    let entries = fs::read_dir(folder).ok()?.flatten();
-    entries
-        .filter_map(|entry| if entry.path().is_dir() { newest(&entry.path()) } else { entry.metadata().ok()?.modified().ok() })
-        .max()
+/// When the folder, of which files may go, or something in it was changed last.
+fn newest(path: &Path) -> Option<SystemTime> {
+    let own = fs::metadata(path).ok()?.modified().ok();
+    let entries = fs::read_dir(path).into_iter().flatten().flatten();
+    entries.map(|entry| newest(&entry.path())).chain([own]).max()?
 }
 
 fn open(gpu: &Gpu, start: &Start, path: &Path) -> Result<(Opened, Job)> {
@@ -303,6 +316,7 @@ impl Job {
             finished: false,
             layers: None,
             place: None,
+            blind: false,
         }
     }
 
@@ -310,13 +324,13 @@ impl Job {
         !self.fresh || !(self.halted || self.finished)
     }
 
-    /// One step, and a picture where one is due. Whether one was.
+    /// One step, and where it is due a picture, with the layers that are wished for.
     ///
     /// # Errors
     /// When the device has failed for good.
-    fn advance(&mut self, clock: &StageClock, shown: &Shown, tell: &dyn Fn(Report)) -> Result<bool> {
+    fn advance(&mut self, clock: &StageClock, shown: &Shown, wish: Option<&Wish>, tell: &dyn Fn(Report)) -> Result<()> {
         if !self.has_work() {
-            return Ok(false);
+            return Ok(());
         }
         let begun = Instant::now();
         if !self.fresh {
@@ -328,7 +342,7 @@ impl Job {
             if matches!(error, Error::Gl { .. }) {
                 return Err(error);
             }
-            tell(Report::Refused(error));
+            tell(Report::Halted(error));
             self.halted = true;
         }
         self.worked += begun.elapsed();
@@ -340,8 +354,7 @@ impl Job {
             0 => self.imaged == 0 || self.taken.elapsed() > 4 * self.cost,
             pace => done - self.imaged >= pace,
         };
-        let pictured = done > self.imaged && (due || all);
-        if pictured {
+        if done > self.imaged && (due || all) {
             let start = Instant::now();
             self.image = self.render.picture();
             let stages = clock.take().stages.into_iter();
@@ -349,6 +362,9 @@ impl Job {
             self.device = stages.map(|(name, seconds)| (name, seconds.map(|seconds| 1e3 * seconds / directions))).collect();
             self.imaged = done;
             self.show(shown, tell)?;
+            if let Some(wish) = wish {
+                self.take_apart(wish, tell);
+            }
             (self.taken, self.cost) = (Instant::now(), start.elapsed());
         }
         self.finished = all;
@@ -362,11 +378,21 @@ impl Job {
                 stages: self.device.clone(),
             })));
         }
-        Ok(pictured)
+        Ok(())
     }
 
-    /// The layers that are wished for, and what a point samples of them, as far as they are not on show.
-    fn take_apart(&mut self, wish: &Wish, tell: &dyn Fn(Report)) -> Result<()> {
+    /// The layers that are wished for, and what a point samples of them, as far as they are not on show. What goes wrong here leaves the
+    /// picture as it is; where the device is lost, the next step says so.
+    fn take_apart(&mut self, wish: &Wish, tell: &dyn Fn(Report)) {
+        if !self.blind
+            && let Err(error) = self.try_take_apart(wish, tell)
+        {
+            self.blind = true;
+            tell(Report::Halted(error));
+        }
+    }
+
+    fn try_take_apart(&mut self, wish: &Wish, tell: &dyn Fn(Report)) -> Result<()> {
         let number = wish.number.unwrap_or(self.render.directions_done().saturating_sub(1));
         let end = End { number, opposite: wish.opposite };
         let layers = match self.layers.take().filter(|layers| layers.end == end) {
@@ -398,33 +424,42 @@ impl Job {
         }
         self.fresh = true;
         match self.render.restart(self.view.camera, &settings) {
-            Ok(()) => {
-                (self.halted, self.finished, self.imaged) = (false, false, 0);
-                self.layers = None;
-                self.worked = Duration::ZERO;
-            }
+            Ok(()) => self.forget(),
             Err(error) => tell(Report::Refused(error)),
         }
     }
 
+    /// What the render has forgotten.
+    fn forget(&mut self) {
+        (self.halted, self.finished, self.blind, self.imaged) = (false, false, false, 0);
+        self.layers = None;
+        self.worked = Duration::ZERO;
+    }
+
     fn reload(&mut self, tell: &dyn Fn(Report)) {
         match self.render.reload() {
-            Ok(()) => self.fresh = false,
+            // Begun again as it was asked for last, which a refusal may have kept it from.
+            Ok(()) => {
+                self.forget();
+                self.fresh = false;
+            }
             Err(error) => tell(Report::Refused(error)),
         }
     }
 
     fn show(&self, shown: &Shown, tell: &dyn Fn(Report)) -> Result<()> {
         if self.imaged > 0 {
-            let image = developed(&self.image, shown)?;
+            let image = Arc::new(developed(&self.image, shown)?);
             tell(Report::Picture(Picture { image, directions: self.imaged, sharp: !self.view.moving }));
         }
         Ok(())
     }
 
     fn save(&self, gpu: &Gpu, path: &Path) -> Result<()> {
-        let settings = &self.view.settings;
-        let metadata = crate::render::metadata(gpu.info(), settings, self.render.directions_done());
-        self.render.picture().write(path, &WriteOptions { exposure: settings.exposure, metadata: Some(&metadata) })
+        // The picture's own: the view's may be of one to come, but for the exposure.
+        let exposure = self.view.settings.exposure;
+        let settings = Settings { exposure, ..self.render.settings().clone() };
+        let metadata = crate::render::metadata(gpu.info(), &settings, self.render.directions_done());
+        self.render.picture().write(path, &WriteOptions { exposure, metadata: Some(&metadata) })
     }
 }
