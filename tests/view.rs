@@ -448,36 +448,6 @@ fn broken_layers_are_said_and_the_picture_goes_on() {
 
 /// One with other photons, so that neither is rendered by the other's camera and settings.
 #[test]
-fn a_scene_opened_while_another_opens_is_the_one_shown() {
-    let (display, folder) = (Display::start(), tempfile::tempdir().unwrap());
-    let mesh = scene().with_file_name("cornell.obj");
-    let text = fs::read_to_string(scene()).unwrap().replace("\"cornell.obj\"", &format!("{mesh:?}"));
-    let [slow, quick] = [("slow", 6), ("quick", 7)].map(|(name, seed)| {
-        let path = folder.path().join(name).with_extension("toml");
-        let photons = if name == "slow" { 16_000_000 } else { 3_000_000 };
-        fs::write(&path, format!("{text}seed = {seed}\nphotons = {photons}\nlayer_size = 64\n")).unwrap();
-        path
-    });
-    let small = ["--size", "128", "--directions", "16"];
-    let png = folder.path().join("quick.png");
-    let render =
-        Command::new(env!("CARGO_BIN_EXE_finalgather")).arg("render").arg(&quick).args(small).arg("-o").arg(&png).status();
-    assert!(render.unwrap().success());
-
-    let mut command = Command::new(env!("CARGO_BIN_EXE_finalgather"));
-    command.args(["view", "--window", "392x560"]).env("DISPLAY", &display.name).env_remove("WAYLAND_DISPLAY");
-    let mut view = View::start(&display, command.args(small).arg(slow));
-    view.until("a frame", |view| view.title().starts_with("slow.toml: opening"));
-    view.choose(&quick);
-    view.until("both scenes", |view| view.title().starts_with("quick.toml: opening"));
-    view.until("the second", |view| view.title().starts_with("quick.toml: 16 directions, done"));
-    let expected = Pixels::of_png(&png);
-    view.until("its picture", |view| view.picture().difference(&expected).0 <= 1);
-    assert!(!view.whole().has(BAD), "nothing was refused");
-    assert!(view.end().status.success());
-}
-
-#[test]
 fn failures_have_exit_codes() {
     let display = Display::start();
     let refusal = |command: &mut Command, code: i32, words: &str| {
