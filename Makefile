@@ -22,7 +22,7 @@ test: ## Run all tests, those of the GL part also on a driver that offers no mor
 	$(CARGO) test --release --locked
 	GALLIUM_DRIVER=softpipe $(CARGO) test --release --locked --test 'gl_*'
 
-figures: setup ## Measure and draw all figures to paper_figures/out/index.html; about 50 minutes on two cores
+figures: setup ## Measure and draw all figures to paper_figures/out/index.html; about 40 minutes on two cores
 	$(CARGO) build --release --locked --package paper_figures
 	$(TARGET_DIR)/release/paper_figures
 
