@@ -59,8 +59,7 @@ impl<'a> PathTracer<'a> {
     fn radiance(&self, pixel: usize, random: &mut Random) -> Vec3 {
         let camera = &self.scene.camera;
         let place = Vec2::new((pixel % self.size) as f32 + random.uniform(), (pixel / self.size) as f32 + random.uniform());
-        let across = (2.0 * place / self.size as f32 - 1.0) * (0.5 * camera.fov_y_degrees.to_radians()).tan();
-        let mut direction = (camera.axes() * Vec3::new(across.x, -across.y, -1.0)).normalize();
+        let mut direction = camera.ray(place / self.size as f32, 1.0);
         let mut origin = camera.eye;
         let (mut radiance, mut throughput) = (Vec3::ZERO, Vec3::ONE);
         let mut from = None;

@@ -49,9 +49,14 @@ impl Bundle {
     }
 
     /// Unit space to clip space of a row of `tiles` layers side by side, of which this one is in tile `tile`.
-    pub fn to_clip_of_tile(&self, tile: u32, tiles: u32) -> Mat4 {
+    fn to_clip_of_tile(self, tile: u32, tiles: u32) -> Mat4 {
         let middle = (2 * tile + 1) as f32 / tiles as f32 - 1.0;
         Mat4::from_translation(Vec3::X * middle) * Mat4::from_scale(Vec3::new(1.0 / tiles as f32, 1.0, 1.0)) * self.to_clip
+    }
+
+    /// The same of several bundles, in the tiles from the first on.
+    pub fn to_clip_of_tiles(bundles: &[Self], tiles: u32) -> Vec<Mat4> {
+        (0..).zip(bundles).map(|(tile, bundle)| bundle.to_clip_of_tile(tile, tiles)).collect()
     }
 
     /// The uniforms that shaders of points read.

@@ -121,9 +121,7 @@ impl Render {
     pub fn probe(&mut self, layers: &Layers, place: Vec2) -> Result<Option<Probe>> {
         let camera = self.scene.camera;
         let [width, height] = self.settings.size.map(|side| side as f32);
-        let up = (0.5 * camera.fov_y_degrees.to_radians()).tan();
-        let across = (2.0 * place - 1.0) * Vec2::new(up * width / height, -up);
-        let ray = (camera.axes() * across.extend(-1.0)).normalize();
+        let ray = camera.ray(place, width / height);
         let Some(seen) = self.bvh.nearest(camera.eye, ray, None) else { return Ok(None) };
         let normal = self.scene.mesh.side_met(seen.triangle, ray);
         let point = GatherPoint::flat(camera.eye + seen.distance * ray, normal);

@@ -1,6 +1,6 @@
 //! Cameras that work: [`Camera::check`] for one that a person gave, [`Camera::framing`] for a scene without.
 
-use glam::{Mat3, Vec3};
+use glam::{Mat3, Vec2, Vec3};
 
 use super::Camera;
 use crate::math::Aabb;
@@ -24,6 +24,13 @@ impl Camera {
         let back = (self.eye - self.target).normalize();
         let right = self.up.cross(back).normalize();
         Mat3::from_cols(right, back.cross(right), back)
+    }
+
+    /// Unit direction through a place in a picture of width over height `aspect`: from its upper left corner, both in [0, 1].
+    pub fn ray(self, place: Vec2, aspect: f32) -> Vec3 {
+        let up = (0.5 * self.fov_y_degrees.to_radians()).tan();
+        let across = (2.0 * place - 1.0) * Vec2::new(up * aspect, -up);
+        (self.axes() * across.extend(-1.0)).normalize()
     }
 
     /// The camera with `up` of unit length, or what is wrong with it and the cure.

@@ -45,7 +45,7 @@ impl StorePeel {
 
     /// Peels as many layers as there are, at least `granted`, and returns how many; or one more than the slots.
     pub fn fill(&self, geometry: &Geometry, bundles: &[Bundle], granted: u32) -> u32 {
-        let to_clip: Vec<Mat4> = (0..).zip(bundles).map(|(tile, bundle)| bundle.to_clip_of_tile(tile, self.tiles)).collect();
+        let to_clip = Bundle::to_clip_of_tiles(bundles, self.tiles);
         for layer in 0..self.targets.len() as u32 {
             if layer < granted {
                 self.draw(geometry, &to_clip, layer);

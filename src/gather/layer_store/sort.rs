@@ -1,8 +1,6 @@
 //! Fills the layer store in one pass over the geometry: every surface is appended to its texel's list, and then each list is sorted into the
 //! slots. Needs images that shaders write to. Mirrors `glsl/store_append.frag` and `glsl/store_sort.frag`.
 
-use glam::Mat4;
-
 use super::{Bundle, Slots};
 use crate::error::Result;
 use crate::geometry::Geometry;
@@ -72,7 +70,7 @@ impl StoreSort {
     }
 
     fn append(&self, geometry: &Geometry, bundles: &[Bundle], limit: u32) {
-        let to_clip: Vec<Mat4> = (0..).zip(bundles).map(|(tile, bundle)| bundle.to_clip_of_tile(tile, self.tiles)).collect();
+        let to_clip = Bundle::to_clip_of_tiles(bundles, self.tiles);
         self.counts.clear_unsigned(0, [0; 4]);
         self.draw(
             &self.append,
