@@ -8,6 +8,7 @@ struct Receiver
     vec3 normal;                    // of its surface, as a covector of layer space
     float side;                     // looks along the direction: 1, against it: -1
     float clearance;                // how far off its own tangent plane it can see a surface, for normals of length 1
+    vec3 metric;                    // of layer space: the inner product of two covectors is dot(metric * a, b)
 };
 
 struct Sample
@@ -27,13 +28,22 @@ Receiver receiver(vec3 position, vec3 surface_normal, float side, mat4 to_layer,
     vec2 texel = clamp(floor(place.xy), 1.0, size - 2.0);
     vec2 offset = place.xy - texel - 0.5;
     bool outside = max(abs(offset.x), abs(offset.y)) > 1.5;
-    return Receiver(place, first + ivec2(texel), offset, surface_normal * mat3(from_layer), side, outside ? 1e9 : clearance);
+    vec3 metric = 1.0 / vec3(dot(from_layer[0], from_layer[0]), dot(from_layer[1], from_layer[1]), dot(from_layer[2], from_layer[2]));
+    return Receiver(place, first + ivec2(texel), offset, surface_normal * mat3(from_layer), side, outside ? 1e9 : clearance, metric);
 }
 
 // How far a place of layer space, seen from the receiver, lies above its tangent plane.
 float height(Receiver receiver, vec2 from, float depth)
 {
     return dot(receiver.normal, vec3(-from, depth - receiver.place.z));
+}
+
+// Whether a surface is seen from behind and lies within 18 degrees of the receiver's own: beyond a convex edge, the next facet of the same.
+bool is_next_facet(Receiver receiver, vec2 slope)
+{
+    vec3 normal = vec3(-slope, 1.0);
+    float along = receiver.side * dot(receiver.metric * normal, receiver.normal);
+    return along > 0.0 && along * along > 0.9 * dot(receiver.metric * normal, normal);
 }
 
 // Of a surface (depth, its change to the next texel in x and y, id) in a texel whose centre the receiver is `offset` beside.
@@ -43,8 +53,9 @@ Sample sample_surface(Receiver receiver, vec4 surface, vec2 offset)
     float above = height(receiver, offset, surface.x);
     // Where the centre is too close to the tangent plane to tell, the receiver's own ray decides. Rasterisers have vertices on a grid of 1/256 of a
     // texel: rounding moves the receiver's surface by half of that, which clearance allows for, and the surface seen by as much of its slope.
+    // Of a finely faceted surface the next facet would come so close as well, and is none of the receiver's sight.
     float rounding = 0.5 * receiver.clearance + abs(receiver.normal.z) * (abs(surface.y) + abs(surface.z)) / 512.0;
-    if (above > -rounding)
+    if (above > -rounding && !is_next_facet(receiver, surface.yz))
         above = max(above, receiver.normal.z * ahead);
     return Sample(surface.w, receiver.side * ahead, above);
 }
