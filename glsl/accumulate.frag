@@ -5,7 +5,7 @@
 #include "points.glsl"
 #include "radiance.glsl"
 
-uniform sampler2D hits;             // as kill.frag writes them
+uniform sampler2DArray hits;        // as kill.frag writes them, one element
 uniform ivec2 first_texel;          // of the subset in the sums
 uniform vec3 direction;
 
@@ -17,7 +17,7 @@ void main()
     GatherPoint point = fetch_point(place);
     if (!point.exists)
         discard;
-    vec2 hit = texelFetch(hits, place, 0).xy;
+    vec2 hit = texelFetch(hits, ivec3(place, 0), 0).xy;
     vec3 radiance = vec3(0.0);
     if (hit.y > 0.0)
         radiance = hit_radiance(int(hit.y) - 1, point.position + hit.x * direction, direction);

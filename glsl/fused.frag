@@ -1,6 +1,6 @@
 #version 330 core
 // All layers of several directions in one pass, for the rays of both ends: a point that faces along the direction looks for the nearest surface
-// beyond it, any other for the nearest before it, and what it sees is added to its sums (additive blending).
+// beyond it, any other for the nearest before it, and what it sees is added to its sums (additive blending) or, with FIND, written down.
 //
 // Loops are written to test at the end, for software drivers run a body once more to find that the test at the beginning fails.
 // Mirrors src/gather/fused.rs.
@@ -8,15 +8,27 @@
 #include "points.glsl"
 #include "layer.glsl"
 #include "layer_store.glsl"
+#ifdef FIND
+#include "found.glsl"
+#else
 #include "radiance.glsl"
+#endif
 
 uniform int direction_count;
 uniform vec4 directions[BATCH];     // xyz: unit direction; w: clearance, see Receiver
 uniform mat4 to_layer[BATCH];       // unit space to texel x, texel y, window depth
 uniform mat4 from_layer[BATCH];
+#ifndef FIND
+
 uniform ivec2 first_texel;          // of the subset in the sums
 
 layout(location = 0) out vec4 sum;  // rgb: radiance x weight; a: weight
+
+#else
+
+const ivec2 first_texel = ivec2(0);
+
+#endif
 
 struct Found
 {
@@ -103,7 +115,11 @@ void main()
 {
     GatherPoint point = fetch_point(ivec2(gl_FragCoord.xy) - first_texel);
     int size = textureSize(planes, 0).y;
+#ifdef FIND
+    vec2 found_hits[BATCH] = no_hits();
+#else
     vec4 total = vec4(0.0);
+#endif
     int i = 0;
     do {
         vec3 direction = directions[i].xyz;
@@ -111,14 +127,20 @@ void main()
         Receiver receiver = receiver(point.position, point.surface_normal, side, to_layer[i], from_layer[i], directions[i].w,
                                      ivec2(i * size, 0), float(size));
         Found found = find_hit(receiver);
+        int triangle = -1;
+        float distance = found.seen.ahead * dot(direction, from_layer[i][2].xyz);
+        if (found.seen.id > 0.0)
+            triangle = fetch_triangle_in(receiver.texel + found.step, int(found.seen.id) - 1);
+#ifdef FIND
+        found_hits[i] = vec2(distance, triangle + 1);
+    } while (++i < direction_count);
+    write_hits(found_hits);
+#else
         vec3 radiance = vec3(0.0);
-        if (found.seen.id > 0.0) {
-            int triangle = fetch_triangle_in(receiver.texel + found.step, int(found.seen.id) - 1);
-            float along = side * found.seen.ahead * dot(direction, from_layer[i][2].xyz);
-            vec3 position = point.position + along * direction;
-            radiance = hit_radiance(triangle, position, side * direction);
-        }
+        if (triangle >= 0)
+            radiance = hit_radiance(triangle, point.position + distance * (side * direction), side * direction);
         total += vec4(radiance, 1.0) * cosine(point, side * direction);
     } while (++i < direction_count);
     sum = total;
+#endif
 }

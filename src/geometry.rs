@@ -4,7 +4,7 @@
 use std::ops::Range;
 
 use bytemuck::{Pod, cast_slice};
-use glam::{Mat4, Vec3};
+use glam::{DVec3, DVec4, Mat4, Vec3};
 
 use crate::error::{Error, Result};
 use crate::gpu::{
@@ -162,19 +162,23 @@ pub struct SurfacePass<'a> {
     pub uniforms: &'a [(&'static str, Uniform<'a>)],
 }
 
-/// Texture coordinates as functions of the position on the triangle: (gradient, offset) of u and of v. They need no corners, so
-/// that a hit knows its own from its position alone.
-fn texture_planes(mesh: &Mesh, triangle: usize) -> [[f32; 4]; 2] {
+/// The weights of a triangle's second and third corner as functions of the position: (gradient, offset). They need no corners, so that a hit knows
+/// its own from its position alone.
+pub(crate) fn corner_weights(mesh: &Mesh, triangle: usize) -> [DVec4; 2] {
     let [a, b, c] = mesh.corners(triangle).map(|corner| corner.as_dvec3());
-    let [ta, tb, tc] = mesh.triangles[triangle].vertices.map(|vertex| mesh.uvs[vertex as usize].as_dvec2());
     let normal = (b - a).cross(c - a);
-    // Gradients of the weights of the corners b and c.
-    let to_b = (c - a).cross(normal) / normal.length_squared();
-    let to_c = normal.cross(b - a) / normal.length_squared();
-    [0, 1].map(|k| {
-        let gradient = to_b * (tb[k] - ta[k]) + to_c * (tc[k] - ta[k]);
-        gradient.extend(ta[k] - gradient.dot(a)).as_vec4().to_array()
-    })
+    let weight = |edge: DVec3| {
+        let gradient = edge / normal.length_squared();
+        gradient.extend(-gradient.dot(a))
+    };
+    [weight((c - a).cross(normal)), weight(normal.cross(b - a))]
+}
+
+/// Texture coordinates as functions of the position: of u and of v.
+fn texture_planes(mesh: &Mesh, triangle: usize) -> [[f32; 4]; 2] {
+    let [second, third] = corner_weights(mesh, triangle);
+    let [ta, tb, tc] = mesh.triangles[triangle].vertices.map(|vertex| mesh.uvs[vertex as usize].as_dvec2());
+    [0, 1].map(|k| (second * (tb[k] - ta[k]) + third * (tc[k] - ta[k]) + DVec4::W * ta[k]).as_vec4().to_array())
 }
 
 /// A list of texels of four 32-bit numbers as a texture, row by row.

@@ -37,6 +37,7 @@
 //! after loading work in *unit space* ([`scene::UnitSpace`]): the scene's bounding box centred on the origin with its corners on
 //! the unit sphere. OpenGL is named in [`gpu`] alone.
 
+pub mod bake;
 pub mod bench;
 pub mod direct;
 pub mod direction;
@@ -45,11 +46,14 @@ mod film;
 pub mod gather;
 pub mod geometry;
 pub mod gpu;
+pub mod harmonics;
 pub mod image;
 pub mod math;
 pub mod photon;
 pub mod photon_map;
 pub mod points;
+pub mod prepared;
+pub mod quantity;
 pub mod random;
 pub mod reference;
 pub mod render;

@@ -28,7 +28,7 @@ use crate::points::{CameraPoints, GatherPoint, Interleave, Sums, Visible};
 use crate::random::sobol;
 use crate::reference::Reference;
 use crate::scene::{Bvh, Camera, Lights, Scene, UnitSpace};
-use crate::settings::{Estimator, Pipeline, Settings};
+use crate::settings::{DIRECTIONS_PER_PHOTON_MAP, Estimator, Pipeline, Settings};
 
 pub use layers::{End, LayerTexel, Layers, Probe};
 
@@ -135,10 +135,6 @@ pub struct GatherCounts {
     #[serde(skip)]
     samples: u64,
 }
-
-/// Directions that see the same photons. So few rays of a point meet in one grid cell that fresh photons for each block would only make
-/// every map noisier; after about this many, the noise of one map would begin to show.
-const DIRECTIONS_PER_PHOTON_MAP: u32 = 1024;
 
 impl Render {
     /// Traces the photons and prepares the GL side.

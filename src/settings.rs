@@ -64,6 +64,10 @@ impl Default for Settings {
     }
 }
 
+/// Directions that see the same photons. So few rays of a point meet in one grid cell that fresh photons for each block would only make
+/// every map noisier; after about this many, the noise of one map would begin to show.
+pub const DIRECTIONS_PER_PHOTON_MAP: u32 = 1024;
+
 /// How the gather is computed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]

@@ -13,6 +13,11 @@ const INCLUDES: &[(&str, &str)] = &[
     ("packed_surface.glsl", include_str!("../glsl/include/packed_surface.glsl")),
     ("layer_store.glsl", include_str!("../glsl/include/layer_store.glsl")),
     ("photon_grid.glsl", include_str!("../glsl/include/photon_grid.glsl")),
+    ("albedo.glsl", include_str!("../glsl/include/albedo.glsl")),
+    ("found.glsl", include_str!("../glsl/include/found.glsl")),
+    ("carriers.glsl", include_str!("../glsl/include/carriers.glsl")),
+    ("harmonics.glsl", include_str!("../glsl/include/harmonics.glsl")),
+    ("hits.glsl", include_str!("../glsl/include/hits.glsl")),
     ("radiance.glsl", include_str!("../glsl/include/radiance.glsl")),
     ("bvh.glsl", include_str!("../glsl/include/bvh.glsl")),
 ];
@@ -47,13 +52,18 @@ pub static STORE_APPEND: ShaderSource = shader!("surface", "store_append", "BATC
 pub static STORE_SORT: ShaderSource = shader!("fullscreen", "store_sort");
 pub static FUSED: ShaderSource = shader!("fullscreen", "fused", "BATCH 8");
 pub static FUSED_TEXTURED: ShaderSource = shader!("fullscreen", "fused", "BATCH 8", "TEXTURED");
+pub static FUSED_FIND: ShaderSource = shader!("fullscreen", "fused", "BATCH 8", "FIND");
 pub static ACCUMULATE: ShaderSource = shader!("fullscreen", "accumulate");
 pub static ACCUMULATE_TEXTURED: ShaderSource = shader!("fullscreen", "accumulate", "TEXTURED");
 pub static RAYS: ShaderSource = shader!("fullscreen", "rays", "BATCH 8");
 pub static RAYS_TEXTURED: ShaderSource = shader!("fullscreen", "rays", "BATCH 8", "TEXTURED");
+pub static RAYS_FIND: ShaderSource = shader!("fullscreen", "rays", "BATCH 8", "FIND");
+
+pub static HEMISPHERE: ShaderSource = shader!("fullscreen", "hemisphere", "BATCH 8");
+pub static HARMONICS: ShaderSource = shader!("fullscreen", "harmonics", "BATCH 8");
 
 /// All of the above that every device can run.
-pub static ALL: [&ShaderSource; 17] = [
+pub static ALL: [&ShaderSource; 21] = [
     &VISIBLE_POINTS,
     &SHADOW,
     &DIRECT,
@@ -67,10 +77,14 @@ pub static ALL: [&ShaderSource; 17] = [
     &STORE_PEEL_FARTHEST,
     &FUSED,
     &FUSED_TEXTURED,
+    &FUSED_FIND,
     &ACCUMULATE,
     &ACCUMULATE_TEXTURED,
     &RAYS,
     &RAYS_TEXTURED,
+    &RAYS_FIND,
+    &HEMISPHERE,
+    &HARMONICS,
 ];
 
 /// Those for devices on which shaders write to images.

@@ -3,14 +3,29 @@
 use glam::{Mat4, Vec4};
 
 use super::hit_pass::HitPass;
+use super::hits::FoundHits;
 use super::{Bundle, LayerStore, Work};
 use crate::error::Result;
-use crate::gpu::{Gpu, Uniform};
+use crate::gpu::{Gpu, Program, Texture, Uniform};
+use crate::points::Points;
 use crate::shaders;
 
 /// Samples layers and adds what is seen to sums.
 pub struct Fused {
     pass: HitPass,
+}
+
+/// Samples layers and writes down what is seen.
+pub struct FusedFind {
+    program: Program,
+    hits: FoundHits,
+}
+
+/// What shaders of the fused method read of `bundles` and of the layers peeled along them.
+struct Uniforms {
+    directions: Vec<Vec4>,
+    to_layer: Vec<Mat4>,
+    from_layer: Vec<Mat4>,
 }
 
 impl Fused {
@@ -20,15 +35,41 @@ impl Fused {
 
     /// Adds what the points see in the layers of `store`, peeled along the directions of `bundles`, to the sums.
     pub fn add(&self, work: Work, bundles: &[Bundle], store: &LayerStore) {
-        let directions: Vec<Vec4> = bundles.iter().map(|bundle| bundle.direction.extend(bundle.clearance)).collect();
+        let uniforms = Uniforms::of(bundles);
+        self.pass.run(work, &[&uniforms.list()[..], &store.uniforms()].concat());
+    }
+}
+
+impl FusedFind {
+    /// For points in textures of one size.
+    pub fn new(gpu: &Gpu, points: [u32; 2]) -> Result<Self> {
+        Ok(Self { program: Program::new(gpu, &shaders::FUSED_FIND)?, hits: FoundHits::new(gpu, points)? })
+    }
+
+    /// What the points see in the layers of `store`, peeled along the directions of `bundles`.
+    pub fn find(&self, points: Points, bundles: &[Bundle], store: &LayerStore) -> &Texture {
+        let uniforms = Uniforms::of(bundles);
+        self.hits.write(points, &self.program, &[&uniforms.list()[..], &store.uniforms()].concat());
+        self.hits.texture()
+    }
+}
+
+impl Uniforms {
+    fn of(bundles: &[Bundle]) -> Self {
         let to_layer: Vec<Mat4> = bundles.iter().map(|bundle| bundle.to_layer).collect();
-        let from_layer: Vec<Mat4> = to_layer.iter().map(Mat4::inverse).collect();
-        let own = [
-            ("direction_count", Uniform::Int(bundles.len() as i32)),
-            ("directions", Uniform::Vec4s(&directions)),
-            ("to_layer", Uniform::Mat4s(&to_layer)),
-            ("from_layer", Uniform::Mat4s(&from_layer)),
-        ];
-        self.pass.run(work, &[&own[..], &store.uniforms()].concat());
+        Self {
+            directions: bundles.iter().map(|bundle| bundle.direction.extend(bundle.clearance)).collect(),
+            from_layer: to_layer.iter().map(Mat4::inverse).collect(),
+            to_layer,
+        }
+    }
+
+    fn list(&self) -> [(&'static str, Uniform<'_>); 4] {
+        [
+            ("direction_count", Uniform::Int(self.directions.len() as i32)),
+            ("directions", Uniform::Vec4s(&self.directions)),
+            ("to_layer", Uniform::Mat4s(&self.to_layer)),
+            ("from_layer", Uniform::Mat4s(&self.from_layer)),
+        ]
     }
 }

@@ -4,6 +4,8 @@
 //! The poster's KILL did not stop the shader, and it expects more of "future hardware with an early KILL operation". [`Kill::early`] is that: what a
 //! layer has culled, the stencil test rejects before the same shader runs for nearer ones. Mirrors `glsl/reject.frag`.
 
+use std::rc::Rc;
+
 use super::bundle::Bundle;
 use crate::error::Result;
 use crate::gpu::{Blend, DepthTest, Draw, Format, Geometry, Gpu, Program, SampleQuery, ShaderSource, Target, Texture, Uniform};
@@ -27,7 +29,7 @@ fn mark(index: u32) -> f32 {
 
 impl Kill {
     pub fn new(gpu: &Gpu, points: [u32; 2]) -> Result<Self> {
-        Self::with(gpu, &shaders::KILL_FARTHEST, Target::new(gpu, points, &[Format::Rg32F], false)?, None)
+        Self::with(gpu, &shaders::KILL_FARTHEST, Target::of(gpu, vec![(Self::texture(gpu, points)?, 0)], None)?, None)
     }
 
     /// What a layer culls is rejected before the shader from the next layer on.
@@ -40,8 +42,13 @@ impl Kill {
     /// keep a hit farther away. Those without one would be lost, mostly to the farthest layer; so that one culls no points that
     /// face the direction, and one ray in a million is lost. That leaves the furnace white and the difference from exact rays as it is.
     pub fn early(gpu: &Gpu, points: [u32; 2]) -> Result<Self> {
-        let hits = Target::with_stencil(gpu, points, Format::Rg32F)?;
+        let hits = Target::with_stencil(gpu, Self::texture(gpu, points)?)?;
         Self::with(gpu, &shaders::KILL_FARTHEST_EARLY, hits, Some(Program::new(gpu, &shaders::REJECT)?))
+    }
+
+    /// Of one element, as `glsl/include/hits.glsl` reads hits.
+    fn texture(gpu: &Gpu, points: [u32; 2]) -> Result<Rc<Texture>> {
+        Ok(Rc::new(Texture::empty_array(gpu, Format::Rg32F, points, 1)?))
     }
 
     fn with(gpu: &Gpu, farthest: &ShaderSource, hits: Target, reject: Option<Program>) -> Result<Self> {

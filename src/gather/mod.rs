@@ -12,18 +12,22 @@
 
 mod accumulate;
 mod bundle;
+mod exact;
 mod fused;
 mod hit_pass;
+mod hits;
 mod kill;
 mod layer_store;
 mod peel;
 mod rays;
 
 pub use bundle::Bundle;
+pub use exact::ExactFind;
+pub use hits::{Find, Hits};
 pub use kill::Kill;
 pub use layer_store::LayerStore;
 pub use peel::Peel;
-pub use rays::RayGather;
+pub use rays::{RayFind, RayGather};
 
 use crate::direction::Direction;
 use crate::error::Result;
@@ -33,6 +37,7 @@ use crate::photon::PhotonTexture;
 use crate::points::{Points, Sums};
 use accumulate::Accumulate;
 use fused::Fused;
+use glam::Vec4;
 
 /// What a gather reads, and the sums that it adds to: rgb Σ radiance × weight, a Σ weight.
 #[derive(Clone, Copy)]
@@ -92,20 +97,26 @@ impl KillGather {
 
     fn direction(&mut self, work: Work, direction: &Direction) -> u32 {
         let bundle = Bundle::new(direction, &work.geometry.positions, self.layer_size);
+        let layers = self.hits(work.geometry, work.points, &bundle);
+        self.gpu.stage("gather", || self.accumulate.add(work, &bundle, self.kill.hits()));
+        layers
+    }
+
+    /// Leaves what the points see in `self.kill`. Returns the number of layers.
+    fn hits(&mut self, geometry: &Geometry, points: Points, bundle: &Bundle) -> u32 {
         // A point samples every layer beyond it and none after, so the number of points that sample falls from layer to layer.
-        let enough = (self.stop_fraction * work.points.count as f32).max(1.0);
+        let enough = (self.stop_fraction * points.count as f32).max(1.0);
         let mut layers = 0;
         self.peel.start();
         self.kill.start();
         loop {
-            let layer = self.gpu.stage("peel", || self.peel.next(work.geometry, &bundle));
-            let sampled = self.gpu.stage("gather", || self.kill.sample(work.points, &bundle, layer, layers));
+            let layer = self.gpu.stage("peel", || self.peel.next(geometry, bundle));
+            let sampled = self.gpu.stage("gather", || self.kill.sample(points, bundle, layer, layers));
             layers += 1;
             if (sampled as f32) < enough {
                 break;
             }
         }
-        self.gpu.stage("gather", || self.accumulate.add(work, &bundle, self.kill.hits()));
         layers
     }
 }
@@ -159,5 +170,78 @@ impl Gather for FusedGather {
             self.gpu.stage("gather", || self.fused.add(work, &bundles, &self.store));
         }
         Ok(most)
+    }
+}
+
+/// Hits by KILL, direction by direction.
+pub struct KillFind {
+    gather: KillGather,
+    /// The one begun with.
+    direction: Option<Direction>,
+    vector: [Vec4; 1],
+}
+
+impl KillFind {
+    pub fn new(gather: KillGather) -> Self {
+        Self { gather, direction: None, vector: [Vec4::ZERO] }
+    }
+}
+
+impl Find for KillFind {
+    fn batch(&self) -> usize {
+        1
+    }
+
+    fn begin(&mut self, _: &Geometry, directions: &[Direction]) -> Result<u32> {
+        self.direction = directions.first().copied();
+        Ok(0)
+    }
+
+    fn find(&mut self, geometry: &Geometry, points: Points) -> Result<Hits<'_>> {
+        if let Some(direction) = self.direction {
+            let bundle = Bundle::new(&direction, &geometry.positions, self.gather.layer_size);
+            self.gather.hits(geometry, points, &bundle);
+            self.vector = [direction.vector.extend(0.0)];
+        }
+        Ok(Hits::new(self.gather.kill.hits(), &self.vector, false))
+    }
+}
+
+/// Hits in all layers at once.
+pub struct FusedFind {
+    gpu: Gpu,
+    store: LayerStore,
+    fused: fused::FusedFind,
+    /// Of the batch begun with.
+    bundles: Vec<Bundle>,
+    directions: Vec<Vec4>,
+}
+
+impl FusedFind {
+    /// For points in textures of one size.
+    ///
+    /// # Errors
+    /// When a size is beyond the device's limits.
+    pub fn new(gpu: &Gpu, layer_size: u32, points: [u32; 2]) -> Result<Self> {
+        let (store, fused) = (LayerStore::new(gpu, layer_size)?, fused::FusedFind::new(gpu, points)?);
+        Ok(Self { gpu: gpu.clone(), store, fused, bundles: Vec::new(), directions: Vec::new() })
+    }
+}
+
+impl Find for FusedFind {
+    fn batch(&self) -> usize {
+        self.store.tiles() as usize
+    }
+
+    fn begin(&mut self, geometry: &Geometry, directions: &[Direction]) -> Result<u32> {
+        let size = self.store.layer_size();
+        self.bundles = directions.iter().map(|direction| Bundle::new(direction, &geometry.positions, size)).collect();
+        self.directions = directions.iter().map(|direction| direction.vector.extend(0.0)).collect();
+        self.gpu.stage("peel", || self.store.fill(geometry, &self.bundles))
+    }
+
+    fn find(&mut self, _: &Geometry, points: Points) -> Result<Hits<'_>> {
+        let texture = self.gpu.stage("gather", || self.fused.find(points, &self.bundles, &self.store));
+        Ok(Hits::new(texture, &self.directions, true))
     }
 }

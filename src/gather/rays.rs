@@ -9,11 +9,13 @@
 use glam::{DVec3, Vec3, Vec4};
 
 use super::hit_pass::HitPass;
+use super::hits::{Find, FoundHits, Hits};
 use super::{Gather, Work};
 use crate::direction::Direction;
 use crate::error::Result;
-use crate::geometry::{triangle_order, upload_table};
-use crate::gpu::{Format, Gpu, Texture, Uniform};
+use crate::geometry::{Geometry, triangle_order, upload_table};
+use crate::gpu::{Format, Gpu, Program, Texture, Uniform};
+use crate::points::Points;
 use crate::scene::{FlatBvh, Scene};
 use crate::shaders;
 
@@ -21,16 +23,30 @@ use crate::shaders;
 /// by, at coordinates of 1.
 const EDGE: f64 = 3e-7;
 
-/// Rays through one scene.
+/// Rays through one scene, and what they bring added up.
 pub struct RayGather {
     pass: HitPass,
+    rays: Rays,
+}
+
+/// Rays through one scene, and what they meet written down.
+pub struct RayFind {
+    program: Program,
+    hits: FoundHits,
+    rays: Rays,
+    /// Of the batch begun with.
+    directions: Vec<Vec4>,
+}
+
+/// A scene as rays see it.
+struct Rays {
     /// Without its nodes and triangles, which are in textures.
     tree: FlatBvh,
     nodes: Texture,
     triangles: Texture,
 }
 
-impl RayGather {
+impl Rays {
     /// Builds the tree; `scene` is in unit space.
     ///
     /// # Errors
@@ -42,11 +58,65 @@ impl RayGather {
         let order = std::mem::take(&mut tree.triangles);
         let triangles = order.into_iter().flat_map(|index| texels(corners[index as usize], index)).collect();
         Ok(Self {
-            pass: HitPass::new(gpu, &shaders::RAYS, &shaders::RAYS_TEXTURED)?,
             nodes: upload_table(gpu, Format::Rgba32Ui, nodes)?,
             triangles: upload_table(gpu, Format::Rgba32F, triangles)?,
             tree,
         })
+    }
+
+    /// What shaders of rays along `directions` read.
+    fn uniforms<'a>(&'a self, directions: &'a [Vec4]) -> [(&'static str, Uniform<'a>); 7] {
+        [
+            ("bvh_nodes", Uniform::Texture(&self.nodes)),
+            ("bvh_triangles", Uniform::Texture(&self.triangles)),
+            ("bvh_count", Uniform::Int(self.tree.count as i32)),
+            ("bvh_origin", Uniform::Vec3(self.tree.origin)),
+            ("bvh_step", Uniform::Vec3(self.tree.step)),
+            ("directions", Uniform::Vec4s(directions)),
+            ("direction_count", Uniform::Int(directions.len() as i32)),
+        ]
+    }
+}
+
+fn vectors(directions: &[Direction]) -> Vec<Vec4> {
+    directions.iter().map(|direction| direction.vector.extend(0.0)).collect()
+}
+
+impl RayGather {
+    /// Builds the tree; `scene` is in unit space.
+    ///
+    /// # Errors
+    /// When the device's limits are below the scene's size.
+    pub fn new(gpu: &Gpu, scene: &Scene) -> Result<Self> {
+        let pass = HitPass::new(gpu, &shaders::RAYS, &shaders::RAYS_TEXTURED)?;
+        Ok(Self { pass, rays: Rays::new(gpu, scene)? })
+    }
+}
+
+impl RayFind {
+    /// For points in textures of one size.
+    ///
+    /// # Errors
+    /// As [`RayGather::new`].
+    pub fn new(gpu: &Gpu, scene: &Scene, points: [u32; 2]) -> Result<Self> {
+        let program = Program::new(gpu, &shaders::RAYS_FIND)?;
+        Ok(Self { program, hits: FoundHits::new(gpu, points)?, rays: Rays::new(gpu, scene)?, directions: Vec::new() })
+    }
+}
+
+impl Find for RayFind {
+    fn batch(&self) -> usize {
+        shaders::BATCH
+    }
+
+    fn begin(&mut self, _: &Geometry, directions: &[Direction]) -> Result<u32> {
+        self.directions = vectors(directions);
+        Ok(0)
+    }
+
+    fn find(&mut self, _: &Geometry, points: Points) -> Result<Hits<'_>> {
+        self.hits.write(points, &self.program, &self.rays.uniforms(&self.directions));
+        Ok(Hits::new(self.hits.texture(), &self.directions, true))
     }
 }
 
@@ -61,18 +131,8 @@ impl Gather for RayGather {
 
     fn add(&mut self, work: Work, directions: &[Direction]) -> Result<u32> {
         for batch in directions.chunks(shaders::BATCH) {
-            let vectors: Vec<Vec4> = batch.iter().map(|direction| direction.vector.extend(0.0)).collect();
-            let own = [
-                ("bvh_nodes", Uniform::Texture(&self.nodes)),
-                ("bvh_triangles", Uniform::Texture(&self.triangles)),
-                ("bvh_count", Uniform::Int(self.tree.count as i32)),
-                ("bvh_origin", Uniform::Vec3(self.tree.origin)),
-                ("bvh_step", Uniform::Vec3(self.tree.step)),
-                ("directions", Uniform::Vec4s(&vectors)),
-                ("direction_count", Uniform::Int(vectors.len() as i32)),
-            ];
             // No stage: llvmpipe's timer takes a scene of one long draw for a twentieth of what it was.
-            self.pass.run(work, &own);
+            self.pass.run(work, &self.rays.uniforms(&vectors(batch)));
         }
         Ok(0)
     }

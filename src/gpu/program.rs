@@ -72,10 +72,19 @@ impl ShaderSource {
     /// # Errors
     /// [`Error::Gl`] when an included file does not exist.
     pub fn resolve(&self) -> Result<(String, String)> {
+        self.resolve_with(&[])
+    }
+
+    /// The same with more defines.
+    ///
+    /// # Errors
+    /// As [`Self::resolve`].
+    pub fn resolve_with(&self, more: &[String]) -> Result<(String, String)> {
         let stage = |embedded| {
             let text = current(embedded);
             let (version, rest) = text.split_once('\n').unwrap_or((&text, ""));
-            let defines: String = self.defines.iter().map(|name| format!("#define {name}\n")).collect();
+            let defines = self.defines.iter().copied().chain(more.iter().map(String::as_str));
+            let defines: String = defines.map(|name| format!("#define {name}\n")).collect();
             Ok(format!("{version}\n{defines}{}", self.resolve_stage(rest)?))
         };
         Ok((stage(self.vertex)?, stage(self.fragment)?))
@@ -105,8 +114,16 @@ impl Program {
     /// # Errors
     /// [`Error::Gl`] with the driver's log and the numbered source when it does not compile or link.
     pub fn new(gpu: &Gpu, source: &ShaderSource) -> Result<Self> {
+        Self::with(gpu, source, &[])
+    }
+
+    /// Of a source that has more variants than are worth a name each, with these defines beside its own.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub fn with(gpu: &Gpu, source: &ShaderSource, defines: &[String]) -> Result<Self> {
         let gl = gpu.gl();
-        let (vertex, fragment) = source.resolve()?;
+        let (vertex, fragment) = source.resolve_with(defines)?;
         let program = Resource::own(gpu, unsafe { gl.create_program() })?;
         let stages = [(glow::VERTEX_SHADER, &vertex), (glow::FRAGMENT_SHADER, &fragment)];
         let mut shaders = Vec::new();

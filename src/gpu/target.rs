@@ -29,13 +29,13 @@ impl Target {
         Self::of(gpu, colors.into_iter().map(|color| (color, 0)).collect(), depth)
     }
 
-    /// One colour texture, and depth of 24 bits with a stencil.
+    /// Renders into a texture, of an array the first element, beside depth of 24 bits with a stencil.
     ///
     /// # Errors
     /// As [`Self::new`].
-    pub fn with_stencil(gpu: &Gpu, [width, height]: [u32; 2], color: Format) -> Result<Self> {
-        let texture = |format| Texture::empty(gpu, format, width, height).map(Rc::new);
-        Self::of(gpu, vec![(texture(color)?, 0)], Some(texture(Format::Depth24Stencil8)?))
+    pub fn with_stencil(gpu: &Gpu, color: Rc<Texture>) -> Result<Self> {
+        let depth = Texture::empty(gpu, Format::Depth24Stencil8, color.width(), color.height())?;
+        Self::of(gpu, vec![(color, 0)], Some(Rc::new(depth)))
     }
 
     /// Renders into textures that others share, all of one size; of arrays, into the element given.

@@ -38,7 +38,8 @@ impl GatherPoint {
         [self.position.extend(code.x), self.normal.extend(code.y)]
     }
 
-    fn decode(position: Vec4, normal: Vec4) -> Option<Self> {
+    /// Back from these texels; `None` where there is no point.
+    pub(crate) fn decode(position: Vec4, normal: Vec4) -> Option<Self> {
         let surface_normal = octahedral_decode(Vec2::new(position.w, normal.w));
         let point = Self { position: position.truncate(), normal: normal.truncate(), surface_normal };
         (point.normal != Vec3::ZERO).then_some(point)
@@ -65,23 +66,36 @@ pub struct PointList {
 }
 
 impl PointList {
+    /// Width and height of the textures of so many points.
+    pub fn size(count: usize) -> [u32; 2] {
+        let width = count.clamp(1, WIDTH);
+        [width as u32, count.div_ceil(width).max(1) as u32]
+    }
+
     /// # Errors
     /// When the list is beyond the device's limits.
     pub fn upload(gpu: &Gpu, points: &[GatherPoint]) -> Result<Self> {
-        let width = points.len().clamp(1, WIDTH);
-        let rows = points.len().div_ceil(width).max(1);
+        let size = Self::size(points.len());
+        let [width, rows] = size.map(|side| side as usize);
         // Texels beyond the list keep a zero normal: no point.
         let mut texels = [vec![Vec4::ZERO; width * rows], vec![Vec4::ZERO; width * rows]];
         for (i, point) in points.iter().enumerate() {
             [texels[0][i], texels[1][i]] = point.encode();
         }
-        let size = [width as u32, rows as u32];
         let upload = |texels: &[Vec4]| Texture::from_texels(gpu, Format::Rgba32F, size, Filter::Nearest, Wrap::Clamp, texels);
         Ok(Self { position: upload(&texels[0])?, normal: upload(&texels[1])?, count: points.len() })
     }
 
     pub fn points(&self) -> Points<'_> {
         Points { position: &self.position, normal: &self.normal, subset: Subset::ALL, count: self.count as u32 }
+    }
+
+    pub fn len(&self) -> usize {
+        self.count
+    }
+
+    pub fn is_empty(&self) -> bool {
+        self.count == 0
     }
 
     /// What was read from textures of these points' size, in the order of the list.

@@ -6,7 +6,7 @@ use super::Points;
 use crate::error::Result;
 use crate::gpu::{Blend, DepthTest, Draw, Format, Geometry, Gpu, Program, Target, Uniform};
 
-/// An RGBA sum for each point.
+/// RGBA sums for each point, one or several.
 pub struct Sums {
     target: Target,
 }
@@ -15,16 +15,29 @@ impl Sums {
     /// # Errors
     /// When the size is beyond the device's limits.
     pub fn new(gpu: &Gpu, points: [u32; 2]) -> Result<Self> {
-        Ok(Self { target: Target::new(gpu, points, &[Format::Rgba32F], false)? })
+        Self::several(gpu, points, 1)
+    }
+
+    /// So many for each point; of one pass no more than 8.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub fn several(gpu: &Gpu, points: [u32; 2], count: usize) -> Result<Self> {
+        Ok(Self { target: Target::new(gpu, points, &vec![Format::Rgba32F; count], false)? })
     }
 
     pub fn clear(&self) {
         self.target.clear([0.0; 4], 0.0);
     }
 
-    /// The sums, row by row from the bottom.
+    /// The first of them, row by row from the bottom.
     pub fn read(&self) -> Vec<Vec4> {
-        self.target.color(0).read()
+        self.read_one(0)
+    }
+
+    /// One of them, row by row from the bottom.
+    pub fn read_one(&self, index: usize) -> Vec<Vec4> {
+        self.target.color(index).read()
     }
 
     /// Adds a full-screen pass of `program` over `points` to the sums. Each subset of points has a tile of its own.

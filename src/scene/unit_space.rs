@@ -44,13 +44,19 @@ impl UnitSpace {
         Camera { eye, target: eye + forward, ..camera }
     }
 
-    fn enter_point(self, position: Vec3) -> Vec3 {
+    /// Position in unit space of a point of the world.
+    pub fn enter_point(self, position: Vec3) -> Vec3 {
         ((position.as_dvec3() - self.center) / self.scale).as_vec3()
     }
 
     /// World position of a point in unit space.
     pub fn to_world(self, position: Vec3) -> Vec3 {
         (position.as_dvec3() * self.scale + self.center).as_vec3()
+    }
+
+    /// Length in unit space of a world length.
+    pub fn length_to_unit(self, length: f32) -> f32 {
+        (f64::from(length) / self.scale) as f32
     }
 
     /// World length of a length in unit space.

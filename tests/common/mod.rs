@@ -54,7 +54,7 @@ impl Model {
         self.scene.materials.len() as u32 - 1
     }
 
-    fn vertex(&mut self, position: Vec3) -> u32 {
+    pub fn vertex(&mut self, position: Vec3) -> u32 {
         let mesh = &mut self.scene.mesh;
         mesh.positions.push(position);
         mesh.normals.push(Vec3::ZERO);

@@ -1,0 +1,146 @@
+//! The vertices of a mesh as gather points.
+//!
+//! A vertex has the normal of the file or, where that has none, the mean of the faces around it by their angles; faces that meet there at more than
+//! [`CREASE`] do not mix, and the vertex is split. Vertices lie on edges, where a bundle's layers show either side: each is gathered a little inside
+//! the widest of its faces instead.
+
+use std::collections::HashMap;
+
+use glam::Vec3;
+use serde::Serialize;
+
+use super::GatherPoint;
+use crate::image::Channel;
+use crate::scene::{Mesh, Triangle};
+
+/// Cosine of the angle between faces beyond which an edge is one, 40 degrees.
+const CREASE: f32 = 0.766;
+/// A point that sees surfaces from behind in more than this share of its hemisphere lies inside something: outside closed bodies nobody does, and
+/// inside all do, but for what aliases.
+pub(super) const INSIDE: f32 = 0.5;
+
+/// The vertices of a mesh, split where faces meet in an edge.
+pub struct Vertices {
+    mesh: Mesh,
+    points: Vec<GatherPoint>,
+    /// As [`VertexCounts::turned`].
+    turned: usize,
+}
+
+/// What became of vertices.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct VertexCounts {
+    pub vertices: usize,
+    /// With a normal in the file that points away from the face: they have the face's.
+    pub turned: usize,
+    /// Inside something, and given the mean of their neighbours.
+    pub filled: usize,
+    /// Inside something, with all neighbours: they keep what they found.
+    pub hidden: usize,
+}
+
+impl Vertices {
+    /// Of a mesh in unit space; points are gathered `inset` from their vertex, or a third of the way to the middle of their face, whichever is less.
+    pub fn new(mesh: &Mesh, inset: f32) -> Self {
+        let faces: Vec<Vec3> = (0..mesh.triangles.len()).map(|triangle| mesh.geometric_normal(triangle)).collect();
+        let corners = (0..faces.len()).flat_map(|triangle| (0..3).map(move |corner| (triangle, corner)));
+        let place = |vertex: u32| mesh.positions[vertex as usize].to_array().map(f32::to_bits);
+        let mut around: HashMap<[u32; 3], Vec<(usize, f32)>> = HashMap::new();
+        for (triangle, corner) in corners.clone() {
+            let vertex = mesh.triangles[triangle].vertices[corner];
+            around.entry(place(vertex)).or_default().push((triangle, angle(mesh.corners(triangle), corner)));
+        }
+        let normal_at = |vertex: u32, face: Vec3| {
+            let near = around[&place(vertex)].iter().filter(|(other, _)| faces[*other].dot(face) > CREASE);
+            near.map(|&(other, angle)| faces[other].as_dvec3() * f64::from(angle)).sum::<glam::DVec3>().normalize().as_vec3()
+        };
+
+        let mut new = Self { mesh: Mesh::default(), points: Vec::new(), turned: 0 };
+        let mut triangles = mesh.triangles.clone();
+        let mut shared: HashMap<(u32, [u32; 3]), u32> = HashMap::new();
+        let mut widest = Vec::new();
+        for (triangle, corner) in corners {
+            let vertex = mesh.triangles[triangle].vertices[corner];
+            let own = mesh.normals[vertex as usize];
+            let turned = own != Vec3::ZERO && own.dot(faces[triangle]) <= 0.0;
+            let normal = if own == Vec3::ZERO || turned { normal_at(vertex, faces[triangle]) } else { own };
+            let index = *shared.entry((vertex, normal.to_array().map(f32::to_bits))).or_insert_with(|| {
+                new.turned += usize::from(turned);
+                new.mesh.positions.push(mesh.positions[vertex as usize]);
+                new.mesh.uvs.push(mesh.uvs[vertex as usize]);
+                new.mesh.normals.push(normal);
+                widest.push((0.0, 0));
+                widest.len() as u32 - 1
+            });
+            triangles[triangle].vertices[corner] = index;
+            let angle = angle(mesh.corners(triangle), corner);
+            if angle > widest[index as usize].0 {
+                widest[index as usize] = (angle, triangle);
+            }
+        }
+        let point = |(index, &(_, triangle)): (usize, &(f32, usize))| {
+            let position = new.mesh.positions[index];
+            let to_middle = mesh.corners(triangle).iter().sum::<Vec3>() / 3.0 - position;
+            let share = (inset / to_middle.length()).min(1.0 / 3.0);
+            GatherPoint {
+                position: position + share * to_middle,
+                normal: new.mesh.normals[index],
+                surface_normal: faces[triangle],
+            }
+        };
+        new.points = widest.iter().enumerate().map(point).collect();
+        new.mesh.triangles = triangles;
+        new
+    }
+
+    /// The mesh with split vertices, its triangles in their order; every vertex has a normal.
+    pub fn mesh(&self) -> &Mesh {
+        &self.mesh
+    }
+
+    /// One for each vertex of [`Self::mesh`].
+    pub fn points(&self) -> &[GatherPoint] {
+        &self.points
+    }
+
+    /// Gives vertices inside something the mean of their neighbours, from outside in. `inside` is the share of its hemisphere
+    /// in which each saw surfaces from behind.
+    pub fn fill(&self, columns: &mut [Channel], inside: &[f32]) -> VertexCounts {
+        let mut known: Vec<bool> = inside.iter().map(|&share| share <= INSIDE).collect();
+        let edges = |triangle: &Triangle| {
+            let [a, b, c] = triangle.vertices.map(|vertex| vertex as usize);
+            [(a, b), (b, c), (c, a)]
+        };
+        let mut filled = 0;
+        loop {
+            // Neighbours that are known, of those that are not.
+            let mut next: HashMap<usize, Vec<usize>> = HashMap::new();
+            for (a, b) in self.mesh.triangles.iter().flat_map(edges) {
+                for (from, to) in [(a, b), (b, a)] {
+                    if known[from] && !known[to] {
+                        next.entry(to).or_default().push(from);
+                    }
+                }
+            }
+            for column in columns.iter_mut() {
+                for (&vertex, neighbours) in &next {
+                    let sum: f32 = neighbours.iter().map(|&neighbour| column.samples[neighbour]).sum();
+                    column.samples[vertex] = sum / neighbours.len() as f32;
+                }
+            }
+            if next.is_empty() {
+                break;
+            }
+            filled += next.len();
+            next.keys().for_each(|&vertex| known[vertex] = true);
+        }
+        let hidden = known.iter().filter(|known| !**known).count();
+        VertexCounts { vertices: self.points.len(), turned: self.turned, filled, hidden }
+    }
+}
+
+/// Of a triangle at one of its corners.
+fn angle(corners: [Vec3; 3], corner: usize) -> f32 {
+    let [here, next, last] = [0, 1, 2].map(|step| corners[(corner + step) % 3]);
+    (next - here).angle_between(last - here)
+}
