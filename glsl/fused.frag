@@ -14,6 +14,8 @@ uniform int direction_count;
 uniform vec4 directions[BATCH];     // xyz: unit direction; w: clearance, see Receiver
 uniform mat4 to_layer[BATCH];       // unit space to texel x, texel y, window depth
 uniform mat4 from_layer[BATCH];
+uniform vec4 beyond[BATCH];         // rgb: radiance of what lies beyond all surfaces along each direction,
+uniform vec4 behind[BATCH];         // and against it
 uniform ivec2 first_texel;          // of the subset in the sums
 
 layout(location = 0) out vec4 sum;  // rgb: radiance x weight; a: weight
@@ -111,7 +113,7 @@ void main()
         Receiver receiver = receiver(point.position, point.surface_normal, side, to_layer[i], from_layer[i], directions[i].w,
                                      ivec2(i * size, 0), float(size));
         Found found = find_hit(receiver);
-        vec3 radiance = vec3(0.0);
+        vec3 radiance = (side > 0.0 ? beyond[i] : behind[i]).rgb;
         if (found.seen.id > 0.0) {
             int triangle = fetch_triangle_in(receiver.texel + found.step, int(found.seen.id) - 1);
             float along = side * found.seen.ahead * dot(direction, from_layer[i][2].xyz);

@@ -23,11 +23,14 @@ impl Fused {
         let directions: Vec<Vec4> = bundles.iter().map(|bundle| bundle.direction.extend(bundle.clearance)).collect();
         let to_layer: Vec<Mat4> = bundles.iter().map(|bundle| bundle.to_layer).collect();
         let from_layer: Vec<Mat4> = to_layer.iter().map(Mat4::inverse).collect();
+        let [beyond, behind] = work.beyond(bundles.iter().map(|bundle| bundle.direction));
         let own = [
             ("direction_count", Uniform::Int(bundles.len() as i32)),
             ("directions", Uniform::Vec4s(&directions)),
             ("to_layer", Uniform::Mat4s(&to_layer)),
             ("from_layer", Uniform::Mat4s(&from_layer)),
+            ("beyond", Uniform::Vec4s(&beyond)),
+            ("behind", Uniform::Vec4s(&behind)),
         ];
         self.pass.run(work, &[&own[..], &store.uniforms()].concat());
     }

@@ -25,22 +25,34 @@ pub use layer_store::LayerStore;
 pub use peel::Peel;
 pub use rays::RayGather;
 
+use glam::{Vec3, Vec4};
+
 use crate::direction::Direction;
 use crate::error::Result;
 use crate::geometry::Geometry;
 use crate::gpu::Gpu;
 use crate::photon::PhotonTexture;
 use crate::points::{Points, Sums};
+use crate::scene::Scene;
 use accumulate::Accumulate;
 use fused::Fused;
 
 /// What a gather reads, and the sums that it adds to: rgb Σ radiance × weight, a Σ weight.
 #[derive(Clone, Copy)]
 pub struct Work<'a> {
+    /// In unit space.
+    pub scene: &'a Scene,
     pub geometry: &'a Geometry,
     pub photons: &'a PhotonTexture,
     pub points: Points<'a>,
     pub sums: &'a Sums,
+}
+
+impl Work<'_> {
+    /// What rays along unit vectors bring that meet no surface, and rays against them: the same to all points.
+    fn beyond(&self, directions: impl Iterator<Item = Vec3> + Clone) -> [Vec<Vec4>; 2] {
+        [1.0, -1.0].map(|side| directions.clone().map(|direction| self.scene.beyond(side * direction).extend(0.0)).collect())
+    }
 }
 
 /// A way to gather on the GL side.

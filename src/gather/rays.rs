@@ -62,6 +62,7 @@ impl Gather for RayGather {
     fn add(&mut self, work: Work, directions: &[Direction]) -> Result<u32> {
         for batch in directions.chunks(shaders::BATCH) {
             let vectors: Vec<Vec4> = batch.iter().map(|direction| direction.vector.extend(0.0)).collect();
+            let [beyond, behind] = work.beyond(batch.iter().map(|direction| direction.vector));
             let own = [
                 ("bvh_nodes", Uniform::Texture(&self.nodes)),
                 ("bvh_triangles", Uniform::Texture(&self.triangles)),
@@ -69,6 +70,8 @@ impl Gather for RayGather {
                 ("bvh_origin", Uniform::Vec3(self.tree.origin)),
                 ("bvh_step", Uniform::Vec3(self.tree.step)),
                 ("directions", Uniform::Vec4s(&vectors)),
+                ("beyond", Uniform::Vec4s(&beyond)),
+                ("behind", Uniform::Vec4s(&behind)),
                 ("direction_count", Uniform::Int(vectors.len() as i32)),
             ];
             // No stage: llvmpipe's timer takes a scene of one long draw for a twentieth of what it was.
