@@ -8,6 +8,7 @@
 uniform sampler2DArray hits;        // as kill.frag writes them, one element
 uniform ivec2 first_texel;          // of the subset in the sums
 uniform vec3 direction;
+uniform vec3 beyond;                // radiance of what lies beyond all surfaces
 
 layout(location = 0) out vec4 sum;  // rgb: radiance x weight; a: weight
 
@@ -18,7 +19,7 @@ void main()
     if (!point.exists)
         discard;
     vec2 hit = texelFetch(hits, ivec3(place, 0), 0).xy;
-    vec3 radiance = vec3(0.0);
+    vec3 radiance = beyond;
     if (hit.y > 0.0)
         radiance = hit_radiance(int(hit.y) - 1, point.position + hit.x * direction, direction);
     sum = vec4(radiance, 1.0) * cosine(point, direction);

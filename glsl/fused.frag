@@ -20,6 +20,8 @@ uniform mat4 to_layer[BATCH];       // unit space to texel x, texel y, window de
 uniform mat4 from_layer[BATCH];
 #ifndef FIND
 
+uniform vec4 beyond[BATCH];         // rgb: radiance of what lies beyond all surfaces along each direction,
+uniform vec4 behind[BATCH];         // and against it
 uniform ivec2 first_texel;          // of the subset in the sums
 
 layout(location = 0) out vec4 sum;  // rgb: radiance x weight; a: weight
@@ -136,7 +138,7 @@ void main()
     } while (++i < direction_count);
     write_hits(found_hits);
 #else
-        vec3 radiance = vec3(0.0);
+        vec3 radiance = (side > 0.0 ? beyond[i] : behind[i]).rgb;
         if (triangle >= 0)
             radiance = hit_radiance(triangle, point.position + distance * (side * direction), side * direction);
         total += vec4(radiance, 1.0) * cosine(point, side * direction);

@@ -60,8 +60,10 @@ void main()
         }
 #endif
 #else
-        vec3 incident = vec3(0.0);
-        if (hit.triangle > 0 && dot(point.surface_normal, hit.direction) > 0.0) {
+        vec3 incident = hit.triangle == 0 ? hit.beyond : vec3(0.0);
+        if (dot(point.surface_normal, hit.direction) <= 0.0) {
+            incident = vec3(0.0);
+        } else if (hit.triangle > 0) {
             Surface surface = fetch_surface(hit.triangle - 1);
             incident = hit_radiance(hit.triangle - 1, position, hit.direction);
             if (dot(surface.normal, hit.direction) < 0.0)

@@ -36,7 +36,7 @@ void main()
 #endif
         }
         reflected.a += weight;
-        sky.a += missed ? weight : 0.0;
+        sky += missed ? weight * vec4(hit.beyond, 1.0) : vec4(0.0);
         open += missed || hit.distance > open_distance ? weight * vec4(hit.direction, 1.0) : vec4(0.0);
         counts.y += dot(point.surface_normal, hit.direction) > 0.0 ? 1.0 : 0.0;
     } while (++i < direction_count);

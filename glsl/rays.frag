@@ -10,7 +10,7 @@
 #endif
 #include "bvh.glsl"
 
-uniform vec4 directions[BATCH];        // xyz
+uniform vec4 directions[BATCH];     // xyz
 uniform int direction_count;        // at least 1
 #ifdef FIND
 
@@ -18,6 +18,8 @@ const ivec2 first_texel = ivec2(0);
 
 #else
 
+uniform vec4 beyond[BATCH];         // rgb: radiance of what lies beyond all surfaces along each direction,
+uniform vec4 behind[BATCH];         // and against it
 uniform ivec2 first_texel;          // of the subset in the sums
 
 layout(location = 0) out vec4 sum;  // rgb: radiance x weight; a: weight
@@ -37,15 +39,16 @@ void main()
 #endif
     int i = 0;
     do {
-        vec3 direction = directions[i].xyz;
-        direction = dot(point.surface_normal, direction) < 0.0 ? -direction : direction;
+        float side = dot(point.surface_normal, directions[i].xyz) < 0.0 ? -1.0 : 1.0;
+        vec3 direction = side * directions[i].xyz;
         float weight = cosine(point, direction);
         BvhHit hit = nearest_hit(origin, direction, weight > 0.0 ? FARTHEST : NOWHERE);
 #ifdef FIND
         found_hits[i] = vec2(hit.distance, hit.place < 0 ? 0 : triangle_at(hit.place) + 1);
 #else
         vec3 radiance = hit_radiance(triangle_at(max(hit.place, 0)), origin + hit.distance * direction, direction);
-        sum += vec4(hit.place < 0 ? vec3(0.0) : radiance, 1.0) * weight;
+        vec3 missed = (side > 0.0 ? beyond[i] : behind[i]).rgb;
+        sum += vec4(hit.place < 0 ? missed : radiance, 1.0) * weight;
 #endif
         ++i;
     } while (i < direction_count);

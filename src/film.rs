@@ -69,8 +69,9 @@ impl Film {
         let pixel = |i: usize| {
             // The GL side counts rows from the bottom.
             let i = (height - 1 - i / width) * width + i % width;
+            let emission = n * visible.emission[i].truncate();
             if visible.normal[i].truncate() == Vec3::ZERO {
-                return Pixel::default();
+                return Pixel { emission, ..Pixel::default() };
             }
             let albedo = visible.albedo[i].truncate();
             Pixel {
@@ -79,7 +80,7 @@ impl Film {
                 direct: n * albedo * direct[i].truncate() / (PI * light_samples as f32),
                 photon_map: n * albedo * photon_map[i].truncate() / PI,
                 coverage: n,
-                emission: n * visible.emission[i].truncate(),
+                emission,
                 depth: n * visible.emission[i].w,
                 albedo: n * albedo,
                 normal: n * visible.normal[i].truncate(),
@@ -113,7 +114,7 @@ impl Film {
         p.direct / total + p.indirect(total)
     }
 
-    /// The mean: `R G B` radiance = `Emission` + `Direct` + `Indirect`, `A` coverage, `PhotonMap` the radiance
+    /// The mean: `R G B` radiance = `Emission` + `Direct` + `Indirect`, of which what lies beyond all surfaces is emission; `A` coverage by surfaces, `PhotonMap` the radiance
     /// of the rough solution without emission, `Albedo`, and the world-space normal `N`, position `P`
     /// and distance along the view axis `Z`, these three averaged over the covered part of the pixel.
     pub fn image(&self, space: &UnitSpace) -> Image {

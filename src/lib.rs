@@ -41,6 +41,7 @@ pub mod bake;
 pub mod bench;
 pub mod direct;
 pub mod direction;
+pub mod environment;
 pub mod error;
 mod film;
 pub mod gather;
@@ -62,6 +63,7 @@ pub mod settings;
 pub mod shaders;
 
 pub use direction::{Direction, Directions};
+pub use environment::Environment;
 pub use error::{Error, Result};
 pub use gpu::{Backend, DeviceChoice, Gpu};
 pub use image::{Image, WriteOptions};

@@ -51,3 +51,11 @@ pub fn cosine_direction(normal: Vec3, u: f32, v: f32) -> Vec3 {
     let (sin, cos) = (TAU * v).sin_cos();
     frame(normal) * Vec3::new(radius * cos, radius * sin, (1.0 - u).sqrt())
 }
+
+/// Of texels with their centres at (i + 0.5) / `size`, repeated, the two on either side of a coordinate, and the weight of the second.
+pub fn neighbours(coordinate: f32, size: usize) -> (usize, usize, f32) {
+    let position = (coordinate - coordinate.floor()) * size as f32 - 0.5;
+    let first = position.floor();
+    let wrap = |index: i64| index.rem_euclid(size as i64) as usize;
+    (wrap(first as i64), wrap(first as i64 + 1), position - first)
+}

@@ -45,7 +45,7 @@ impl Photons {
     /// # Errors
     /// [`Error::Usage`] when there is no light to trace from, or a grid beyond the device's limits.
     pub fn new(gpu: &Gpu, prepared: &Prepared, settings: &Settings) -> Result<Self> {
-        if prepared.lights.count() == 0 {
+        if prepared.lights.count() == 0 && !prepared.scene.has_sky() {
             return Err(Error::usage(
                 "all lights are too small beside the scene to be told from points",
                 "enlarge the lights, or leave out what lies far away",

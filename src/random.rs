@@ -80,6 +80,33 @@ fn owen_hash(mut x: u32, key: u32) -> u32 {
     x ^ x.wrapping_mul(0x8d22_f6e6)
 }
 
+/// Slots that are chosen with probabilities in proportion to weights.
+#[derive(Clone, Debug)]
+pub struct Distribution {
+    /// Probability of the slots up to and with each.
+    cumulative: Vec<f32>,
+}
+
+impl Distribution {
+    pub fn new(weights: Vec<f64>) -> Self {
+        let total: f64 = weights.iter().sum();
+        let mut sum = 0.0;
+        let add = |weight: f64| {
+            sum += weight / total;
+            sum as f32
+        };
+        Self { cumulative: weights.into_iter().map(add).collect() }
+    }
+
+    /// The slot that a uniform number picks, what it has left, uniform too, and the slot's probability.
+    pub fn pick(&self, number: f32) -> (usize, f32, f32) {
+        let slot = self.cumulative.partition_point(|&sum| sum <= number).min(self.cumulative.len() - 1);
+        let before = if slot == 0 { 0.0 } else { self.cumulative[slot - 1] };
+        let probability = self.cumulative[slot] - before;
+        (slot, ((number - before) / probability).clamp(0.0, 1.0), probability)
+    }
+}
+
 /// The upper 24 bits as a number in [0, 1); all of them are representable in an f32.
 fn unit(bits: u64) -> f32 {
     (bits >> 40) as f32 / (1u64 << 24) as f32

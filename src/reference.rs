@@ -2,7 +2,8 @@
 //!
 //! The GL side answers from rasterised layers what a ray cast answers from triangles. [`Reference::gather`] takes the same points, the
 //! same directions and the same photon grid, and shares nothing else with it, so what is between the two is the error of the layers
-//! alone: Σ L(x, d) w and Σ w over the directions d, with w = max(n·d, 0) and L = albedo × E_photons / π at the nearest surface along d.
+//! alone: Σ L(x, d) w and Σ w over the directions d, with w = max(n·d, 0) and L = albedo × E_photons / π at the nearest surface along d, or where
+//! there is none the environment's.
 //! One ray for each point and direction of positive weight, in parallel over points.
 
 use std::f64::consts::PI;
@@ -28,7 +29,7 @@ impl<'a> Reference<'a> {
         Self { scene, bvh, grid }
     }
 
-    /// For each point rgb: Σ radiance × weight, a: Σ weight over unit `directions`; a ray that meets nothing brings no radiance.
+    /// For each point rgb: Σ radiance × weight, a: Σ weight over unit `directions`.
     pub fn gather(&self, points: &[GatherPoint], directions: &[Vec3]) -> Vec<Vec4> {
         let gather_point =
             |point: &GatherPoint| directions.iter().map(|&direction| self.sample(point, direction)).sum::<DVec4>().as_vec4();
@@ -41,8 +42,11 @@ impl<'a> Reference<'a> {
         if weight == 0.0 {
             return DVec4::ZERO;
         }
-        let radiosity = self.hit(point, direction).map_or(Vec3::ZERO, |hit| self.radiosity(point, direction, hit));
-        weight * (radiosity.as_dvec3() / PI).extend(1.0)
+        let radiance = match self.hit(point, direction) {
+            Some(hit) => self.radiosity(point, direction, hit).as_dvec3() / PI,
+            None => self.scene.beyond(direction).as_dvec3(),
+        };
+        weight * radiance.extend(1.0)
     }
 
     /// What each point sees along a unit `direction`; `None` where that is nothing, or where its weight is zero.

@@ -154,7 +154,7 @@ impl Render {
         // The first photons also tell, for all maps, which surfaces light reaches.
         let start = Instant::now();
         let lights = Lights::new(&scene);
-        if lights.count() == 0 {
+        if lights.count() == 0 && !scene.has_sky() {
             return Err(Error::usage(
                 "all lights are too small beside the scene to be told from points",
                 "enlarge the lights, or leave out what lies far away",
@@ -305,7 +305,8 @@ impl Render {
 
         let start = Instant::now();
         let offset = sobol(index, self.settings.seed);
-        let visible = self.passes.camera.see(&self.geometry, &self.scene.camera, offset.into());
+        let mut visible = self.passes.camera.see(&self.geometry, &self.scene.camera, offset.into());
+        visible.see_beyond(&self.scene, self.settings.size, offset.into());
         let points = self.passes.camera.points(&visible);
         let rough = self.passes.rough.see(&self.photons, points);
         self.statistics.seconds.visible_points += self.finish("finding visible points", start)?;
@@ -315,7 +316,8 @@ impl Render {
         let light_samples = u64::from(self.settings.light_samples).div_ceil(blocks);
         self.passes.direct_sums.clear();
         let first = u64::from(index) * light_samples;
-        for sample in first..first + light_samples {
+        let samples = if self.lights.count() > 0 { first..first + light_samples } else { first..first };
+        for sample in samples {
             self.passes.direct.add(&self.geometry, &self.lights, sample, points, &self.passes.direct_sums);
         }
         self.statistics.seconds.direct += self.finish("direct light", start)?;
@@ -368,7 +370,8 @@ impl Render {
         let points = self.passes.camera.points(&block.visible).only(subset);
         let layers = match &mut self.passes.method {
             Method::Gl { gather, sums } => {
-                gather.add(Work { geometry: &self.geometry, photons: &self.photons, points, sums }, &directions)?
+                let work = Work { scene: &self.scene, geometry: &self.geometry, photons: &self.photons, points, sums };
+                gather.add(work, &directions)?
             }
             Method::Rays { points, sums } => {
                 let rays = Reference::new(&self.scene, &self.bvh, &self.grid);

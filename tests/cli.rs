@@ -7,7 +7,7 @@ use std::process::{Command, Output, Stdio};
 use std::thread::sleep;
 use std::time::Duration;
 
-use finalgather::image::Image;
+use finalgather::image::{Channel, Image, WriteOptions};
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -298,4 +298,31 @@ fn the_same_command_writes_the_same_bytes() {
     assert!(render("again", "1", "1") == first);
     assert!(render("more threads", "3", "2") == first);
     assert!(render("driver without threads", "2", "0") == first);
+}
+
+/// A model without a light, under a sky.
+#[test]
+fn an_environment_lights_a_bare_model() {
+    let folder = folder();
+    let path = |name: &str| folder.path().join(name);
+    fs::write(path("m.obj"), "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n").unwrap();
+    let render = |args: &[&str]| {
+        let mut command = tool(&folder);
+        command.args(["render", "m.obj", "-o", "m.exr"]).args(SMALL).args(args);
+        command
+    };
+    assert!(refusal(&mut render(&[]), 65).contains("--env"));
+    assert!(refusal(&mut render(&["--env", "none.exr"]), 65).contains("none.exr: not readable as OpenEXR"));
+    let samples = vec![2.0; 2];
+    let channels = ["R", "G", "B"].map(|name| Channel { name: name.into(), samples: samples.clone() });
+    let sky = Image { width: 2, height: 1, channels: channels.into() };
+    sky.write(&path("sky.exr"), &WriteOptions::default()).unwrap();
+    success(&mut render(&["--env", "sky.exr"]));
+    let image = Image::read(&path("m.exr")).unwrap();
+    let (red, coverage) = (image.channel("R").unwrap(), image.channel("A").unwrap());
+    // All round the same radiance: the plate, which is flat and grey, shows half of it.
+    for (red, coverage) in red.iter().zip(coverage) {
+        assert!((red - (2.0 - coverage)).abs() < 1e-4, "{red} of coverage {coverage}");
+    }
+    assert!(coverage.contains(&0.0) && coverage.contains(&1.0));
 }

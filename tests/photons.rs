@@ -5,6 +5,7 @@ mod common;
 use std::f32::consts::PI;
 
 use common::{Model, form_factor_of_opposed_squares, form_factor_of_polygon, points_on};
+use finalgather::environment::Environment;
 use finalgather::photon::{PhotonCounts, PhotonGrid, PhotonTracer};
 use finalgather::scene::{Bvh, Lights, Scene};
 use glam::{Vec3, Vec4, vec3};
@@ -274,4 +275,59 @@ fn rays_along_axes_meet_a_room_whatever_the_sign_of_their_zeros() {
             }
         }
     }
+}
+
+/// A sky of radiance L sends πL to each unit of area that sees nothing else, the side below included; one of radiance 1 + y sends π(1 + 2/3 n·y).
+#[test]
+fn a_plate_receives_the_whole_sky() {
+    const PHOTONS: u64 = 400_000;
+    let row = |row: usize| Vec3::ONE * (1.0 + (PI * (row as f32 + 0.5) / 64.0).cos());
+    let gradient = Environment::from_texels([128, 64], (0..128 * 64).map(|i| row(i / 128)).collect()).unwrap();
+    let constant = Environment::constant(vec3(1.0, 2.0, 0.5)).unwrap();
+    let skies =
+        [("constant", constant, vec3(1.0, 2.0, 0.5), [1.0, 1.0]), ("gradient", gradient, Vec3::ONE, [5.0 / 3.0, 1.0 / 3.0])];
+    for (name, sky, radiance, factors) in skies {
+        let mut model = Model::new();
+        let black = model.material(Vec3::ZERO, Vec3::ZERO);
+        model.plate(Vec3::ZERO, Vec3::Z, Vec3::X, black);
+        let mut scene = model.finish();
+        scene.environment = Some(sky);
+        let mut grid = PhotonGrid::new(&scene.mesh, 8);
+        let counts = counted(&scene, &Bvh::new(&scene.mesh), PHOTONS, 64, &mut grid);
+        let area = scene.mesh.area(0) + scene.mesh.area(1);
+        // Bins of +y come before those of -y, and all the others are empty.
+        let bin = grid.sums.len() / 6;
+        for (side, factor) in [(2, factors[0]), (3, factors[1])] {
+            let flux: Vec3 = grid.sums[side * bin..(side + 1) * bin].iter().map(|&[r, g, b, _]| vec3(r, g, b)).sum();
+            let found = flux / (PI * area * factor * radiance);
+            eprintln!("{name}, side {side}: {found} of the sky's");
+            // Of equal fluxes so many meet the side: four standard errors, of which a low-discrepancy sequence needs few.
+            let limit = 4.0 / (counts.stored as f32 * factor / 2.0).sqrt();
+            assert!((found - 1.0).abs().max_element() < limit, "{name}, side {side}: {found} ± {limit}");
+        }
+        assert_eq!(counts.escaped + counts.stored, PHOTONS);
+    }
+}
+
+/// A lamp and a sky share the photons by power, and each light has its own flux: two black plates, of which one shines at the other with
+/// form factor F. The lamp's flux is πA F; the sky's πA from outside to each, and πA(1 - F) to each from between.
+#[test]
+fn a_lamp_and_a_sky_share_the_photons() {
+    const PHOTONS: u64 = 400_000;
+    let mut model = Model::new();
+    let lamp = model.material(Vec3::ZERO, vec3(4.0, 0.0, 0.0));
+    let black = model.material(Vec3::ZERO, Vec3::ZERO);
+    model.plate(vec3(0.0, 1.0, 0.0), Vec3::X, Vec3::Z, lamp);
+    model.plate(Vec3::ZERO, Vec3::Z, Vec3::X, black);
+    let mut scene = model.finish();
+    scene.environment = Some(Environment::constant(vec3(0.0, 1.0, 0.0)).unwrap());
+    let mut grid = PhotonGrid::new(&scene.mesh, 8);
+    let counts = counted(&scene, &Bvh::new(&scene.mesh), PHOTONS, 64, &mut grid);
+    let (area, factor) = (scene.mesh.area(0) + scene.mesh.area(1), form_factor_of_opposed_squares(2.0) as f32);
+    let found = total(&grid).truncate() / (PI * area);
+    let expected = vec3(4.0 * factor, 2.0 * (2.0 - factor), 0.0);
+    eprintln!("{found} for {expected}, {counts:?}");
+    // The lamp has 0.36 of the power, and F of its photons meet the plate: 60 000 with a standard error of 0.31 %. Of the sky's more do.
+    let error = (found / expected - 1.0).truncate().abs().max_element();
+    assert!(error < 4.0 * 0.0031 && found.z == 0.0, "{found} for {expected}");
 }

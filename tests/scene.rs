@@ -3,6 +3,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use finalgather::environment::Environment;
 use finalgather::scene::{Mesh, Scene, Texture, UnitSpace};
 use finalgather::settings::{Pipeline, Settings};
 use glam::{Vec2, Vec3, vec2, vec3};
@@ -316,4 +317,26 @@ fn missing_cameras_frame_the_model_and_partial_ones_are_completed() {
     }
     let camera = folder.load("own.toml").camera;
     assert_eq!((camera.up, camera.fov_y_degrees), (Vec3::Y, 40.0));
+}
+
+/// A model without a light is a scene under a sky, its own or another's; a turned one is seen turned.
+#[test]
+fn environments_light_what_does_not_shine() {
+    let sky = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 2\n\x80\0\0\x82\0\x80\0\x82";
+    let folder = Folder::new(&[
+        ("m.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"),
+        ("sky.hdr", sky),
+        ("s.toml", b"mesh = 'm.obj'\n[environment]\nfile = 'sky.hdr'\nscale = 0.5\nturn_degrees = 180\n"),
+        ("c.toml", b"mesh = 'm.obj'\nenvironment = { radiance = [1, 2, 3] }\n"),
+        ("gone.toml", b"mesh = 'm.obj'\nenvironment = { file = 'gone.hdr' }\n"),
+    ]);
+    // The left half of the picture, of centre -x, is red and 2 bright.
+    let scene = folder.load("s.toml");
+    assert!((scene.beyond(Vec3::X) - Vec3::X).length() < 1e-6 && (scene.beyond(Vec3::NEG_X) - Vec3::Y).length() < 1e-6);
+    assert_eq!(folder.load("c.toml").beyond(Vec3::Y), vec3(1.0, 2.0, 3.0));
+    let own = Environment::load(&folder.path("sky.hdr")).unwrap();
+    for name in ["m.obj", "c.toml", "gone.toml"] {
+        let scene = Scene::load_under(&folder.path(name), Some(own.clone())).unwrap();
+        assert!((scene.beyond(Vec3::NEG_X) - 2.0 * Vec3::X).length() < 1e-6, "{name}");
+    }
 }

@@ -156,7 +156,7 @@ fn scene_files() {
     for (toml, place, fragment) in &owned {
         check("s.toml", "s.toml", toml.as_bytes(), place, fragment);
     }
-    let cases: [(&[u8], &str, &str); 16] = [
+    let cases: [(&[u8], &str, &str); 26] = [
         (b"", "s.toml:1", "mesh"),
         (b"mesh = \n", "s.toml:1", ""),
         ("mesh = 'm.obj'\n# \u{e9}\u{1f4a1}\n\u{e9} = 1".as_bytes(), "s.toml:3", ""),
@@ -177,6 +177,16 @@ fn scene_files() {
         (b"mesh = 'm.obj'\n[materials.lamp]\nalbedo = [0, 1.5, 0]", "s.toml:3", "albedo is"),
         (b"mesh = 'm.obj'\n[materials.lamp]\nemission = [0, -1, inf]", "s.toml:3", "emission is"),
         (b"mesh = 'm.obj'\n[materials.lamp]\nemission = [0, 0, 0]", "m.obj", "no light"),
+        (b"mesh = 'm.obj'\nmaterials.lamp.emission = [0, 0, 0]\nenvironment.radiance = [0, 0, 0]", "m.obj", "no light"),
+        (b"mesh = 'm.obj'\n\n[environment]\nscale = 1", "s.toml:3", "a file or a radiance"),
+        (b"mesh = 'm.obj'\n\n[environment]\nfile = 'a.hdr'\nradiance = [1, 1, 1]", "s.toml:3", "a file or a radiance"),
+        (b"mesh = 'm.obj'\n[environment]\nradiance = [1, -1, 1]", "s.toml:3", "radiance is [1, -1, 1]"),
+        (b"mesh = 'm.obj'\n[environment]\nradiance = [1, 1, 1]\nscale = -1", "s.toml:4", "scale is -1"),
+        (b"mesh = 'm.obj'\n[environment]\nradiance = [1, 1, 1]\nscale = inf", "s.toml:4", "scale is inf"),
+        (b"mesh = 'm.obj'\n[environment]\nradiance = [1, 1, 1]\nturn_degrees = nan", "s.toml:4", "turn_degrees is NaN"),
+        (b"mesh = 'm.obj'\n[environment]\nfile = 'm.obj'", "m.obj", "the ending names no kind of environment"),
+        (b"mesh = 'm.obj'\n[environment]\nfile = 'none.hdr'", "none.hdr", "not readable as Radiance RGBE"),
+        (b"mesh = 'm.obj'\n[environment]\nradience = [1, 1, 1]", "s.toml:3", "radience"),
     ];
     for (toml, place, fragment) in cases {
         check("s.toml", "s.toml", toml, place, fragment);

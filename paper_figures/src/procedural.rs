@@ -82,6 +82,7 @@ fn scene(mesh: Mesh, camera: Camera) -> Scene {
         textures: Vec::new(),
         camera,
         framed: false,
+        environment: None,
         settings: Settings::default(),
         warnings: Vec::new(),
     };

@@ -6,7 +6,7 @@ use glam::{Vec3, Vec4};
 
 use super::carriers::{Carried, Carriers};
 use crate::error::Result;
-use crate::gather::Hits;
+use crate::gather::{Beyond, Hits};
 use crate::geometry::Geometry;
 use crate::gpu::{Gpu, Program, Uniform};
 use crate::harmonics::cosine_lobe;
@@ -59,6 +59,7 @@ pub enum Rough<'a> {
 pub struct Seen<'a> {
     pub geometry: &'a Geometry,
     pub hits: Hits<'a>,
+    pub beyond: &'a Beyond,
     pub points: Points<'a>,
     /// Radiance of hits.
     pub rough: Rough<'a>,
@@ -147,7 +148,7 @@ impl Integrals {
             Rough::Black => Vec::new(),
         };
         let transfer = seen.transfer.map_or(Vec::new(), |(carriers, carried)| carriers.uniforms(carried).to_vec());
-        let common = [&own[..], &seen.geometry.uniforms(), &seen.hits.uniforms()].concat();
+        let common = [&own[..], &seen.geometry.uniforms(), &seen.hits.uniforms(), &seen.beyond.uniforms()].concat();
         let of_radiance = [&common[..], &photons].concat();
         let of_transfer = [&common[..], &transfer].concat();
         tile.hemisphere.add(seen.points, &self.hemisphere, &of_radiance);

@@ -22,7 +22,7 @@ use self::integrals::{Integrals, Rough as Seen, Seen as Pass, Tile, Values, Want
 use crate::direct::Direct;
 use crate::direction::{Direction, Directions};
 use crate::error::{Error, Result};
-use crate::gather::{ExactFind, Find, FusedFind, KillFind, KillGather, RayFind};
+use crate::gather::{Beyond, ExactFind, Find, FusedFind, KillFind, KillGather, RayFind};
 use crate::gpu::Gpu;
 use crate::harmonics::MAX_ORDER;
 use crate::image::Channel;
@@ -298,8 +298,9 @@ impl Bake {
         let integrals = Integrals::new(&self.gpu, wanted, textured, gathered, transfer)?;
         let points = self.points_of(&round);
         let tiles = points.chunks(TILE).map(|points| integrals.tile(&self.gpu, points)).collect::<Result<Vec<_>>>()?;
-        let mut irradiance = vec![Vec3::ZERO; if self.plan.needs_radiance() { 0 } else { points.len() }];
-        if self.plan.needs_radiance() {
+        let lit = self.plan.needs_radiance() && self.prepared.lights.count() > 0;
+        let mut irradiance = vec![Vec3::ZERO; if lit { 0 } else { points.len() }];
+        if lit {
             for tile in &tiles {
                 let points = tile.list.points();
                 let sums = Sums::new(&self.gpu, points.size())?;
@@ -338,11 +339,12 @@ impl Bake {
             (None, None) => Seen::Black,
         };
         let open_distance = self.plan.ao_distance.map_or(f32::MAX, |length| self.prepared.space.length_to_unit(length));
+        let beyond = &Beyond::new(&self.prepared.scene, batch.iter().map(|direction| direction.vector));
         for tile in &walk.tiles {
             let points = tile.list.points();
             let hits = self.find.find(geometry, points)?;
             let transfer = of_carriers.zip(self.carried.transfer.as_ref());
-            walk.integrals.add(tile, &Pass { geometry, hits, points, rough, transfer, open_distance });
+            walk.integrals.add(tile, &Pass { geometry, hits, beyond, points, rough, transfer, open_distance });
         }
         self.gpu.finish();
         self.gpu.check("gathering")?;

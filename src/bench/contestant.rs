@@ -148,7 +148,13 @@ impl Entrant {
         let rays = Reference::new(&bench.scene, &bench.bvh, &bench.grid);
         match self {
             Self::Gl { gather, sums } => {
-                let work = Work { geometry: &bench.geometry, photons: &bench.photons, points: bench.points(), sums };
+                let work = Work {
+                    scene: &bench.scene,
+                    geometry: &bench.geometry,
+                    photons: &bench.photons,
+                    points: bench.points(),
+                    sums,
+                };
                 directions.chunks(gather.batch()).try_fold(0, |most, batch| Ok(most.max(gather.add(work, batch)?)))
             }
             Self::SharedRays { sums } => {

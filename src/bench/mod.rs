@@ -141,7 +141,7 @@ impl Bench {
             return Err(Error::usage("there is no point to gather at: the camera sees no surface", "turn the camera"));
         }
         let lights = Lights::new(&scene);
-        if lights.count() == 0 {
+        if lights.count() == 0 && !scene.has_sky() {
             return Err(Error::usage("the scene has no light that is large enough beside it", "enlarge the lights"));
         }
         let bvh = Bvh::new(&scene.mesh);

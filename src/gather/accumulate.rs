@@ -19,6 +19,11 @@ impl Accumulate {
 
     /// Adds what the points see at `hits` to the sums.
     pub fn add(&self, work: Work, bundle: &Bundle, hits: &Texture) {
-        self.pass.run(work, &[("hits", Uniform::Texture(hits)), ("direction", Uniform::Vec3(bundle.direction))]);
+        let own = [
+            ("hits", Uniform::Texture(hits)),
+            ("direction", Uniform::Vec3(bundle.direction)),
+            ("beyond", Uniform::Vec3(work.scene.beyond(bundle.direction))),
+        ];
+        self.pass.run(work, &own);
     }
 }

@@ -4,7 +4,7 @@ use glam::{Mat4, Vec4};
 
 use super::hit_pass::HitPass;
 use super::hits::FoundHits;
-use super::{Bundle, LayerStore, Work};
+use super::{Beyond, Bundle, LayerStore, Work};
 use crate::error::Result;
 use crate::gpu::{Gpu, Program, Texture, Uniform};
 use crate::points::Points;
@@ -36,7 +36,8 @@ impl Fused {
     /// Adds what the points see in the layers of `store`, peeled along the directions of `bundles`, to the sums.
     pub fn add(&self, work: Work, bundles: &[Bundle], store: &LayerStore) {
         let uniforms = Uniforms::of(bundles);
-        self.pass.run(work, &[&uniforms.list()[..], &store.uniforms()].concat());
+        let beyond = Beyond::new(work.scene, bundles.iter().map(|bundle| bundle.direction));
+        self.pass.run(work, &[&uniforms.list()[..], &beyond.uniforms(), &store.uniforms()].concat());
     }
 }
 

@@ -29,23 +29,47 @@ pub use layer_store::LayerStore;
 pub use peel::Peel;
 pub use rays::{RayFind, RayGather};
 
+use glam::{Vec3, Vec4};
+
 use crate::direction::Direction;
 use crate::error::Result;
 use crate::geometry::Geometry;
-use crate::gpu::Gpu;
+use crate::gpu::{Gpu, Uniform};
 use crate::photon::PhotonTexture;
 use crate::points::{Points, Sums};
+use crate::scene::Scene;
 use accumulate::Accumulate;
 use fused::Fused;
-use glam::Vec4;
 
 /// What a gather reads, and the sums that it adds to: rgb Σ radiance × weight, a Σ weight.
 #[derive(Clone, Copy)]
 pub struct Work<'a> {
+    /// In unit space.
+    pub scene: &'a Scene,
     pub geometry: &'a Geometry,
     pub photons: &'a PhotonTexture,
     pub points: Points<'a>,
     pub sums: &'a Sums,
+}
+
+/// What rays bring that meet no surface: the same to all points.
+pub struct Beyond {
+    /// Radiance along each direction of a batch, and against it.
+    along: Vec<Vec4>,
+    against: Vec<Vec4>,
+}
+
+impl Beyond {
+    /// Of unit vectors.
+    pub fn new(scene: &Scene, directions: impl Iterator<Item = Vec3> + Clone) -> Self {
+        let seen = |side: f32| directions.clone().map(|direction| scene.beyond(side * direction).extend(0.0)).collect();
+        Self { along: seen(1.0), against: seen(-1.0) }
+    }
+
+    /// The uniforms that shaders of batches read.
+    pub fn uniforms(&self) -> [(&'static str, Uniform<'_>); 2] {
+        [("beyond", Uniform::Vec4s(&self.along)), ("behind", Uniform::Vec4s(&self.against))]
+    }
 }
 
 /// A way to gather on the GL side.

@@ -10,7 +10,7 @@ use glam::{DVec3, Vec3, Vec4};
 
 use super::hit_pass::HitPass;
 use super::hits::{Find, FoundHits, Hits};
-use super::{Gather, Work};
+use super::{Beyond, Gather, Work};
 use crate::direction::Direction;
 use crate::error::Result;
 use crate::geometry::{Geometry, triangle_order, upload_table};
@@ -131,8 +131,11 @@ impl Gather for RayGather {
 
     fn add(&mut self, work: Work, directions: &[Direction]) -> Result<u32> {
         for batch in directions.chunks(shaders::BATCH) {
+            let beyond = Beyond::new(work.scene, batch.iter().map(|direction| direction.vector));
+            let vectors = vectors(batch);
+            let uniforms = [&self.rays.uniforms(&vectors)[..], &beyond.uniforms()].concat();
             // No stage: llvmpipe's timer takes a scene of one long draw for a twentieth of what it was.
-            self.pass.run(work, &self.rays.uniforms(&vectors(batch)));
+            self.pass.run(work, &uniforms);
         }
         Ok(0)
     }

@@ -5,6 +5,7 @@ use std::path::Path;
 
 use ::exr::image::{self, AnyChannel, AnyChannels, Encoding, FlatSamples, Layer};
 use ::exr::math::Vec2;
+use ::exr::meta::MetaData;
 use ::exr::meta::attribute::{AttributeValue, Chromaticities, Text};
 use ::exr::meta::header::LayerAttributes;
 use ::exr::prelude::{ReadChannels, ReadLayers, WritableImage};
@@ -47,6 +48,20 @@ impl Image {
             Error::usage(format!("OpenEXR cannot hold this picture: {error}"), "check its size and channel names")
         })?;
         Ok(bytes.into_inner())
+    }
+
+    /// Width and height that the file's header states.
+    ///
+    /// # Errors
+    /// [`Error::Input`] when it is no OpenEXR file.
+    pub fn exr_size(path: &Path) -> Result<[usize; 2]> {
+        let bad = |error: ::exr::error::Error| {
+            Error::input(path, None, format!("not readable as OpenEXR: {error}"), "give a flat OpenEXR picture")
+        };
+        let meta = MetaData::read_from_file(path, false).map_err(bad)?;
+        // There is no file without a part.
+        let largest = meta.headers.iter().map(|header| header.layer_size).max_by_key(|size| size.area());
+        Ok(largest.map_or([0; 2], |size| [size.x(), size.y()]))
     }
 
     /// The first flat part, at full resolution, whatever its sample types, channels in the file's (alphabetical) order.

@@ -1,6 +1,6 @@
 //! The grid photon map: the rough solution that final gathering looks at.
 //!
-//! Photons leave the lights in proportion to power, are traced on the CPU (`trace.rs`) and stored in a uniform grid (`grid.rs`);
+//! Photons leave the lights and the environment in proportion to power, are traced on the CPU (`trace.rs`) and stored in a uniform grid (`grid.rs`);
 //! the irradiance of a surface is estimated as the flux that its cell received over the true surface area in that cell.
 //! [`PhotonTexture`] takes the grid to the shaders. Lengths are those of unit space.
 //!

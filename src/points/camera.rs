@@ -2,12 +2,13 @@
 
 use glam::camera::rh::{proj, view};
 use glam::{Mat4, Vec2, Vec3, Vec4};
+use rayon::prelude::*;
 
 use super::{Points, Subset};
 use crate::error::Result;
 use crate::geometry::{Geometry, SurfacePass};
 use crate::gpu::{DepthTest, Format, Gpu, Program, Target, Uniform};
-use crate::scene::Camera;
+use crate::scene::{Camera, Scene};
 use crate::shaders;
 
 /// Finds visible points for one picture size.
@@ -20,11 +21,11 @@ pub struct CameraPoints {
 pub struct Visible {
     /// xyz: position in unit space; w as in [`Points`].
     pub position: Vec<Vec4>,
-    /// xyz: unit shading normal facing the camera, zero where the pixel sees nothing; w as in [`Points`].
+    /// xyz: unit shading normal facing the camera, zero where the pixel sees no surface; w as in [`Points`].
     pub normal: Vec<Vec4>,
     /// rgb: albedo.
     pub albedo: Vec<Vec4>,
-    /// rgb: emitted radiance; a: distance along the view axis.
+    /// rgb: emitted radiance, that of the environment where the pixel sees no surface; a: distance along the view axis.
     pub emission: Vec<Vec4>,
     /// How many pixels see a surface.
     pub count: u32,
@@ -71,6 +72,24 @@ impl CameraPoints {
     /// The points seen last, as gather points.
     pub fn points(&self, visible: &Visible) -> Points<'_> {
         Points { position: self.target.color(0), normal: self.target.color(1), subset: Subset::ALL, count: visible.count }
+    }
+}
+
+impl Visible {
+    /// Lets pixels that see no surface see what lies beyond, through their places at `offset`.
+    pub fn see_beyond(&mut self, scene: &Scene, [width, height]: [u32; 2], offset: Vec2) {
+        if !scene.has_sky() {
+            return;
+        }
+        let size = Vec2::new(width as f32, height as f32);
+        let look = |(i, (emission, normal)): (usize, (&mut Vec4, &Vec4))| {
+            if normal.truncate() == Vec3::ZERO {
+                let from_below = (Vec2::new((i % width as usize) as f32, (i / width as usize) as f32) + offset) / size;
+                let direction = scene.camera.ray(Vec2::new(from_below.x, 1.0 - from_below.y), size.x / size.y);
+                *emission = scene.beyond(direction).extend(0.0);
+            }
+        };
+        self.emission.par_iter_mut().zip(&self.normal).enumerate().for_each(look);
     }
 }
 

@@ -11,6 +11,11 @@
 //! up = [0, 1, 0]               # the default
 //! fov_y_degrees = 39.3         # 40 by default
 //!
+//! [environment]                # what lies beyond the model: black without
+//! file = "sky.hdr"             # or radiance = [1, 1, 1], the same from everywhere
+//! scale = 1                    # the default, as are no
+//! turn_degrees = 0             # turns about +y, counter-clockwise from above
+//!
 //! [settings]                   # any field of `Settings`
 //! directions = 1000
 //!
@@ -22,7 +27,7 @@
 
 use std::collections::BTreeMap;
 use std::fs;
-use std::ops::Range;
+use std::ops::{Range, RangeInclusive};
 use std::path::Path;
 
 use glam::{Vec2, Vec3};
@@ -34,18 +39,24 @@ use super::mtl::beside;
 use super::obj::{self, names};
 use super::texture::Textures;
 use super::{Camera, Material, Scene};
+use crate::environment::Environment;
 use crate::error::{Error, Result};
 use crate::settings::Settings;
 
 impl Scene {
     /// Reads a scene file (`.toml`) or a model (`.obj`), with everything that it names.
     pub fn load(path: &Path) -> Result<Self> {
+        Self::load_under(path, None)
+    }
+
+    /// The same under this environment, if it is one, in the place of the scene's own.
+    pub fn load_under(path: &Path, environment: Option<Environment>) -> Result<Self> {
         let extension = path.extension().unwrap_or_default();
         if extension.eq_ignore_ascii_case("toml") {
-            return load_toml(path);
+            return load_toml(path, environment);
         }
         if extension.eq_ignore_ascii_case("obj") {
-            return build(path, Settings::default(), None, |_, _| Ok(()));
+            return build(path, Settings::default(), None, environment, |_, _| Ok(()));
         }
         Err(Error::input(path, None, "not a kind of scene that can be read", "give a scene file (.toml) or a model (.obj)"))
     }
@@ -56,6 +67,7 @@ impl Scene {
 struct SceneFile {
     mesh: String,
     camera: Option<Spanned<CameraTable>>,
+    environment: Option<Spanned<EnvironmentTable>>,
     #[serde(default)]
     settings: Settings,
     #[serde(default)]
@@ -83,20 +95,29 @@ fn default_fov_y() -> f32 {
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
+struct EnvironmentTable {
+    file: Option<String>,
+    radiance: Option<Spanned<[f32; 3]>>,
+    scale: Option<Spanned<f32>>,
+    turn_degrees: Option<Spanned<f32>>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
 struct MaterialTable {
     albedo: Option<Spanned<[f32; 3]>>,
     emission: Option<Spanned<[f32; 3]>>,
     albedo_texture: Option<Spanned<String>>,
 }
 
-fn load_toml(path: &Path) -> Result<Scene> {
+fn load_toml(path: &Path, environment: Option<Environment>) -> Result<Scene> {
     let text = fs::read_to_string(path).map_err(|error| {
         Error::input(path, None, format!("cannot read this scene file: {error}"), "name an existing TOML file, in UTF-8")
     })?;
     let line = |span: Range<usize>| text.bytes().take(span.start).filter(|&byte| byte == b'\n').count() + 1;
     let error = |span, problem: String, cure: &str| Error::input(path, Some(line(span)), problem, cure);
     let file: SceneFile = toml::from_str(&text).map_err(|fault| {
-        let cure = "a scene file has mesh, [camera], [settings] and [materials.NAME]; see the examples in scenes/";
+        let cure = "a scene file has mesh, [camera], [environment], [settings] and [materials.NAME]; see the examples in scenes/";
         Error::input(path, fault.span().map(line), fault.message().trim_end(), cure)
     })?;
 
@@ -117,7 +138,35 @@ fn load_toml(path: &Path) -> Result<Scene> {
         camera.check().map_err(|(problem, cure)| error(table.span(), problem, cure))
     });
 
-    build(&beside(path, &file.mesh), file.settings, camera.transpose()?, |materials, textures| {
+    let own_environment = |table: Spanned<EnvironmentTable>| {
+        let span = table.span();
+        let table = table.into_inner();
+        let environment = match (table.file, table.radiance) {
+            (Some(file), None) => Environment::load(&beside(path, &file))?,
+            (None, Some(radiance)) => {
+                let value = Vec3::from(*radiance.get_ref());
+                Environment::constant(value).map_err(|_| {
+                    let cure = "give a finite radiance of 0 or more for each of red, green and blue";
+                    error(radiance.span(), format!("radiance is {value}"), cure)
+                })?
+            }
+            _ => return Err(error(span, "an environment has a file or a radiance".into(), "give one of the two")),
+        };
+        let factor = |number: Option<Spanned<f32>>, name, accepted: RangeInclusive<f32>, default, cure| match number {
+            None => Ok(default),
+            Some(number) if accepted.contains(number.get_ref()) => Ok(*number.get_ref()),
+            Some(number) => Err(error(number.span(), format!("{name} is {}", number.get_ref()), cure)),
+        };
+        let scale = factor(table.scale, "scale", 0.0..=f32::MAX, 1.0, "give a finite factor of 0 or more")?;
+        let turn = factor(table.turn_degrees, "turn_degrees", -360.0..=360.0, 0.0, "give degrees from -360 to 360")?;
+        Ok(environment.scaled(scale).turned(turn))
+    };
+    let environment = match environment {
+        None => file.environment.map(own_environment).transpose()?,
+        given => given,
+    };
+
+    build(&beside(path, &file.mesh), file.settings, camera.transpose()?, environment, |materials, textures| {
         for (name, table) in file.materials {
             let known = names(materials);
             let Some(material) = materials.iter_mut().find(|material| material.name == *name.get_ref()) else {
@@ -153,16 +202,14 @@ fn build(
     model: &Path,
     settings: Settings,
     camera: Option<Camera>,
+    environment: Option<Environment>,
     adjust: impl FnOnce(&mut [Material], &mut Textures) -> Result<()>,
 ) -> Result<Scene> {
     let mut textures = Textures::default();
     let mut warnings = Vec::new();
     let (mesh, mut materials) = obj::load(model, &mut textures, &mut warnings)?;
     adjust(&mut materials, &mut textures)?;
-    if !mesh.triangles.iter().any(|triangle| materials[triangle.material as usize].is_emissive()) {
-        let cure = "give a material that the model uses Ke in the MTL file, or emission under [materials.NAME] in a scene file";
-        return Err(Error::input(model, None, "no light: no material in use has Ke above 0", cure));
-    }
+    warnings.extend(environment.as_ref().and_then(Environment::warning).map(str::to_owned));
     let untextured = mesh.triangles.iter().filter(|triangle| {
         let textured = materials[triangle.material as usize].albedo_texture.is_some();
         textured && triangle.vertices.iter().all(|&vertex| mesh.uvs[vertex as usize] == Vec2::ZERO)
@@ -174,5 +221,13 @@ fn build(
     }
     let framed = camera.is_none();
     let camera = camera.unwrap_or_else(|| Camera::framing(mesh.bounds(), settings.size));
-    Ok(Scene { mesh, materials, textures: textures.list, camera, framed, settings, warnings })
+    let scene = Scene { mesh, materials, textures: textures.list, environment, camera, framed, settings, warnings };
+    let is_emissive = |triangle| scene.material(triangle).is_emissive();
+    if !scene.has_sky() && !(0..scene.mesh.triangles.len()).any(is_emissive) {
+        let problem = "no light: no material in use has Ke above 0, and there is no environment that is not black";
+        let cure = "give a material that the model uses Ke in the MTL file, or emission under [materials.NAME] in a scene file; or an \
+                    environment, as [environment] in a scene file or by --env";
+        return Err(Error::input(model, None, problem, cure));
+    }
+    Ok(scene)
 }

@@ -4,10 +4,11 @@
 //! same albedo. Emission leaves the front side only, the one from which the triangle winds counter-clockwise.
 //!
 //! [`Scene::load`] is the entry point. After it returns, every index is in range, every number is finite, every albedo lies in
-//! [0, 1], every triangle has an area, and at least one triangle emits; later stages rely on that and check nothing again.
+//! [0, 1], every triangle has an area, and at least one triangle or the environment sends light; later stages rely on that and check nothing again.
 
 use glam::{Vec2, Vec3};
 
+use crate::environment::Environment;
 use crate::math::Aabb;
 use crate::settings::Settings;
 
@@ -34,6 +35,8 @@ pub struct Scene {
     pub mesh: Mesh,
     pub materials: Vec<Material>,
     pub textures: Vec<Texture>,
+    /// What is seen where no surface is; black without.
+    pub environment: Option<Environment>,
     pub camera: Camera,
     /// Whether the camera was framed to fit, for `settings.size`; a render of another size frames it again.
     pub framed: bool,
@@ -47,6 +50,16 @@ impl Scene {
     /// The material of a triangle.
     pub fn material(&self, triangle: usize) -> &Material {
         &self.materials[self.mesh.triangles[triangle].material as usize]
+    }
+
+    /// Radiance that comes from beyond all surfaces, from where the unit vector `direction` points.
+    pub fn beyond(&self, direction: Vec3) -> Vec3 {
+        self.environment.as_ref().map_or(Vec3::ZERO, |environment| environment.radiance(direction))
+    }
+
+    /// Whether light comes from beyond.
+    pub fn has_sky(&self) -> bool {
+        self.environment.as_ref().is_some_and(|environment| environment.power() > 0.0)
     }
 
     /// Linear reflectance at a point of a triangle, by the weights of its three corners.

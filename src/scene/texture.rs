@@ -12,6 +12,7 @@ use image::{ImageError, ImageReader, Limits};
 
 use super::Texture;
 use crate::error::{Error, Result};
+use crate::math::neighbours;
 
 /// OpenGL 3.3 devices of today sample up to here.
 const LARGEST_SIDE: u32 = 16384;
@@ -73,22 +74,14 @@ impl Texture {
     /// Linear reflectance at `uv`: texels are decoded, then interpolated, and repeat in both directions. Equals GL_LINEAR with
     /// GL_REPEAT on an sRGB texture that holds these rows and is sampled at (u, 1 - v).
     pub fn sample_linear(&self, uv: Vec2) -> Vec3 {
-        let (left, right, x) = neighbours(uv.x, self.width);
-        let (above, below, y) = neighbours(1.0 - uv.y, self.height);
+        let (left, right, x) = neighbours(uv.x, self.width as usize);
+        let (above, below, y) = neighbours(1.0 - uv.y, self.height as usize);
         let row = |row| self.texel(left, row).lerp(self.texel(right, row), x);
         row(above).lerp(row(below), y)
     }
 
-    fn texel(&self, x: u32, y: u32) -> Vec3 {
-        let [r, g, b, _] = self.texels[y as usize * self.width as usize + x as usize];
+    fn texel(&self, x: usize, y: usize) -> Vec3 {
+        let [r, g, b, _] = self.texels[y * self.width as usize + x];
         Vec3::from([r, g, b].map(|byte| LINEAR[usize::from(byte)]))
     }
-}
-
-/// The two texels on either side of a coordinate, whose centres lie at (i + 0.5) / `size`, and the weight of the second.
-fn neighbours(coordinate: f32, size: u32) -> (u32, u32, f32) {
-    let position = (coordinate - coordinate.floor()) * size as f32 - 0.5;
-    let first = position.floor();
-    let wrap = |index: i64| index.rem_euclid(size.into()) as u32;
-    (wrap(first as i64), wrap(first as i64 + 1), position - first)
 }

@@ -39,6 +39,7 @@ impl Model {
             mesh: Mesh::default(),
             materials: Vec::new(),
             textures: Vec::new(),
+            environment: None,
             camera,
             settings: Settings::default(),
             warnings: Vec::new(),
@@ -230,7 +231,7 @@ fn gather_by<G: Gather>(
     let list = PointList::upload(gpu, points).unwrap();
     let sums = &Sums::new(gpu, list.points().size()).unwrap();
     sums.clear();
-    let work = Work { geometry, photons, points: list.points(), sums };
+    let work = Work { scene, geometry, photons, points: list.points(), sums };
     let mut gather = make(list.points().size());
     let layers = directions.chunks(gather.batch()).map(|batch| gather.add(work, batch).unwrap()).max().unwrap_or(0);
     gpu.check("gathering").unwrap();

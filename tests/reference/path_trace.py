@@ -2,10 +2,11 @@
 
     python3 tests/reference/path_trace.py scenes/cornell.toml tests/reference/cornell_256.exr --size 256 --spp 32768
     python3 tests/reference/path_trace.py scenes/cornell_textured.toml tests/reference/cornell_textured_256.exr --size 256 --spp 16384
+    python3 tests/reference/path_trace.py scenes/open.toml tests/reference/open_128.exr --size 128 --spp 8192
 
 Reads the scene file, OBJ and MTL by itself, so that it shares no code with the renderer: Lambertian two-sided
-surfaces, emission from the side that the winding faces, box pixel filter, unlimited path length. Writes half-float linear
-RGB, and beside it NAME_mask.png: black where a pixel shows a light or lies within two pixels of one, white elsewhere. Prints the image's mean and the standard error of a pixel, as a share of the mean, from independent passes.
+surfaces, emission from the side that the winding faces, an environment as the scene file's, box pixel filter, unlimited path length. Writes half-float linear
+RGB, and where surfaces emit beside it NAME_mask.png: black where a pixel shows a light or lies within two pixels of one, white elsewhere. Prints the image's mean and the standard error of a pixel, as a share of the mean, from independent passes.
 """
 import argparse
 import pathlib
@@ -77,6 +78,25 @@ def mesh(name, triangles, material):
     return out
 
 
+def environment(table, folder):
+    """Of a finalgather picture's texels, whose centres lie within its borders; Mitsuba's first and last rows lie on the poles, and its middle
+    column is along +z. So it gets one of its own kind, fine enough that its bilinear look-up adds nothing."""
+    if "radiance" in table:
+        return {"type": "constant", "radiance": {"type": "rgb", "value": [table.get("scale", 1) * c for c in table["radiance"]]}}
+    texels = np.array(mi.Bitmap(str(folder / table["file"])).convert(mi.Bitmap.PixelFormat.RGB, mi.Struct.Type.Float32), np.float64)
+    rows, columns = texels.shape[:2]
+    width, height = 32 * columns, 32 * rows + 1
+    x = ((np.arange(width) + 0.5) / width + table.get("turn_degrees", 0) / 360) * columns - 0.5
+    y = np.clip(np.arange(height) / (height - 1) * rows - 0.5, 0, rows - 1)
+    left, above = np.floor(x).astype(int), np.floor(y).astype(int)
+    across, down = (x - left)[None, :, None], (y - above)[:, None, None]
+    at = lambda row, column: texels[np.minimum(row, rows - 1)][:, column % columns]
+    upper, lower = [at(row, left) * (1 - across) + at(row, left + 1) * across for row in (above, above + 1)]
+    picture = table.get("scale", 1) * (upper * (1 - down) + lower * down)
+    turn = mi.ScalarTransform4f().rotate([0, 1, 0], 180)
+    return {"type": "envmap", "bitmap": mi.Bitmap(picture.astype(np.float32)), "to_world": turn}
+
+
 def main():
     parser = argparse.ArgumentParser()
     parser.add_argument("scene", type=pathlib.Path)
@@ -108,6 +128,8 @@ def main():
     }
     for name, triangles in faces.items():
         scene[name] = mesh(name, triangles, materials[name])
+    if "environment" in scene_file:
+        scene["environment"] = environment(scene_file["environment"], arguments.scene.parent)
     scene = mi.load_dict(scene)
 
     passes = max(2, arguments.spp // arguments.spp_per_pass)
@@ -121,13 +143,14 @@ def main():
     mean = total / passes
     error = np.sqrt(np.maximum(squares / passes - mean * mean, 0) / (passes - 1))
     print("mean", mean.mean(axis=(0, 1)), "root mean square standard error / mean", np.sqrt((error**2).mean()) / mean.mean())
-    # Lights are far brighter than all that they light: a pixel that is a twentieth as bright as one shows a part of one.
     brightest = max(max(material["Ke"]) for material in materials.values())
-    light = np.pad(mean.max(axis=2) > 0.05 * brightest, 2)
-    size = arguments.size
-    near = np.any([light[y:y + size, x:x + size] for y in range(5) for x in range(5)], axis=0)
-    mask = np.where(near, 0, 255).astype(np.uint8)[..., None].repeat(3, axis=2)
-    mi.Bitmap(mask).write(str(arguments.output.with_name(arguments.output.stem + "_mask.png")))
+    if brightest > 0:
+        # Lights are far brighter than all that they light: a pixel that is a twentieth as bright as one shows a part of one.
+        light = np.pad(mean.max(axis=2) > 0.05 * brightest, 2)
+        size = arguments.size
+        near = np.any([light[y:y + size, x:x + size] for y in range(5) for x in range(5)], axis=0)
+        mask = np.where(near, 0, 255).astype(np.uint8)[..., None].repeat(3, axis=2)
+        mi.Bitmap(mask).write(str(arguments.output.with_name(arguments.output.stem + "_mask.png")))
     mi.Bitmap(mean.astype(np.float32)).convert(component_format=mi.Struct.Type.Float16).write(str(arguments.output))
 
 

@@ -1,12 +1,15 @@
 //! What can be asked on the command line. Whatever is not given stays `None`, so that the scene file can decide it.
 
 use std::fmt::Display;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Parser, Subcommand};
 use finalgather::bench::CONTESTANTS;
+use finalgather::environment::Environment;
+use finalgather::error::Result;
 use finalgather::gpu::{Backend, DeviceChoice};
+use finalgather::scene::Scene;
 use finalgather::settings::{Estimator, Pipeline, Sequence, Settings};
 use serde::Deserialize;
 use serde::de::IntoDeserializer;
@@ -193,6 +196,10 @@ pub struct Overrides {
 
     #[arg(long, value_name = "EV", help = setting("Exposure of .png in stops", |s| s.exposure))]
     exposure: Option<f32>,
+
+    /// Environment, a lat-long .hdr or .exr: what lies beyond the scene and lights it [default: the scene file's, else black]
+    #[arg(long, value_name = "FILE")]
+    env: Option<PathBuf>,
 }
 
 /// Open a window on a scene: the picture as it gathers, a camera to move, the layers of a direction to look at
@@ -349,12 +356,21 @@ impl RenderArgs {
         }
     }
 
+    pub fn load_scene(&self) -> Result<Scene> {
+        self.overrides.load_scene(&self.scene)
+    }
+
     pub fn override_settings(&self, settings: Settings) -> Settings {
         self.overrides.put_over(settings)
     }
 }
 
 impl Overrides {
+    /// Under the environment that was asked for here, or its own.
+    pub fn load_scene(&self, path: &Path) -> Result<Scene> {
+        Scene::load_under(path, self.env.as_deref().map(Environment::load).transpose()?)
+    }
+
     /// `settings` with what was asked for here put over it.
     pub fn put_over(&self, mut settings: Settings) -> Settings {
         fn put<T: Copy>(target: &mut T, source: Option<T>) {

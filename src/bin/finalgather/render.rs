@@ -8,7 +8,6 @@ use finalgather::error::{Error, Result};
 use finalgather::gpu::{Gpu, GpuInfo};
 use finalgather::image::{Image, WriteOptions, check_writable};
 use finalgather::render::Render;
-use finalgather::scene::Scene;
 use finalgather::settings::Settings;
 use serde_json::json;
 
@@ -33,7 +32,7 @@ fn render(args: &RenderArgs, outputs: &[PathBuf], progress: &Progress, started: 
         Error::usage(format!("signals cannot be caught: {error}"), "run where the system allows signal handlers")
     })?;
     let loading = Instant::now();
-    let scene = Scene::load(&args.scene)?;
+    let scene = args.load_scene()?;
     let load = loading.elapsed().as_secs_f64();
     scene.warnings.iter().for_each(|warning| progress.say(&format!("warning: {warning}")));
     let settings = args.override_settings(scene.settings.clone());

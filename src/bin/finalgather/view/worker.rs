@@ -17,7 +17,7 @@ use finalgather::gpu::{Backend, DeviceChoice, Gpu, StageClock};
 use finalgather::image::{Image, WriteOptions};
 use finalgather::math::Aabb;
 use finalgather::render::{End, Layers, Probe, Render, Statistics};
-use finalgather::scene::{Camera, Scene};
+use finalgather::scene::Camera;
 use finalgather::settings::Settings;
 use finalgather::shaders;
 use glam::Vec2;
@@ -273,7 +273,7 @@ fn newest(path: &Path) -> Option<SystemTime> {
 }
 
 fn open(gpu: &Gpu, start: &Start, path: &Path) -> Result<(Opened, Job)> {
-    let mut scene = Scene::load(path)?;
+    let mut scene = start.overrides.load_scene(path)?;
     let settings = start.overrides.put_over(scene.settings.clone());
     let render = Render::new(gpu, &scene, &settings)?;
     if scene.framed {

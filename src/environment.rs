@@ -1,0 +1,248 @@
+//! Light from beyond the scene: radiance by direction, the same from every point, as a lat-long picture of the whole sphere has it.
+//!
+//! A direction (x, y, z) is seen at u = 1/2 + atan2(x, -z) / 2π of the picture's width, from its left, and at v = acos(y) / π of its height, from
+//! its top: the top row is straight up, +y, the middle of the picture is seen along -z, and right of it lies +x. Between the centres of texels
+//! radiance is interpolated; u wraps round, and beyond the centres of the outermost rows it stays what it is there.
+//!
+//! Rays that meet no surface bring it. A bundle's rays all have one direction, and what lies beyond is far: one look-up serves all points, so that
+//! no shader samples the picture, and without one nothing is slower. In return what is small and bright in it, as the sun is, is met by
+//! few directions, at all points at once, or by none: [`Environment::warning`] tells of such pictures. An emissive surface in its place has soft
+//! shadows at no such price.
+
+use std::f32::consts::{PI, TAU};
+use std::fs::File;
+use std::io::BufReader;
+use std::path::Path;
+use std::sync::Arc;
+
+use glam::Vec3;
+use image::codecs::hdr::HdrDecoder;
+use image::{DynamicImage, ImageError};
+use rayon::prelude::*;
+
+use crate::error::{Error, Result};
+use crate::image::Image;
+use crate::math::neighbours;
+use crate::random::Distribution;
+
+/// The widest picture: 400 MB of texels, a thousand times as many as there are directions in most renders.
+const WIDEST: usize = 8192;
+
+/// Radiance from every direction. Clones share the picture.
+#[derive(Clone, Debug)]
+pub struct Environment {
+    picture: Arc<Picture>,
+    scale: f32,
+    /// About +y, in whole turns.
+    turn: f32,
+}
+
+/// A problem and its cure.
+type Fault = (String, &'static str);
+
+#[derive(Debug)]
+struct Picture {
+    width: usize,
+    height: usize,
+    /// Row by row from the top.
+    texels: Vec<Vec3>,
+    /// Of rows, and in each row of texels, by the power that comes from there.
+    rows: Distribution,
+    columns: Vec<Distribution>,
+    /// Integral of radiance over the sphere, channels added up.
+    power: f64,
+    /// See [`Environment::warning`].
+    warning: Option<String>,
+}
+
+impl Environment {
+    /// Reads a lat-long picture, `.hdr` (Radiance) or `.exr` (channels R, G and B).
+    ///
+    /// # Errors
+    /// [`Error::Input`] when it cannot be read, is not twice as wide as high or too large, or has a texel that is no radiance.
+    pub fn load(path: &Path) -> Result<Self> {
+        let bad = |(problem, cure): Fault| Error::input(path, None, problem, cure);
+        let ending = path.extension().unwrap_or_default().to_ascii_lowercase();
+        let (size, texels) = match ending.to_str() {
+            Some("hdr") => read_hdr(path).map_err(bad)?,
+            Some("exr") => read_exr(path)?,
+            _ => {
+                let problem = "the ending names no kind of environment that can be read".to_owned();
+                return Err(bad((problem, "give a lat-long picture in linear floats, .hdr or .exr")));
+            }
+        };
+        Self::checked(size, texels).map_err(bad)
+    }
+
+    /// Of `width` × `height` texels, row by row from the top.
+    ///
+    /// # Errors
+    /// [`Error::Usage`], as [`Self::load`].
+    pub fn from_texels(size: [usize; 2], texels: Vec<Vec3>) -> Result<Self> {
+        Self::checked(size, texels).map_err(|(problem, cure)| Error::usage(problem, cure))
+    }
+
+    /// The same radiance from everywhere.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] when it is none.
+    pub fn constant(radiance: Vec3) -> Result<Self> {
+        Self::from_texels([2, 1], vec![radiance; 2])
+    }
+
+    fn checked([width, height]: [usize; 2], texels: Vec<Vec3>) -> Result<Self, Fault> {
+        check_size([width, height])?;
+        assert_eq!(texels.len(), width * height, "texels fill the picture");
+        if let Some(texel) = texels.iter().position(|texel| !(texel.is_finite() && texel.min_element() >= 0.0)) {
+            let problem = format!("texel {}, {} is {}", texel % width, texel / width, texels[texel]);
+            return Err((problem, "give a finite radiance of 0 or more everywhere, for each of red, green and blue"));
+        }
+        Ok(Self { picture: Arc::new(Picture::new(width, height, texels)), scale: 1.0, turn: 0.0 })
+    }
+
+    /// So many times as bright; `factor` is finite and not negative.
+    pub fn scaled(self, factor: f32) -> Self {
+        Self { scale: self.scale * factor, ..self }
+    }
+
+    /// Turned about +y, counter-clockwise as seen from above: by 90 degrees, what was seen along -z is seen along -x.
+    pub fn turned(self, degrees: f32) -> Self {
+        Self { turn: self.turn + degrees / 360.0, ..self }
+    }
+
+    /// Radiance that comes from where the unit vector `direction` points.
+    pub fn radiance(&self, direction: Vec3) -> Vec3 {
+        let Picture { width, height, texels, .. } = &*self.picture;
+        let u = 0.5 + direction.x.atan2(-direction.z) / TAU + self.turn;
+        let (left, right, across) = neighbours(u, *width);
+        let v = direction.x.hypot(direction.z).atan2(direction.y) / PI;
+        let y = (v * *height as f32 - 0.5).clamp(0.0, (height - 1) as f32);
+        let row = |row: usize| {
+            let [left, right] = [left, right].map(|column| texels[row * width + column]);
+            left + across * (right - left)
+        };
+        let (above, below) = (row(y as usize), row((y as usize + 1).min(height - 1)));
+        self.scale * (above + y.fract() * (below - above))
+    }
+
+    /// Maps a uniform point of the unit square to a unit vector that points to where light comes from, with a density that follows radiance; and
+    /// that density, per steradian. Where there is radiance, there is density; where all is black, neither means anything.
+    pub fn sample(&self, [u, v]: [f32; 2]) -> (Vec3, f32) {
+        let Picture { width, height, rows, columns, .. } = &*self.picture;
+        let (row, down, of_row) = rows.pick(v);
+        let (column, across, of_texel) = columns[row].pick(u);
+        let azimuth = TAU * ((column as f32 + across) / *width as f32 - 0.5 - self.turn);
+        // Uniform in solid angle within the texel.
+        let (top, bottom) = band(row, *height);
+        let y = top + down * (bottom - top);
+        let radius = (1.0 - y * y).max(0.0).sqrt();
+        let density = of_row * of_texel * *width as f32 / (TAU * (top - bottom));
+        (Vec3::new(radius * azimuth.sin(), y, -radius * azimuth.cos()), density)
+    }
+
+    /// Integral of radiance over the sphere, channels added up: 4π times the mean of their sum.
+    pub fn power(&self) -> f64 {
+        self.picture.power * f64::from(self.scale)
+    }
+
+    /// In a sentence for a person, when much of the light comes from so small a part of the sphere that shared directions make noise of it.
+    pub fn warning(&self) -> Option<&str> {
+        self.picture.warning.as_deref()
+    }
+}
+
+impl Picture {
+    fn new(width: usize, height: usize, texels: Vec<Vec3>) -> Self {
+        let solid_angle = |row: usize| {
+            let (top, bottom) = band(row, height);
+            f64::from(TAU * (top - bottom)) / width as f64
+        };
+        // A texel's share is the mean of what is interpolated across it, so that beside a bright one black ones have some too.
+        let mean = |row: usize, column: usize| {
+            let mut sum = 0.0;
+            for (above, weight) in [(row.saturating_sub(1), 0.125), (row, 0.75), ((row + 1).min(height - 1), 0.125)] {
+                let at = |column: usize| f64::from(texels[above * width + column % width].element_sum());
+                sum += weight * (0.75 * at(column) + 0.125 * (at(column + 1) + at(column + width - 1)));
+            }
+            sum
+        };
+        let weights_of = |row: usize| -> Vec<f64> { (0..width).map(|column| mean(row, column)).collect() };
+        let (columns, sums): (Vec<_>, Vec<f64>) = (0..height)
+            .into_par_iter()
+            .map(|row| {
+                let weights = weights_of(row);
+                let sum = weights.iter().sum::<f64>() * solid_angle(row);
+                (Distribution::new(weights), sum)
+            })
+            .unzip();
+        let power = sums.iter().sum();
+        let warning = warning(&texels, width, power, solid_angle);
+        Self { rows: Distribution::new(sums), columns, power, warning, texels, width, height }
+    }
+}
+
+/// N directions meet what fills the share s/k of the sphere some N s/k times; where that part sends the share s of the power, it alone makes an error of
+/// about √(k s / N): 10 % of 1000 directions for the numbers here.
+fn warning(texels: &[Vec3], width: usize, power: f64, solid_angle: impl Fn(usize) -> f64) -> Option<String> {
+    const TIMES_BRIGHTER: f64 = 100.0;
+    const SHARE: f64 = 0.1;
+    let mean = power / (4.0 * std::f64::consts::PI);
+    let (mut share, mut fills) = (0.0, 0.0);
+    for (i, texel) in texels.iter().enumerate() {
+        let radiance = f64::from(texel.element_sum());
+        if radiance > TIMES_BRIGHTER * mean {
+            share += radiance * solid_angle(i / width) / power;
+            fills += solid_angle(i / width) / (4.0 * std::f64::consts::PI);
+        }
+    }
+    (share > SHARE).then(|| {
+        format!(
+            "{:.0} % of the environment's light comes from {:.2} % of the sphere: it needs many directions, or an emissive surface in its place",
+            100.0 * share,
+            100.0 * fills
+        )
+    })
+}
+
+/// Heights y of the upper and the lower border of a row on the unit sphere.
+fn band(row: usize, height: usize) -> (f32, f32) {
+    let at = |row: usize| (PI * row as f32 / height as f32).cos();
+    (at(row), at(row + 1))
+}
+
+fn check_size([width, height]: [usize; 2]) -> Result<(), Fault> {
+    if height == 0 || width != 2 * height {
+        return Err((
+            format!("is {width} x {height} texels"),
+            "give a lat-long picture of the whole sphere, twice as wide as high",
+        ));
+    }
+    if width > WIDEST {
+        return Err((format!("is {width} x {height} texels"), "shrink it to at most 8192 x 4096"));
+    }
+    Ok(())
+}
+
+fn read_hdr(path: &Path) -> Result<([usize; 2], Vec<Vec3>), Fault> {
+    let cure = "save it again as Radiance RGBE, or give an .exr";
+    let unreadable = |error: ImageError| (format!("not readable as Radiance RGBE: {error}"), cure);
+    let file = File::open(path).map_err(|error| unreadable(error.into()))?;
+    let decoder = HdrDecoder::new(BufReader::new(file)).map_err(unreadable)?;
+    let size = [decoder.metadata().width as usize, decoder.metadata().height as usize];
+    // Before there is memory for what the header says.
+    check_size(size)?;
+    // What radiances were multiplied by.
+    let exposure = decoder.metadata().exposure.unwrap_or(1.0);
+    let picture = DynamicImage::from_decoder(decoder).map_err(unreadable)?.into_rgb32f();
+    Ok((size, picture.pixels().map(|pixel| Vec3::from(pixel.0) / exposure).collect()))
+}
+
+fn read_exr(path: &Path) -> Result<([usize; 2], Vec<Vec3>)> {
+    let bad = |(problem, cure): Fault| Error::input(path, None, problem, cure);
+    check_size(Image::exr_size(path)?).map_err(bad)?;
+    let picture = Image::read(path)?;
+    let [r, g, b] =
+        picture.rgb().map_err(|error| bad((error.to_string(), "give an OpenEXR picture with channels R, G and B")))?;
+    let texels = (0..r.len()).map(|texel| Vec3::new(r[texel], g[texel], b[texel])).collect();
+    Ok(([picture.width, picture.height], texels))
+}
