@@ -47,6 +47,7 @@ pub mod geometry;
 pub mod gpu;
 pub mod image;
 pub mod math;
+pub mod npy;
 pub mod photon;
 pub mod photon_map;
 pub mod points;
