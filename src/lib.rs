@@ -41,6 +41,8 @@ pub mod bench;
 pub mod direct;
 pub mod direction;
 pub mod error;
+pub mod export;
+mod file;
 mod film;
 pub mod gather;
 pub mod geometry;
