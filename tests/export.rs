@@ -459,6 +459,9 @@ fn gltf_with_a_light_map() {
             2 => assert!(picture.is_null() && shown_as["pbrMetallicRoughness"]["baseColorFactor"][0].as_f64().unwrap() > 0.99),
             _ => {
                 assert_eq!(picture["texCoord"], 1);
+                let texture = primitive.material().pbr_metallic_roughness().base_color_texture().unwrap().texture();
+                assert_eq!(texture.sampler().min_filter(), Some(gltf::texture::MinFilter::Linear));
+                assert_eq!(texture.sampler().wrap_s(), gltf::texture::WrappingMode::ClampToEdge);
                 assert_eq!(glb.picture(picture), shown(1.0, irradiance.rgb().unwrap()));
             }
         }

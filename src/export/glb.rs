@@ -31,6 +31,8 @@ const FLOAT: u32 = 5126;
 const ARRAY_BUFFER: u32 = 34962;
 const ELEMENT_ARRAY_BUFFER: u32 = 34963;
 const POINTS: u32 = 0;
+const LINEAR: u32 = 9729;
+const CLAMP_TO_EDGE: u32 = 33071;
 
 const UNLIT: &str = "KHR_materials_unlit";
 const VARIANTS: &str = "KHR_materials_variants";
@@ -98,9 +100,14 @@ pub fn write_lightmap(path: &Path, lightmap: &Lightmap, options: &WriteOptions) 
     attributes.insert("TEXCOORD_0".into(), file.uvs(&surface.mesh.uvs).into());
     attributes.insert("TEXCOORD_1".into(), file.uvs(lightmap.uvs).into());
 
-    let shown = file.texture("shown", &lightmap.shown_png(options.exposure)?);
     let (linear, intensity) = linear_png(lightmap.irradiance)?;
-    let linear = file.texture("irradiance", &linear);
+    let [shown, linear] =
+        [("shown", lightmap.shown_png(options.exposure)?), ("irradiance", linear)].map(|(name, png)| file.texture(name, &png));
+    // Neither mipmaps nor repetition may mix what lies on other charts.
+    for map in [shown, linear] {
+        file.textures[map]["sampler"] = 0.into();
+    }
+    file.samplers.push(json!({"magFilter": LINEAR, "minFilter": LINEAR, "wrapS": CLAMP_TO_EDGE, "wrapT": CLAMP_TO_EDGE}));
     let textures = file.albedo_textures(surface)?;
     for (index, indices) in surface.indices_by_material() {
         let material = &surface.materials[index];
@@ -171,6 +178,7 @@ struct Builder {
     accessors: Vec<Value>,
     images: Vec<Value>,
     textures: Vec<Value>,
+    samplers: Vec<Value>,
     materials: Vec<Value>,
     primitives: Vec<Value>,
     extensions: Value,
@@ -256,6 +264,9 @@ impl Builder {
         if !self.textures.is_empty() {
             root["images"] = self.images.into();
             root["textures"] = self.textures.into();
+        }
+        if !self.samplers.is_empty() {
+            root["samplers"] = self.samplers.into();
         }
         if !self.extensions.is_null() {
             root["extensions"] = self.extensions;
