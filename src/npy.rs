@@ -1,6 +1,7 @@
 //! Arrays as NumPy saves them (`.npy`), in and out.
 //!
-//! Own code: the crate for it, `npyz`, takes a dozen others to read one line of header, and reserves whatever length that line claims.
+//! Own code: the crate for it, `npyz`, takes a dozen others to read one line of header, and reserves whatever length that line
+//! claims.
 
 use std::path::Path;
 

@@ -1,4 +1,5 @@
-//! What is exported comes back through other readers: PLY through ply-rs, NumPy byte by byte, OBJ as a scene, glTF through its crate.
+//! What is exported comes back through other readers: PLY through ply-rs, NumPy byte by byte, OBJ as a scene, glTF through its
+//! crate.
 
 use std::collections::BTreeMap;
 use std::f32::consts::{FRAC_1_PI, PI};

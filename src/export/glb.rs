@@ -1,16 +1,17 @@
 //! Binary glTF 2.0.
 //!
-//! Values at points become `COLOR_0`, for looking at, and a custom attribute a quantity: `_IRRADIANCE`, `_AO`, `_PRT_00` and on. `COLOR_0` is
-//! the light, which viewers multiply by the albedo of the unlit materials.
+//! Values at points become `COLOR_0`, for looking at, and a custom attribute a quantity: `_IRRADIANCE`, `_AO`, `_PRT_00` and on.
+//! `COLOR_0` is the light, which viewers multiply by the albedo of the unlit materials.
 //!
-//! A light map lies on `TEXCOORD_1`, twice, because no ratified extension says what a light map is. By default materials are
-//! unlit (`KHR_materials_unlit`) with the map as their base colour: any viewer shows what was baked, as a PNG would, in sRGB and with exposure. A
-//! textured albedo counts by its mean there. The variant `lightmap` (`KHR_materials_variants`) is for engines: shaded materials with their
-//! own textures, and the extension `MOZ_lightmap` that three.js's addon and Hubs read: linear irradiance in eight bits over its greatest
-//! value, which is the `intensity`. As one material, the light would count twice where `MOZ_lightmap` is known.
+//! A light map lies on `TEXCOORD_1`, twice, because no ratified extension says what a light map is. By default materials are unlit
+//! (`KHR_materials_unlit`) with the map as their base colour: any viewer shows what was baked, as a PNG would, in sRGB and with
+//! exposure. A textured albedo counts by its mean there. The variant `lightmap` (`KHR_materials_variants`) is for engines: shaded
+//! materials with their own textures, and the extension `MOZ_lightmap` that three.js's addon and Hubs read: linear irradiance in
+//! eight bits over its greatest value, which is the `intensity`. They band in the dark where a lamp is near; of sixteen, browsers
+//! drop the lower eight, which is darker still. As one material, the light would count twice where `MOZ_lightmap` is known.
 //!
-//! By `serde_json` alone: the types of the crate `gltf-json` write out every field that is not there. That crate's reader and the Khronos
-//! validator judge the result.
+//! By `serde_json` alone: the types of the crate `gltf-json` write out every field that is not there. That crate's reader and the
+//! Khronos validator judge the result.
 
 use std::path::Path;
 

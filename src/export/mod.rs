@@ -1,5 +1,5 @@
-//! What was baked, in files that other programs read: values at points as PLY, NumPy or glTF, a light map on its model as OBJ or glTF.
-//! [`Values::write`] and [`Lightmap::write`] take the format from the path's ending; every file appears whole or not at all.
+//! What was baked, in files that other programs read: values at points as PLY, NumPy or glTF, a light map on its model as OBJ or
+//! glTF. [`Values::write`] and [`Lightmap::write`] take the format from the path's ending; every file appears whole or not at all.
 
 use std::collections::HashSet;
 use std::f32::consts::{FRAC_1_PI, PI};
@@ -51,8 +51,8 @@ pub struct Lightmap<'a> {
 impl Values<'_> {
     pub const ENDINGS: &'static [&'static str] = &["ply", "npy", "glb"];
 
-    /// In the format that the path ends in. Colours are for looking at, with the exposure and the curve of a PNG; the columns are not
-    /// touched. NumPy's file gets a `.json` beside it, which says what the numbers are.
+    /// In the format that the path ends in. Colours are for looking at, with the exposure and the curve of a PNG; the columns are
+    /// not touched. NumPy's file gets a `.json` beside it, which says what the numbers are.
     pub fn write(&self, path: &Path, options: &WriteOptions) -> Result<()> {
         let ending = ending(path, Self::ENDINGS)?;
         self.check()?;
@@ -81,8 +81,8 @@ impl Values<'_> {
         }
     }
 
-    /// What to show at each point, linear and from 0 to 1: light as a white surface there sends it back, with the exposure and the curve of
-    /// a PNG; else the share of the hemisphere that is open, as grey; else the way the surface faces.
+    /// What to show at each point, linear and from 0 to 1: light as a white surface there sends it back, with the exposure and the
+    /// curve of a PNG; else the share of the hemisphere that is open, as grey; else the way the surface faces.
     fn shown(&self, exposure: f32) -> Vec<Vec3> {
         let column = |name: &str| self.columns.iter().find(|column| column.name == name).map(|column| column.samples.as_slice());
         let rgb = |name: &str| {

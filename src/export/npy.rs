@@ -1,7 +1,7 @@
 //! NumPy's `.npy` with a `.json` of the same name that says what the numbers are: columns, shape, units, basis.
 //!
-//! One quantity has the shape that research code expects, `[points, coefficients, 3]` for coefficients, `[points, 3]` or `[points]`; several
-//! lie side by side, `[points, columns]`.
+//! One quantity has the shape that research code expects, `[points, coefficients, 3]` for coefficients, `[points, 3]` or
+//! `[points]`; several lie side by side, `[points, columns]`.
 
 use std::fs;
 use std::path::Path;

@@ -1,5 +1,5 @@
-//! Wavefront OBJ with its light map as `map_Kd`, for a quick look in any viewer: the map shows what a white surface sends back, and `Kd`
-//! multiplies it by the albedo.
+//! Wavefront OBJ with its light map as `map_Kd`, for a quick look in any viewer: the map shows what a white surface sends back, and
+//! `Kd` multiplies it by the albedo.
 
 use std::fmt::Write;
 use std::path::Path;

@@ -1,6 +1,7 @@
-//! Points from a file: positions and normals in world space, from PLY (`x y z nx ny nz` of the element `vertex`), NumPy (`[n, 6]`) or CSV
-//! (a column each, by name or in this order). [`read`] is the entry point; whatever the file holds, it returns sound points or says
-//! what is wrong and where. CSV is read without a crate: lines of numbers need no quoting, and `csv` misplaces a record behind blank lines.
+//! Points from a file: positions and normals in world space, from PLY (`x y z nx ny nz` of the element `vertex`), NumPy (`[n, 6]`)
+//! or CSV (a column each, by name or in this order). [`read`] is the entry point; whatever the file holds, it returns sound points
+//! or says what is wrong and where. CSV is read without a crate: lines of numbers need no quoting, and `csv` misplaces a record
+//! behind blank lines.
 
 use std::fs;
 use std::path::Path;
