@@ -4,9 +4,10 @@ use std::path::Path;
 
 use serde::Serialize;
 
-use super::file::{Format, write_file};
+use super::file::Format;
 use super::{Channel, Image, WriteOptions, flip, png};
 use crate::error::{Error, Result};
+use crate::file::write_file;
 
 /// Which pixels count.
 #[derive(Clone, Copy, Debug, Default)]

@@ -9,7 +9,8 @@ mod flip;
 mod png;
 
 pub use file::{WriteOptions, check_writable};
-pub use png::write_srgb8;
+pub(crate) use png::encode as encode_png;
+pub use png::{encode_srgb, tone, write_srgb8};
 
 /// A picture: channels of equal size, rows from the top, linear values.
 #[derive(Clone, Debug, Default, PartialEq)]

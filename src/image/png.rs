@@ -6,9 +6,9 @@ use std::path::Path;
 use ::image::codecs::png::PngEncoder;
 use ::image::{ExtendedColorType, ImageEncoder, ImageFormat};
 
-use super::file::write_file;
 use super::{Channel, Image};
 use crate::error::{Error, Result};
+use crate::file::write_file;
 
 /// Where the tone curve's shoulder begins.
 const KNEE: f32 = 0.8;
@@ -54,7 +54,7 @@ pub fn write_srgb8(path: &Path, [width, height]: [usize; 2], rgb8: &[u8]) -> Res
 }
 
 /// Three bytes a pixel, as a display gets them.
-pub(super) fn encode(width: usize, height: usize, rgb8: &[u8]) -> Result<Vec<u8>> {
+pub(crate) fn encode(width: usize, height: usize, rgb8: &[u8]) -> Result<Vec<u8>> {
     let refused = |problem: String| Error::usage(format!("PNG cannot hold this picture: {problem}"), "render it smaller");
     let side = |length: usize| u32::try_from(length).map_err(|error| refused(error.to_string()));
     let mut bytes = Vec::new();
@@ -66,12 +66,13 @@ pub(super) fn encode(width: usize, height: usize, rgb8: &[u8]) -> Result<Vec<u8>
 
 /// Maps radiance to [0, 1]: the identity up to [`KNEE`], then an exponential shoulder that starts with slope 1 and approaches 1.
 /// Negative values and NaN become black, infinity white.
-pub(super) fn tone(x: f32) -> f32 {
+pub fn tone(x: f32) -> f32 {
     let room = 1.0 - KNEE;
     if x > KNEE { KNEE + room * (1.0 - ((KNEE - x) / room).exp()) } else { x.max(0.0) }
 }
 
-fn encode_srgb(x: f32) -> f32 {
+/// The sRGB curve, from linear values.
+pub fn encode_srgb(x: f32) -> f32 {
     if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 }
 }
 

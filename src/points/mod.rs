@@ -2,6 +2,7 @@
 //! texels), the gather sees the same pair of textures, laid out as `glsl/include/points.glsl` says.
 
 mod camera;
+pub mod file;
 mod interleave;
 mod list;
 mod sums;

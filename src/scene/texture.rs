@@ -7,7 +7,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 
-use glam::{Vec2, Vec3};
+use glam::{DVec3, Vec2, Vec3};
 use image::{ImageError, ImageReader, Limits};
 
 use super::Texture;
@@ -78,6 +78,12 @@ impl Texture {
         let (above, below, y) = neighbours(1.0 - uv.y, self.height as usize);
         let row = |row| self.texel(left, row).lerp(self.texel(right, row), x);
         row(above).lerp(row(below), y)
+    }
+
+    /// Linear reflectance of the whole picture.
+    pub fn mean_linear(&self) -> Vec3 {
+        let texels = (0..self.height as usize).flat_map(|y| (0..self.width as usize).map(move |x| self.texel(x, y).as_dvec3()));
+        (texels.sum::<DVec3>() / self.texels.len() as f64).as_vec3()
     }
 
     fn texel(&self, x: usize, y: usize) -> Vec3 {

@@ -1,0 +1,190 @@
+//! What was baked, in files that other programs read: values at points as PLY, NumPy or glTF, a light map on its model as OBJ or
+//! glTF. [`Values::write`] and [`Lightmap::write`] take the format from the path's ending; every file appears whole or not at all.
+
+use std::collections::HashSet;
+use std::f32::consts::{FRAC_1_PI, PI};
+use std::path::Path;
+
+use glam::{Vec2, Vec3};
+
+use crate::error::{Error, Result};
+use crate::image::{Channel, Image, WriteOptions, tone};
+use crate::scene::{Material, Mesh, Texture};
+
+mod glb;
+mod npy;
+mod obj;
+mod ply;
+
+pub use npy::read_prt;
+
+/// What was found at points, in world space.
+#[derive(Clone, Copy)]
+pub struct Values<'a> {
+    pub positions: &'a [Vec3],
+    /// Of unit length, one a point.
+    pub normals: &'a [Vec3],
+    /// One sample a point each, named as in an EXR: `Irradiance.R`, `AO`, `PRT.04.G`.
+    pub columns: &'a [Channel],
+    /// What the points are the vertices of, in the mesh's order, if they are.
+    pub surface: Option<Surface<'a>>,
+}
+
+/// A mesh with what its materials refer to.
+#[derive(Clone, Copy)]
+pub struct Surface<'a> {
+    pub mesh: &'a Mesh,
+    pub materials: &'a [Material],
+    pub textures: &'a [Texture],
+}
+
+/// Irradiance over a surface.
+#[derive(Clone, Copy)]
+pub struct Lightmap<'a> {
+    pub surface: Surface<'a>,
+    /// Where each vertex is on the map, v up.
+    pub uvs: &'a [Vec2],
+    /// Irradiance in `R`, `G` and `B`.
+    pub irradiance: &'a Image,
+}
+
+impl Values<'_> {
+    pub const ENDINGS: &'static [&'static str] = &["ply", "npy", "glb"];
+
+    /// In the format that the path ends in. Colours are for looking at, with the exposure and the curve of a PNG; the columns are
+    /// not touched. NumPy's file gets a `.json` beside it, which says what the numbers are.
+    pub fn write(&self, path: &Path, options: &WriteOptions) -> Result<()> {
+        let ending = ending(path, Self::ENDINGS)?;
+        self.check()?;
+        match ending {
+            "ply" => ply::write(path, self, options),
+            "npy" => npy::write(path, self.columns, options),
+            _ => glb::write_values(path, self, options),
+        }
+    }
+
+    /// The fields are public; this is what the encoders rely on.
+    fn check(&self) -> Result<()> {
+        let count = self.positions.len();
+        if count == 0 {
+            return Err(Error::usage("there are no points to write", "bake some"));
+        }
+        let mut names = HashSet::new();
+        if let Some(twice) = self.columns.iter().find(|column| !names.insert(&column.name)) {
+            return Err(Error::usage(format!("there are two columns {}", twice.name), "name each quantity once"));
+        }
+        let lengths = self.columns.iter().map(|column| (column.name.as_str(), column.samples.len()));
+        let vertices = self.surface.map(|surface| ("the mesh", surface.mesh.positions.len()));
+        match lengths.chain([("normals", self.normals.len())]).chain(vertices).find(|&(_, length)| length != count) {
+            None => Ok(()),
+            Some((name, length)) => Err(Error::usage(format!("{name}: {length} values for {count} points"), "give one a point")),
+        }
+    }
+
+    /// What to show at each point, linear and from 0 to 1: light as a white surface there sends it back, with the exposure and the
+    /// curve of a PNG; else the share of the hemisphere that is open, as grey; else the way the surface faces.
+    fn shown(&self, exposure: f32) -> Vec<Vec3> {
+        let column = |name: &str| self.columns.iter().find(|column| column.name == name).map(|column| column.samples.as_slice());
+        let rgb = |name: &str| {
+            let [r, g, b] = ["R", "G", "B"].map(|channel| column(&format!("{name}.{channel}")));
+            Some((0..self.positions.len()).zip(std::iter::repeat((r?, g?, b?))).map(|(i, (r, g, b))| Vec3::new(r[i], g[i], b[i])))
+        };
+        let toned = |value: Vec3| (value * exposure.exp2()).map(tone);
+        // The mean radiance around is the first coefficient times the first function, 1 / sqrt(4π).
+        let light = [
+            ("Irradiance", FRAC_1_PI),
+            ("IrradianceIndirect", FRAC_1_PI),
+            ("IrradianceDirect", FRAC_1_PI),
+            ("SH.00", 0.5 / PI.sqrt()),
+        ];
+        for (name, scale) in light {
+            if let Some(values) = rgb(name) {
+                return values.map(|value| toned(value * scale)).collect();
+            }
+        }
+        if let Some(open) = column("AO").or(column("Sky")) {
+            return open.iter().map(|&open| Vec3::splat(open.clamp(0.0, 1.0))).collect();
+        }
+        // Under a sky of radiance 1 everywhere, whose only coefficient is sqrt(4π).
+        if let Some(transfer) = rgb("PRT.00") {
+            return transfer.map(|value| toned(value * 2.0 * PI.sqrt())).collect();
+        }
+        self.normals.iter().map(|normal| 0.5 * *normal + 0.5).collect()
+    }
+}
+
+impl Lightmap<'_> {
+    pub const ENDINGS: &'static [&'static str] = &["obj", "glb"];
+
+    /// In the format that the path ends in. An OBJ gets its `.mtl` and a `.png` beside it.
+    pub fn write(&self, path: &Path, options: &WriteOptions) -> Result<()> {
+        let ending = ending(path, Self::ENDINGS)?;
+        let (uvs, vertices) = (self.uvs.len(), self.surface.mesh.positions.len());
+        if uvs != vertices {
+            return Err(Error::usage(format!("{uvs} coordinates on the light map for {vertices} vertices"), "give one a vertex"));
+        }
+        match ending {
+            "obj" => obj::write(path, self, options),
+            _ => glb::write_lightmap(path, self, options),
+        }
+    }
+
+    /// The map as a PNG to look at: what a white surface sends back.
+    fn shown_png(&self, exposure: f32) -> Result<Vec<u8>> {
+        let radiance = self.irradiance.rgb()?.map(|samples| samples.iter().map(|value| value * FRAC_1_PI).collect::<Vec<_>>());
+        let channels = ["R", "G", "B"].into_iter().zip(radiance).map(|(name, samples)| Channel { name: name.into(), samples });
+        let Image { width, height, .. } = *self.irradiance;
+        let picture = Image { width, height, channels: channels.collect() };
+        crate::image::encode_png(width, height, &picture.to_srgb8(exposure)?)
+    }
+}
+
+impl Surface<'_> {
+    /// Whether shading is smooth everywhere; elsewhere the normals of faces are meant.
+    fn has_normals(&self) -> bool {
+        self.mesh.normals.iter().all(|normal| normal.is_normalized())
+    }
+
+    /// The vertices of each material's triangles; of those that have some.
+    fn indices_by_material(&self) -> Vec<(usize, Vec<u32>)> {
+        let mut indices = vec![Vec::new(); self.materials.len()];
+        for triangle in &self.mesh.triangles {
+            indices[triangle.material as usize].extend(triangle.vertices);
+        }
+        indices.into_iter().enumerate().filter(|(_, indices)| !indices.is_empty()).collect()
+    }
+
+    /// A material's reflectance where a texture's place is taken by another: with the mean of its own.
+    fn mean_albedo(&self, material: &Material) -> Vec3 {
+        material.albedo * material.albedo_texture.map_or(Vec3::ONE, |texture| self.textures[texture].mean_linear())
+    }
+}
+
+/// Whether a file with one of these endings can be expected to be written there, for asking before the work.
+pub fn check_writable(path: &Path, endings: &[&'static str]) -> Result<()> {
+    ending(path, endings)?;
+    crate::file::check_writable(path)
+}
+
+/// Which of the endings the path has.
+fn ending(path: &Path, endings: &[&'static str]) -> Result<&'static str> {
+    let ending = path.extension().unwrap_or_default();
+    endings.iter().copied().find(|known| ending.eq_ignore_ascii_case(known)).ok_or_else(|| {
+        let problem = format!("{}: the ending names no format for this", path.display());
+        Error::usage(problem, format!("end the path in .{}", endings.join(", .")))
+    })
+}
+
+/// `PRT.04.G` as `prt_04_g` and `BentNormal.X` as `bent_normal_x`.
+fn snake_case(name: &str) -> String {
+    let mut snake = String::new();
+    let mut after_lower = false;
+    for letter in name.chars() {
+        if letter.is_uppercase() && after_lower {
+            snake.push('_');
+        }
+        after_lower = letter.is_lowercase();
+        snake.push(if letter == '.' { '_' } else { letter.to_ascii_lowercase() });
+    }
+    snake
+}

@@ -1,0 +1,112 @@
+//! NumPy's `.npy` with a `.json` of the same name that says what the numbers are: columns, shape, units, basis.
+//!
+//! One quantity has the shape that research code expects, `[points, coefficients, 3]` for coefficients, `[points, 3]` or
+//! `[points]`; several lie side by side, `[points, columns]`.
+
+use std::fs;
+use std::path::Path;
+
+use serde_json::{Map, Value, json};
+
+use crate::error::{Error, Result};
+use crate::file::write_file;
+use crate::image::{Channel, WriteOptions};
+use crate::npy::{self, Array};
+
+const BASIS: &str =
+    "real orthonormal spherical harmonics without the Condon-Shortley phase, at index l (l + 1) + m; z is the polar axis";
+
+/// What the columns of a quantity mean, and in which unit.
+const QUANTITIES: [(&str, &str); 8] = [
+    ("Irradiance", "W/m² in each channel, direct and indirect"),
+    ("IrradianceDirect", "W/m² in each channel, straight from area lights"),
+    ("IrradianceIndirect", "W/m² in each channel, by way of other surfaces"),
+    ("AO", "share of the cosine-weighted hemisphere that is open: 1 where nothing is near"),
+    ("BentNormal", "mean direction that is open, of unit length"),
+    ("Sky", "share of the cosine-weighted hemisphere that leaves the scene"),
+    ("SH", "coefficients of the incident radiance, W/(m² sr) in each channel"),
+    ("PRT", "coefficients of the transfer from incident radiance to irradiance / π: cosine and 1/π are in, the albedo is not"),
+];
+
+pub fn write(path: &Path, columns: &[Channel], options: &WriteOptions) -> Result<()> {
+    let points = columns.first().map_or(0, |column| column.samples.len());
+    let shape = shape(points, columns);
+    let mut quantities = Map::new();
+    for (name, meaning) in QUANTITIES {
+        if columns.iter().any(|column| quantity(column) == name) {
+            quantities.insert(name.into(), meaning.into());
+        }
+    }
+    let mut about = json!({
+        "shape": shape,
+        "columns": columns.iter().map(|column| column.name.as_str()).collect::<Vec<_>>(),
+        "quantities": quantities,
+    });
+    if columns.iter().any(|column| ["SH", "PRT"].contains(&quantity(column))) {
+        about["basis"] = BASIS.into();
+    }
+    if let Some(metadata) = options.metadata {
+        about["finalgather"] = serde_json::from_str(metadata).unwrap_or_else(|_| metadata.into());
+    }
+    let rows = (0..points).flat_map(|i| columns.iter().map(move |column| column.samples[i]));
+    write_file(&path.with_extension("json"), format!("{about:#}\n").as_bytes())?;
+    write_file(path, &npy::encode(&shape, rows))
+}
+
+fn quantity(column: &Channel) -> &str {
+    column.name.split('.').next().unwrap_or_default()
+}
+
+fn shape(points: usize, columns: &[Channel]) -> Vec<usize> {
+    let is_one = columns.windows(2).all(|pair| quantity(&pair[0]) == quantity(&pair[1]));
+    match columns {
+        [column] if column.name == quantity(column) => vec![points],
+        [first, ..] if is_one && are_coefficients(quantity(first), columns) => vec![points, columns.len() / 3, 3],
+        _ => vec![points, columns.len()],
+    }
+}
+
+/// Whether these are all coefficients of some order, each with its R, G and B, in their order.
+fn are_coefficients(quantity: &str, columns: &[Channel]) -> bool {
+    let order = (columns.len() / 3).isqrt();
+    let name = |i: usize| format!("{quantity}.{:02}.{}", i / 3, ["R", "G", "B"][i % 3]);
+    order > 0 && 3 * order * order == columns.len() && columns.iter().enumerate().all(|(i, column)| column.name == name(i))
+}
+
+/// The columns `PRT.00.R` and on of a file that [`super::Values::write`] made, complete for some order.
+pub fn read_prt(path: &Path) -> Result<Vec<Channel>> {
+    let cure = "give a .npy file of `finalgather bake --what prt`, with its .json beside it";
+    let read = |path: &Path| fs::read(path).map_err(|error| Error::input(path, None, format!("not readable: {error}"), cure));
+    let json_path = path.with_extension("json");
+    let (bytes, about) = (read(path)?, read(&json_path)?);
+    let about: Value = serde_json::from_slice(&about)
+        .map_err(|error| Error::input(&json_path, Some(error.line()), format!("not JSON: {error}"), cure))?;
+    let names: Vec<&str> = about["columns"].as_array().into_iter().flatten().filter_map(Value::as_str).collect();
+    let array = Array::parse(path, &bytes)?;
+    let columns: usize = array.shape.iter().skip(1).product();
+    if !(1..=3).contains(&array.shape.len()) || columns != names.len() {
+        let problem = format!("{} columns are named for an array of the shape {:?}", names.len(), array.shape);
+        return Err(Error::input(&json_path, None, problem, cure));
+    }
+    let of_prt = names.into_iter().enumerate().filter(|(_, name)| name.starts_with("PRT."));
+    let at = |row: usize, column: usize| match *array.shape {
+        [_, _, width] => array.at(&[row, column / width, column % width]),
+        _ => array.at(&[row, column]),
+    };
+    let prt: Vec<_> = of_prt
+        .map(|(column, name)| Channel {
+            name: name.into(),
+            samples: (0..array.shape[0]).map(|row| at(row, column) as f32).collect(),
+        })
+        .collect();
+    if !are_coefficients("PRT", &prt) {
+        return Err(Error::input(&json_path, None, "the columns are not the coefficients of radiance transfer", cure));
+    }
+    match prt.iter().find_map(|column| column.samples.iter().position(|sample| !sample.is_finite()).map(|point| (point, column)))
+    {
+        None => Ok(prt),
+        Some((point, Channel { name, samples })) => {
+            Err(Error::input(path, None, format!("{name} of point {} is {}", point + 1, samples[point]), cure))
+        }
+    }
+}

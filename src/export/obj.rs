@@ -1,0 +1,57 @@
+//! Wavefront OBJ with its light map as `map_Kd`, for a quick look in any viewer: the map shows what a white surface sends back, and
+//! `Kd` multiplies it by the albedo.
+
+use std::fmt::Write;
+use std::path::Path;
+
+use glam::Vec3;
+
+use super::Lightmap;
+use crate::error::{Error, Result};
+use crate::file::write_file;
+use crate::image::WriteOptions;
+
+pub fn write(path: &Path, lightmap: &Lightmap, options: &WriteOptions) -> Result<()> {
+    let surface = &lightmap.surface;
+    let (mtl_path, png_path) = (path.with_extension("mtl"), path.with_extension("png"));
+    let name = |path: &Path| path.file_name().and_then(|name| name.to_str()).map(str::to_owned);
+    let names = name(&mtl_path).zip(name(&png_path));
+    let (mtl_name, png_name) = names.ok_or_else(|| {
+        let problem = format!("{}: an OBJ cannot name the files beside it by this name", path.display());
+        Error::usage(problem, "give a name in UTF-8")
+    })?;
+
+    let (mut obj, mut mtl) = (format!("mtllib {mtl_name}\n"), String::new());
+    let normals = surface.has_normals().then_some(&surface.mesh.normals);
+    let line = |text: &mut String, word: &str, numbers: &[f32]| {
+        text.push_str(word);
+        // The shortest digits that mean these 32 bits.
+        for number in numbers {
+            let _ = write!(text, " {number}");
+        }
+        text.push('\n');
+    };
+    surface.mesh.positions.iter().for_each(|position| line(&mut obj, "v", &position.to_array()));
+    lightmap.uvs.iter().for_each(|uv| line(&mut obj, "vt", &uv.to_array()));
+    normals.into_iter().flatten().for_each(|normal| line(&mut obj, "vn", &normal.to_array()));
+    for (index, indices) in surface.indices_by_material() {
+        let material = &surface.materials[index];
+        let _ = writeln!(mtl, "newmtl {}", material.name);
+        line(&mut mtl, "Kd", &surface.mean_albedo(material).to_array());
+        if material.emission != Vec3::ZERO {
+            line(&mut mtl, "Ke", &material.emission.to_array());
+        }
+        let _ = writeln!(mtl, "map_Kd {png_name}");
+        let _ = writeln!(obj, "usemtl {}", material.name);
+        for corners in indices.as_chunks::<3>().0 {
+            let [a, b, c] = corners.map(|vertex| match vertex + 1 {
+                i if normals.is_some() => format!("{i}/{i}/{i}"),
+                i => format!("{i}/{i}"),
+            });
+            let _ = writeln!(obj, "f {a} {b} {c}");
+        }
+    }
+    write_file(&png_path, &lightmap.shown_png(options.exposure)?)?;
+    write_file(&mtl_path, mtl.as_bytes())?;
+    write_file(path, obj.as_bytes())
+}

@@ -1,0 +1,51 @@
+//! PLY, binary: a colour to look at, and each column as a property of its own.
+//!
+//! Written without the crate that reads points: it asks for every property of every vertex by name.
+
+use std::fmt::Write;
+use std::path::Path;
+
+use super::{Values, snake_case};
+use crate::error::Result;
+use crate::file::write_file;
+use crate::image::{WriteOptions, encode_srgb};
+
+pub fn write(path: &Path, values: &Values, options: &WriteOptions) -> Result<()> {
+    let triangles = values.surface.map_or(&[][..], |surface| &surface.mesh.triangles);
+    let mut header = String::from("ply\nformat binary_little_endian 1.0\n");
+    // A line of a header is a comment as long as it has no break.
+    if let Some(metadata) = options.metadata {
+        let _ = writeln!(header, "comment finalgather {}", metadata.replace(['\r', '\n'], " "));
+    }
+    let _ = writeln!(header, "element vertex {}", values.positions.len());
+    for name in ["x", "y", "z", "nx", "ny", "nz"] {
+        let _ = writeln!(header, "property float {name}");
+    }
+    for name in ["red", "green", "blue"] {
+        let _ = writeln!(header, "property uchar {name}");
+    }
+    for column in values.columns {
+        let _ = writeln!(header, "property float {}", snake_case(&column.name));
+    }
+    if !triangles.is_empty() {
+        let _ = writeln!(header, "element face {}\nproperty list uchar int vertex_indices", triangles.len());
+    }
+    header.push_str("end_header\n");
+
+    let mut bytes = header.into_bytes();
+    bytes.reserve(values.positions.len() * (27 + 4 * values.columns.len()) + 13 * triangles.len());
+    for (i, colour) in values.shown(options.exposure).into_iter().enumerate() {
+        for number in values.positions[i].to_array().into_iter().chain(values.normals[i].to_array()) {
+            bytes.extend(number.to_le_bytes());
+        }
+        bytes.extend(colour.to_array().map(|value| (encode_srgb(value) * 255.0).round() as u8));
+        for column in values.columns {
+            bytes.extend(column.samples[i].to_le_bytes());
+        }
+    }
+    for triangle in triangles {
+        bytes.push(3);
+        bytes.extend(triangle.vertices.into_iter().flat_map(u32::to_le_bytes));
+    }
+    write_file(path, &bytes)
+}

@@ -1,0 +1,63 @@
+//! Files out: whole under their names, or not at all.
+
+use std::fs::Permissions;
+use std::io::{self, ErrorKind, Write};
+use std::path::Path;
+
+use tempfile::NamedTempFile;
+
+use crate::error::{Error, Result};
+
+/// Whether [`write_file`] to this path can be expected to work, for asking before the work whose result it is to hold.
+pub fn check_writable(path: &Path) -> Result<()> {
+    if path.is_dir() {
+        return Err(Error::usage(format!("{}: is a folder", path.display()), "give the path of a file in it"));
+    }
+    let folder = folder_of(path);
+    if !folder.is_dir() {
+        let folder = folder.display();
+        return Err(Error::usage(format!("{folder}: there is no such folder"), format!("make it first: mkdir -p {folder}")));
+    }
+    temporary_in(folder).map(drop).map_err(|error| {
+        let problem = format!("{}: no file can be made in this folder: {error}", folder.display());
+        Error::usage(problem, "give a path in a folder that can be written")
+    })
+}
+
+/// The file is there with all of these bytes, or as it was before.
+pub fn write_file(path: &Path, bytes: &[u8]) -> Result<()> {
+    write_atomically(path, bytes).map_err(|error| {
+        let cure = match error.kind() {
+            ErrorKind::StorageFull | ErrorKind::QuotaExceeded | ErrorKind::FileTooLarge => {
+                "free some space there or raise the limit, or give a path on another disk"
+            }
+            _ => "give a path in a folder that can be written",
+        };
+        Error::output(path, format!("not written: {error}"), cure)
+    })
+}
+
+fn write_atomically(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    // Dropping the temporary file removes it, so that every early return leaves nothing behind.
+    let file = temporary_in(folder_of(path))?;
+    // Through the file itself, whose errors do not speak of the temporary name.
+    file.as_file().write_all(bytes)?;
+    // A name that outlives a power cut must not outlive its content.
+    file.as_file().sync_all()?;
+    file.persist(path)?;
+    Ok(())
+}
+
+/// In the same folder, because a file can be renamed in one step only within its file system.
+fn temporary_in(folder: &Path) -> io::Result<NamedTempFile> {
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(".finalgather-").suffix(".part");
+    // As for any new file, the umask decides; tempfile's own default is for secrets.
+    #[cfg(unix)]
+    builder.permissions(<Permissions as std::os::unix::fs::PermissionsExt>::from_mode(0o666));
+    builder.tempfile_in(folder)
+}
+
+fn folder_of(path: &Path) -> &Path {
+    path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}

@@ -1,0 +1,105 @@
+//! Arrays as NumPy saves them (`.npy`), in and out.
+//!
+//! Own code: the crate for it, `npyz`, takes a dozen others to read one line of header, and reserves whatever length that line
+//! claims.
+
+use std::path::Path;
+
+use crate::error::{Error, Result};
+
+const MAGIC: &[u8] = b"\x93NUMPY";
+
+/// An array of floats that stay in the bytes of their file.
+pub struct Array<'a> {
+    pub shape: Vec<usize>,
+    /// Items from one index to the next, a dimension each.
+    strides: Vec<usize>,
+    item: Item,
+    data: &'a [u8],
+}
+
+/// How a number is stored.
+#[derive(Clone, Copy)]
+enum Item {
+    F4(fn([u8; 4]) -> f32),
+    F8(fn([u8; 8]) -> f64),
+}
+
+impl Item {
+    fn size(self) -> usize {
+        match self {
+            Self::F4(_) => 4,
+            Self::F8(_) => 8,
+        }
+    }
+}
+
+impl<'a> Array<'a> {
+    /// `path` is where `bytes` came from.
+    pub fn parse(path: &Path, bytes: &'a [u8]) -> Result<Self> {
+        let refused = |problem: String| Error::input(path, None, problem, "save it again by numpy.save, as float32 or float64");
+        let garbled = || refused("this is not a NumPy array with a header of version 1 to 3".into());
+        let rest = bytes.strip_prefix(MAGIC).ok_or_else(garbled)?;
+        // The version, then the header's length in two bytes, since version 2 in four.
+        let (length, rest) = match *rest {
+            [1, _, a, b, ref rest @ ..] => (usize::from(u16::from_le_bytes([a, b])), rest),
+            [2 | 3, _, a, b, c, d, ref rest @ ..] => (u32::from_le_bytes([a, b, c, d]) as usize, rest),
+            _ => return Err(garbled()),
+        };
+        let (header, data) = rest.split_at_checked(length).ok_or_else(garbled)?;
+        let header: String = String::from_utf8_lossy(header).split_whitespace().collect();
+        let value = |key: &str| header.split_once(&format!("'{key}':")).map(|(_, value)| value).ok_or_else(garbled);
+
+        let kind = value("descr")?;
+        let item = match kind.get(..5) {
+            Some("'<f4'") => Item::F4(f32::from_le_bytes),
+            Some("'>f4'") => Item::F4(f32::from_be_bytes),
+            Some("'<f8'") => Item::F8(f64::from_le_bytes),
+            Some("'>f8'") => Item::F8(f64::from_be_bytes),
+            _ => return Err(refused(format!("its numbers are of the type {}", kind.split(',').next().unwrap_or_default()))),
+        };
+        let is_fortran = value("fortran_order")?.starts_with("True");
+        let shape = value("shape")?.strip_prefix('(').and_then(|shape| shape.split_once(')')).ok_or_else(garbled)?.0;
+        let shape: Result<Vec<usize>, _> = shape.split(',').filter(|side| !side.is_empty()).map(str::parse).collect();
+        let shape = shape.map_err(|_| garbled())?;
+
+        let expected = shape.iter().try_fold(item.size(), |size, &side| size.checked_mul(side));
+        if expected != Some(data.len()) {
+            return Err(refused(format!(
+                "its header says {shape:?} numbers of {} bytes, but {} bytes follow",
+                item.size(),
+                data.len()
+            )));
+        }
+        let mut strides = vec![1; shape.len()];
+        for i in 1..shape.len() {
+            let [one, next] = if is_fortran { [i, i - 1] } else { [shape.len() - 1 - i, shape.len() - i] };
+            strides[one] = strides[next] * shape[next];
+        }
+        Ok(Self { shape, strides, item, data })
+    }
+
+    /// The number at an index within the shape.
+    pub fn at(&self, index: &[usize]) -> f64 {
+        let start = self.item.size() * index.iter().zip(&self.strides).map(|(index, stride)| index * stride).sum::<usize>();
+        match self.item {
+            Item::F4(decode) => decode(std::array::from_fn(|i| self.data[start + i])).into(),
+            Item::F8(decode) => decode(std::array::from_fn(|i| self.data[start + i])),
+        }
+    }
+}
+
+/// A file of 32-bit floats, the last index running fastest.
+pub fn encode(shape: &[usize], numbers: impl Iterator<Item = f32>) -> Vec<u8> {
+    // One side alone needs its comma to be a tuple.
+    let shape: String = shape.iter().map(|side| format!("{side}, ")).collect();
+    let mut header = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({shape}), }}");
+    // Numbers begin at a multiple of 64 bytes, for mapping into memory.
+    let start = (MAGIC.len() + 4 + header.len() + 1).next_multiple_of(64);
+    header.extend(std::iter::repeat_n(' ', start - MAGIC.len() - 4 - header.len() - 1));
+    header.push('\n');
+    let length = (header.len() as u16).to_le_bytes();
+    let mut bytes = [MAGIC, &[1, 0], &length, header.as_bytes()].concat();
+    bytes.extend(numbers.flat_map(f32::to_le_bytes));
+    bytes
+}

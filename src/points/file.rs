@@ -1,0 +1,259 @@
+//! Points from a file: positions and normals in world space, from PLY (`x y z nx ny nz` of the element `vertex`), NumPy (`[n, 6]`)
+//! or CSV (a column each, by name or in this order). [`read`] is the entry point; whatever the file holds, it returns sound points
+//! or says what is wrong and where. CSV is read without a crate: lines of numbers need no quoting, and `csv` misplaces a record
+//! behind blank lines.
+
+use std::fs;
+use std::path::Path;
+
+use glam::{DVec3, Vec3};
+use ply_rs_bw::parser::{ParseError, Parser, Reader};
+use ply_rs_bw::ply::{ElementDef, Encoding, Property, PropertyAccess, PropertyAccessResult, PropertyType, ScalarType};
+
+use crate::error::{Error, Result};
+use crate::npy;
+
+/// Positions and normals, in the order in which a CSV without names has them.
+const COLUMNS: [&str; 6] = ["x", "y", "z", "nx", "ny", "nz"];
+
+/// How far from 1 the length of a normal is by rounding to 32 bits alone.
+const UNIT: f64 = 1e-6;
+
+/// A place on a surface, in world space.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct OrientedPoint {
+    pub position: Vec3,
+    /// Of unit length; one that has it in the file keeps its bits.
+    pub normal: Vec3,
+}
+
+/// All points of a `.ply`, `.npy` or `.csv` file, in its order: at least one, every number finite, every normal of unit length.
+pub fn read(path: &Path) -> Result<Vec<OrientedPoint>> {
+    let parse = match path.extension().unwrap_or_default().to_ascii_lowercase().to_str() {
+        Some("ply") => read_ply,
+        Some("npy") => read_npy,
+        Some("csv") => read_csv,
+        _ => {
+            let problem = format!("{}: the ending names no known format of points", path.display());
+            return Err(Error::usage(problem, "give a .ply, .npy or .csv file"));
+        }
+    };
+    let bytes = fs::read(path).map_err(|error| {
+        Error::input(path, None, format!("cannot read these points: {error}"), "name an existing file that you may read")
+    })?;
+    let mut rows = Rows { path, points: Vec::new(), without_normal: 0, first_without_normal: (0, None) };
+    if bytes.is_empty() {
+        return Err(rows.refused(None, "the file is empty"));
+    }
+    parse(&bytes, &mut rows)?;
+    rows.finish()
+}
+
+/// The points read so far.
+struct Rows<'a> {
+    path: &'a Path,
+    points: Vec<OrientedPoint>,
+    without_normal: usize,
+    /// Its number from 1, and its line.
+    first_without_normal: (usize, Option<usize>),
+}
+
+impl Rows<'_> {
+    fn refused(&self, line: Option<usize>, problem: impl Into<String>) -> Error {
+        Error::input(self.path, line, problem, "give one x, y, z, nx, ny, nz a point")
+    }
+
+    fn no_normals(&self) -> Error {
+        Error::input(
+            self.path,
+            None,
+            "there are positions but no normals",
+            "give nx, ny, nz beside x, y, z: the way the surface faces",
+        )
+    }
+
+    fn push(&mut self, line: Option<usize>, row: [f64; 6]) -> Result<()> {
+        let number = self.points.len() + 1;
+        if let Some((name, value)) = COLUMNS.iter().zip(row).find(|(_, value)| !value.is_finite()) {
+            return Err(self.refused(line, format!("{name} of point {number} is {value}")));
+        }
+        let [position, normal] = [DVec3::from_slice(&row[..3]), DVec3::from_slice(&row[3..])];
+        if !position.as_vec3().is_finite() {
+            return Err(self.refused(line, format!("point {number} is at {position}, which 32 bits cannot hold")));
+        }
+        let longest = normal.abs().max_element();
+        let normal = if longest == 0.0 {
+            self.without_normal += 1;
+            if self.without_normal == 1 {
+                self.first_without_normal = (number, line);
+            }
+            normal
+        } else if (normal.length() - 1.0).abs() < UNIT {
+            normal
+        } else {
+            // Squares of the very long and the very short would not fit.
+            (normal / longest).normalize()
+        };
+        self.points.push(OrientedPoint { position: position.as_vec3(), normal: normal.as_vec3() });
+        Ok(())
+    }
+
+    fn finish(self) -> Result<Vec<OrientedPoint>> {
+        match (self.points.len(), self.without_normal) {
+            (0, _) => Err(self.refused(None, "there are no points in this file")),
+            (_, 0) => Ok(self.points),
+            (count, without) => {
+                let (first, line) = self.first_without_normal;
+                let problem = format!("the normal is zero at {without} of {count} points, first at point {first}");
+                Err(Error::input(self.path, line, problem, "leave these points out, or give them the way the surface faces"))
+            }
+        }
+    }
+}
+
+fn read_npy(bytes: &[u8], rows: &mut Rows) -> Result<()> {
+    let array = npy::Array::parse(rows.path, bytes)?;
+    match *array.shape {
+        [count, 6] => (0..count).try_for_each(|i| rows.push(None, std::array::from_fn(|k| array.at(&[i, k])))),
+        [_, 3] => Err(rows.no_normals()),
+        _ => Err(rows.refused(None, format!("the array has the shape {:?}, not [points, 6]", array.shape))),
+    }
+}
+
+fn read_csv(bytes: &[u8], rows: &mut Rows) -> Result<()> {
+    let text = String::from_utf8_lossy(bytes);
+    let lines = (1..).zip(text.trim_start_matches('\u{feff}').lines());
+    let lines = lines.filter(|(_, text)| !text.trim().is_empty() && !text.starts_with('#'));
+    let fields = |text: &'_ str| text.split(',').map(|field| field.trim().trim_matches('"').to_owned()).collect::<Vec<_>>();
+    let mut lines = lines.map(|(line, text)| (line, fields(text))).peekable();
+
+    let Some((line, first)) = lines.peek() else { return Ok(()) };
+    let columns = if first.iter().all(|field| field.parse::<f64>().is_ok()) {
+        counted_columns(first, *line, rows)?
+    } else {
+        let columns = named_columns(first, *line, rows)?;
+        lines.next();
+        columns
+    };
+    for (line, fields) in lines {
+        let mut row = [0.0; 6];
+        for (value, (column, name)) in row.iter_mut().zip(columns.into_iter().zip(COLUMNS)) {
+            let refused = |problem| rows.refused(Some(line), format!("{name} is {problem}"));
+            let field = fields.get(column).ok_or_else(|| refused(format!("missing, with {} fields", fields.len())))?;
+            *value = field.parse().map_err(|_| refused(format!("\"{field}\", not a number")))?;
+        }
+        rows.push(Some(line), row)?;
+    }
+    Ok(())
+}
+
+/// Where the columns are by the names of a CSV's first line.
+fn named_columns(names: &[String], line: usize, rows: &Rows) -> Result<[usize; 6]> {
+    let find = |column: &str| names.iter().position(|name| name.eq_ignore_ascii_case(column));
+    if let Some(missing) = COLUMNS[..3].iter().find(|column| find(column).is_none()) {
+        return Err(rows.refused(Some(line), format!("the first line has neither numbers nor the name {missing}")));
+    }
+    let mut columns = [0; 6];
+    for (column, name) in columns.iter_mut().zip(COLUMNS) {
+        *column = find(name).ok_or_else(|| rows.no_normals())?;
+    }
+    Ok(columns)
+}
+
+/// Where they are without names.
+fn counted_columns(fields: &[String], line: usize, rows: &Rows) -> Result<[usize; 6]> {
+    match fields.len() {
+        6 => Ok([0, 1, 2, 3, 4, 5]),
+        3 => Err(rows.no_normals()),
+        count => Err(rows.refused(Some(line), format!("the first line has {count} numbers and no names say which are meant"))),
+    }
+}
+
+fn read_ply(bytes: &[u8], rows: &mut Rows) -> Result<()> {
+    let path = rows.path;
+    let broken = |error: ParseError| {
+        // The crate goes on to quote the line, in a form for programmers.
+        let problem = error.to_string();
+        let (_, problem) = problem.split_once(": ").filter(|_| error.line().is_some()).unwrap_or(("", &problem));
+        let problem = format!("this is not a sound PLY: {}", problem.lines().next().unwrap_or_default());
+        Error::input(path, error.line(), problem, "export it again, as PLY with x, y, z, nx, ny, nz")
+    };
+    let mut reader = Reader::new(bytes);
+    let header = Parser::<Row>::new().read_header(&mut reader).map_err(broken)?;
+    let header_lines = || bytes[..bytes.len() - reader.get_ref().len()].split(|&byte| byte == b'\n');
+    let stated = |word: &[u8]| header_lines().filter(|line| line.starts_with(word)).count();
+    let properties: usize = header.elements.values().map(|element| element.properties.len()).sum();
+    if (stated(b"element "), stated(b"property ")) != (header.elements.len(), properties) {
+        return Err(rows.refused(None, "the header names an element or a property twice"));
+    }
+    let is_ascii = header.encoding == Encoding::Ascii;
+    for (name, element) in &header.elements {
+        let is_vertex = name == "vertex";
+        if is_vertex {
+            let has =
+                |column: &&&str| matches!(element.properties.get(**column).map(|p| &p.data_type), Some(PropertyType::Scalar(_)));
+            match COLUMNS.iter().filter(has).count() {
+                6 => {}
+                _ if COLUMNS[..3].iter().all(|column| has(&column)) => return Err(rows.no_normals()),
+                _ => return Err(rows.refused(None, "vertex has no x, y and z")),
+            }
+        }
+        let left = reader.get_ref().len();
+        let least = element.count.checked_mul(least_size(element, is_ascii));
+        if least.is_none_or(|least| least > left + usize::from(is_ascii)) {
+            let problem = format!("the header says {} of {name}, but {left} bytes are left for them", element.count);
+            return Err(rows.refused(None, problem));
+        }
+        // Nothing stands for an element without properties, however many there are.
+        if element.properties.is_empty() {
+            continue;
+        }
+        let first_line = reader.line();
+        let parsed = Parser::<Row>::new().read_payload_for_element(&mut reader, element, &header).map_err(broken)?;
+        if is_vertex {
+            return (first_line..).zip(parsed).try_for_each(|(line, row)| rows.push(is_ascii.then_some(line), row.0));
+        }
+    }
+    Ok(())
+}
+
+/// The bytes that one of an element takes at least.
+fn least_size(element: &ElementDef, is_ascii: bool) -> usize {
+    let least = |kind: &PropertyType| match kind {
+        // A digit and what parts it from the next.
+        _ if is_ascii => 2,
+        // A list may be empty but for its length.
+        PropertyType::Scalar(scalar) | PropertyType::List(scalar, _) => match scalar {
+            ScalarType::Char | ScalarType::UChar => 1,
+            ScalarType::Short | ScalarType::UShort => 2,
+            ScalarType::Int | ScalarType::UInt | ScalarType::Float => 4,
+            ScalarType::Double => 8,
+        },
+    };
+    element.properties.values().map(|property| least(&property.data_type)).sum()
+}
+
+/// What counts of a PLY's vertex.
+struct Row([f64; 6]);
+
+impl PropertyAccess for Row {
+    fn new() -> Self {
+        Self([0.0; 6])
+    }
+
+    fn set_property(&mut self, name: &str, property: Property) -> PropertyAccessResult {
+        let Some(column) = COLUMNS.iter().position(|&column| column == name) else { return PropertyAccessResult::Ignored };
+        self.0[column] = match property {
+            Property::Char(value) => value.into(),
+            Property::UChar(value) => value.into(),
+            Property::Short(value) => value.into(),
+            Property::UShort(value) => value.into(),
+            Property::Int(value) => value.into(),
+            Property::UInt(value) => value.into(),
+            Property::Float(value) => value.into(),
+            Property::Double(value) => value,
+            _ => return PropertyAccessResult::UnsupportedType,
+        };
+        PropertyAccessResult::Set
+    }
+}
