@@ -3,11 +3,13 @@
 
 mod camera;
 mod interleave;
+mod lightmap;
 mod list;
 mod sums;
 
 pub use camera::{CameraPoints, Visible};
 pub use interleave::{Interleave, Subset};
+pub use lightmap::{LightMap, LightMapCounts, LightMapOptions, Mended, Resolution, UvSource};
 pub use list::{GatherPoint, PointList};
 pub use sums::Sums;
 
