@@ -4,12 +4,14 @@
 mod camera;
 pub mod file;
 mod interleave;
+mod lightmap;
 mod list;
 mod sums;
 mod vertices;
 
 pub use camera::{CameraPoints, Visible};
 pub use interleave::{Interleave, Subset};
+pub use lightmap::{LightMap, LightMapCounts, LightMapOptions, Mended, Resolution, UvSource};
 pub use list::{GatherPoint, PointList};
 pub use sums::Sums;
 pub use vertices::{VertexCounts, Vertices};

@@ -1,0 +1,123 @@
+//! Seams: where a chart ends and the surface goes on elsewhere in the map, bilinear filtering reads other texels on the two sides, and a
+//! step shows. The texels along both sides are therefore moved a little, by least squares (after Iwanicki 2013, "Lighting technology of
+//! The Last of Us"): with x the texels, x₀ what was gathered, and a row of A for each place along a seam, the difference of what is read on
+//! its two sides,
+//!
+//! minimise W |A x|² + |x - x₀|²,
+//!
+//! by conjugate gradients on (1 + W AᵀA) d = -W AᵀA x₀ with x = x₀ + d.
+
+use glam::{DVec2, Vec2, dvec2};
+
+use super::edges::Joint;
+
+/// How much a step across a seam weighs beside a change of a texel.
+const WEIGHT: f64 = 32.0;
+
+/// Places in a texel's length along a seam; between two of them a bilinear function cannot go far.
+const PLACES: f64 = 3.0;
+
+/// Residual, of the first, at which the texels are settled.
+const SETTLED: f64 = 1e-4;
+
+/// The texels that bilinear filtering reads at both sides of a place, with weights that make the difference.
+type Row = [(u32, f64); 8];
+
+/// The equations of a map's seams.
+pub struct Seams {
+    rows: Vec<Row>,
+    /// The texels that they name, by the numbers that they have there.
+    texels: Vec<u32>,
+}
+
+impl Seams {
+    /// Of the joints that are seams in a map of this size.
+    pub fn new(seams: &[Joint], uvs: &[[Vec2; 3]], size: [u32; 2]) -> Self {
+        let scale = dvec2(size[0].into(), size[1].into());
+        let mut rows = Vec::new();
+        for Joint { sides } in seams {
+            let ends = sides.map(|(triangle, ends)| ends.map(|corner| uvs[triangle][corner].as_dvec2() * scale));
+            let length = ends.map(|[a, b]| a.distance(b)).into_iter().fold(0.0, f64::max);
+            let places = (PLACES * length).ceil().max(2.0) as u32;
+            for place in 0..places {
+                let t = (f64::from(place) + 0.5) / f64::from(places);
+                let [p, q] = ends.map(|[a, b]| taps(a.lerp(b, t), size));
+                let mut row = Row::default();
+                for (to, (texel, weight)) in row.iter_mut().zip(p.into_iter().chain(q.map(|(texel, weight)| (texel, -weight)))) {
+                    *to = (texel, weight);
+                }
+                rows.push(row);
+            }
+        }
+        let mut texels: Vec<u32> = rows.iter().flatten().map(|&(texel, _)| texel).collect();
+        texels.sort_unstable();
+        texels.dedup();
+        for (texel, _) in rows.iter_mut().flatten() {
+            *texel = texels.partition_point(|known| known < texel) as u32;
+        }
+        Self { rows, texels }
+    }
+
+    /// Moves the texels along the seams of one channel. Gives the sums over all places of the squared step before and after, and of the
+    /// squared value.
+    pub fn close(&self, plane: &mut [f32]) -> [f64; 3] {
+        let start: Vec<f64> = self.texels.iter().map(|&texel| plane[texel as usize].into()).collect();
+        let mut change = vec![0.0; start.len()];
+        let mut residual: Vec<f64> = self.normal(&start).iter().map(|step| -WEIGHT * step).collect();
+        let mut direction = residual.clone();
+        let first = dot(&residual, &residual);
+        let mut square = first;
+        while square > SETTLED * SETTLED * first {
+            let ahead: Vec<f64> = self.normal(&direction).iter().zip(&direction).map(|(step, d)| d + WEIGHT * step).collect();
+            let length = square / dot(&direction, &ahead);
+            let before = square;
+            for ((change, residual), (d, ahead)) in change.iter_mut().zip(&mut residual).zip(direction.iter().zip(&ahead)) {
+                *change += length * d;
+                *residual -= length * ahead;
+            }
+            square = dot(&residual, &residual);
+            for (d, residual) in direction.iter_mut().zip(&residual) {
+                *d = residual + square / before * *d;
+            }
+        }
+        let end: Vec<f64> = start.iter().zip(&change).map(|(start, change)| start + change).collect();
+        for (&texel, &value) in self.texels.iter().zip(&end) {
+            plane[texel as usize] = value as f32;
+        }
+        let steps = |values: &[f64]| self.rows.iter().map(|row| step(row, values).powi(2)).sum();
+        let side = |row: &Row| row[..4].iter().map(|&(texel, weight)| weight * start[texel as usize]).sum::<f64>();
+        [steps(&start), steps(&end), self.rows.iter().map(|row| side(row).powi(2)).sum()]
+    }
+
+    /// AᵀA x.
+    fn normal(&self, x: &[f64]) -> Vec<f64> {
+        let mut sums = vec![0.0; x.len()];
+        for row in &self.rows {
+            let step = step(row, x);
+            for &(texel, weight) in row {
+                sums[texel as usize] += weight * step;
+            }
+        }
+        sums
+    }
+}
+
+/// A place's row of A x.
+fn step(row: &Row, x: &[f64]) -> f64 {
+    row.iter().map(|&(texel, weight)| weight * x[texel as usize]).sum()
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+/// The texels that bilinear filtering reads at a place of the map, in texels, with their weights.
+fn taps(at: DVec2, [width, height]: [u32; 2]) -> [(u32, f64); 4] {
+    let (low, part) = ((at - 0.5).floor(), (at - 0.5) - (at - 0.5).floor());
+    [[0, 0], [1, 0], [0, 1], [1, 1]].map(|[x, y]| {
+        let column = (low.x as i64 + x).clamp(0, i64::from(width) - 1) as u32;
+        let row = (low.y as i64 + y).clamp(0, i64::from(height) - 1) as u32;
+        let along = |part: f64, far: i64| if far == 1 { part } else { 1.0 - part };
+        (row * width + column, along(part.x, x) * along(part.y, y))
+    })
+}
