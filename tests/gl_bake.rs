@@ -27,8 +27,8 @@ fn settings(directions: u32) -> Settings {
 fn bake(gpu: &Gpu, scene: &Scene, points: &[GatherPoint], settings: &Settings, plan: &Plan) -> (Vec<Channel>, Vec<f32>) {
     let prepared = Prepared::new(gpu, scene).unwrap();
     let mut bake = Bake::new(gpu, prepared, points.to_vec(), settings, plan).unwrap();
+    assert!(bake.columns().is_none(), "values before the first direction");
     while !bake.is_done() {
-        assert!(bake.columns().is_none(), "values before they are done");
         bake.step().unwrap();
     }
     bake.columns().unwrap()

@@ -86,7 +86,7 @@ pub struct Tile {
 }
 
 /// Sums of points, in their order.
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub struct Values {
     /// rgb: Σ radiance of surfaces × w; a: Σ w.
     reflected: Vec<Vec4>,

@@ -22,7 +22,7 @@ use self::integrals::{Integrals, Rough as Seen, Seen as Pass, Tile, Values, Want
 use crate::direct::Direct;
 use crate::direction::{Direction, Directions};
 use crate::error::{Error, Result};
-use crate::gather::{Beyond, ExactFind, Find, FusedFind, KillFind, KillGather, RayFind};
+use crate::gather::{Beyond, ExactFind, Find, FusedFind, HIT_BYTES, KeptHits, KillFind, KillGather, RayFind};
 use crate::gpu::Gpu;
 use crate::harmonics::MAX_ORDER;
 use crate::image::Channel;
@@ -100,6 +100,7 @@ pub struct Bake {
     now: Option<Walk>,
     /// What carriers hold after the bounces so far: irradiance, and transfer.
     carried: Held,
+    kept: Option<Kept>,
     /// Of the points so far.
     values: Values,
     irradiance: Vec<Vec3>,
@@ -112,13 +113,29 @@ struct Held {
     transfer: Option<Carried>,
 }
 
-/// Whose points a round is about, and which.
+/// What carriers find in every bounce anew, where there is memory to keep it.
+struct Kept {
+    /// Of each batch of directions, for each tile.
+    hits: Vec<Vec<KeptHits>>,
+    /// From the lights.
+    irradiance: Vec<Vec3>,
+}
+
+/// Some points along all directions.
 #[derive(Clone, Debug)]
 struct Round {
-    of_carriers: bool,
+    whose: Whose,
     points: Range<usize>,
-    /// Whether it is the last for all of their points.
+    /// Whether it is the last for all of these.
     ends: bool,
+    /// Whether it is about what was asked for, and not about what carriers hand on.
+    last: bool,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Whose {
+    Carriers,
+    Receivers,
 }
 
 /// A round in progress.
@@ -162,10 +179,11 @@ impl Plan {
         if gathered || self.wants(Quantity::Prt) { self.bounces } else { 0 }
     }
 
-    fn wanted(&self, of_carriers: bool) -> Wanted {
+    /// In a round that is the last or one that carriers hand on.
+    fn wanted(&self, last: bool) -> Wanted {
         Wanted {
-            radiance: self.needs_radiance(),
-            sh: self.wants(Quantity::Sh) && !of_carriers,
+            radiance: self.needs_radiance() && (last || self.rough == Rough::Gathered),
+            sh: self.wants(Quantity::Sh) && last,
             prt: self.wants(Quantity::Prt),
             order: self.order,
         }
@@ -198,11 +216,17 @@ impl Bake {
         let bounces = plan.bounces_of_carriers();
         let carriers = (bounces > 0).then(|| Carriers::new(gpu, &prepared.scene, vertex_inset(settings))).transpose()?;
         let count_of_carriers = carriers.as_ref().map_or(0, |carriers| carriers.vertices().points().len());
+        // Who bakes the vertices themselves need not find their hits again.
+        let same = carriers.as_ref().is_some_and(|carriers| carriers.vertices().points() == points);
+        let whose = if same { Whose::Carriers } else { Whose::Receivers };
         let mut left = Vec::new();
         for _ in 0..bounces {
-            left.extend(rounds(true, count_of_carriers, plan));
+            left.extend(rounds(Whose::Carriers, false, count_of_carriers, plan));
         }
-        left.extend(rounds(false, points.len(), plan));
+        left.extend(rounds(whose, true, points.len(), plan));
+        let of_carriers = left.iter().filter(|round| round.whose == Whose::Carriers).count();
+        let bytes = plan.wanted(true).bytes() + HIT_BYTES * settings.directions as usize;
+        let keeps = of_carriers > 1 && count_of_carriers * bytes <= plan.memory << 20;
         left.reverse();
 
         let largest = TILE.min(points.len().max(count_of_carriers));
@@ -237,10 +261,21 @@ impl Bake {
             left,
             now: None,
             carried: Held::default(),
+            kept: keeps.then(|| Kept { hits: Vec::new(), irradiance: Vec::new() }),
             values: Values::default(),
             irradiance: Vec::new(),
             statistics,
         })
+    }
+
+    /// What it is to find.
+    pub fn plan(&self) -> &Plan {
+        &self.plan
+    }
+
+    /// The scene that it is baked of.
+    pub fn prepared(&self) -> &Prepared {
+        &self.prepared
     }
 
     pub fn is_done(&self) -> bool {
@@ -272,16 +307,28 @@ impl Bake {
         }
     }
 
-    /// A value for each point, in their order, of all quantities; `None` before all directions are done. Beside them, for each point, the share
-    /// of its hemisphere in which it saw surfaces from behind: where that is most of it, the point lies inside something.
+    /// Whether each point has a value: from the last round on, though of fewer directions than are asked for.
+    pub fn has_values(&self) -> bool {
+        self.left.is_empty() && self.now.as_ref().is_none_or(|walk| walk.done > 0)
+    }
+
+    /// A value for each point, in their order, of all quantities so far; `None` where [`Self::has_values`] is false. Beside them, for each point, the
+    /// share of its hemisphere in which it saw surfaces from behind: where that is most of it, the point lies inside something.
     pub fn columns(&self) -> Option<(Vec<Channel>, Vec<f32>)> {
-        let columns = |&quantity: &Quantity| self.values.columns(quantity, self.plan.order, &self.points, &self.irradiance);
-        self.is_done().then(|| (self.plan.what.iter().flat_map(columns).collect(), self.values.inside()))
+        if !self.has_values() {
+            return None;
+        }
+        let mut values = self.values.clone();
+        if let Some(walk) = &self.now {
+            walk.tiles.iter().for_each(|tile| walk.integrals.read(tile, &mut values));
+        }
+        let columns = |&quantity: &Quantity| values.columns(quantity, self.plan.order, &self.points, &self.irradiance);
+        Some((self.plan.what.iter().flat_map(columns).collect(), values.inside()))
     }
 
     fn points_of(&self, round: &Round) -> &[GatherPoint] {
-        let all = match &self.carriers {
-            Some(carriers) if round.of_carriers => carriers.vertices().points(),
+        let all = match (&self.carriers, round.whose) {
+            (Some(carriers), Whose::Carriers) => carriers.vertices().points(),
             _ => &self.points,
         };
         &all[round.points.clone()]
@@ -291,16 +338,22 @@ impl Bake {
     fn begin(&mut self, round: Round) -> Result<Walk> {
         let start = Instant::now();
         let (gathered, transfer) = (self.carried.irradiance.is_some(), self.carried.transfer.is_some());
-        let mut wanted = self.plan.wanted(round.of_carriers);
+        let mut wanted = self.plan.wanted(round.last);
+        let lit = wanted.radiance && self.prepared.lights.count() > 0;
         // Before the first bounce surfaces are black to those who gather without photons.
         wanted.radiance &= gathered || self.photons.is_some();
         let textured = self.prepared.geometry.is_textured();
         let integrals = Integrals::new(&self.gpu, wanted, textured, gathered, transfer)?;
         let points = self.points_of(&round);
         let tiles = points.chunks(TILE).map(|points| integrals.tile(&self.gpu, points)).collect::<Result<Vec<_>>>()?;
-        let lit = self.plan.needs_radiance() && self.prepared.lights.count() > 0;
-        let mut irradiance = vec![Vec3::ZERO; if lit { 0 } else { points.len() }];
-        if lit {
+        let known = self.kept.as_ref().filter(|_| round.whose == Whose::Carriers).map(|kept| &kept.irradiance);
+        let known = known.filter(|irradiance| irradiance.len() == points.len());
+        let mut irradiance = match known {
+            Some(irradiance) => irradiance.clone(),
+            None if lit => Vec::with_capacity(points.len()),
+            None => vec![Vec3::ZERO; points.len()],
+        };
+        if irradiance.is_empty() {
             for tile in &tiles {
                 let points = tile.list.points();
                 let sums = Sums::new(&self.gpu, points.size())?;
@@ -311,6 +364,9 @@ impl Bake {
                 let mean = 1.0 / self.settings.light_samples as f32;
                 irradiance.extend(tile.list.in_order(sums.read()).iter().map(|sum| mean * sum.truncate()));
             }
+        }
+        if let Some(kept) = self.kept.as_mut().filter(|_| lit && round.whose == Whose::Carriers) {
+            kept.irradiance.clone_from(&irradiance);
         }
         self.irradiance.extend(irradiance);
         self.gpu.finish();
@@ -331,7 +387,16 @@ impl Bake {
         let count = (self.find.batch() as u32).min(self.settings.directions - walk.done);
         let batch: Vec<Direction> = (walk.done..walk.done + count).map(|number| self.directions.get(number)).collect();
         let geometry = &self.prepared.geometry;
-        let layers = self.find.begin(geometry, &batch)?;
+        let mut kept = self.kept.as_mut().filter(|_| walk.round.whose == Whose::Carriers).map(|kept| &mut kept.hits);
+        let number = walk.done as usize / self.find.batch();
+        let known = kept.as_ref().is_some_and(|kept| number < kept.len());
+        if !known {
+            let layers = self.find.begin(geometry, &batch)?;
+            self.statistics.layers_max = self.statistics.layers_max.max(layers);
+            if let Some(kept) = &mut kept {
+                kept.push(Vec::new());
+            }
+        }
         let of_carriers = self.carriers.as_ref();
         let rough = match (of_carriers.zip(self.carried.irradiance.as_ref()), &self.photons) {
             (Some((carriers, carried)), _) => Seen::Gathered(carriers, carried),
@@ -340,16 +405,24 @@ impl Bake {
         };
         let open_distance = self.plan.ao_distance.map_or(f32::MAX, |length| self.prepared.space.length_to_unit(length));
         let beyond = &Beyond::new(&self.prepared.scene, batch.iter().map(|direction| direction.vector));
-        for tile in &walk.tiles {
+        let transfer = of_carriers.zip(self.carried.transfer.as_ref());
+        for (index, tile) in walk.tiles.iter().enumerate() {
             let points = tile.list.points();
-            let hits = self.find.find(geometry, points)?;
-            let transfer = of_carriers.zip(self.carried.transfer.as_ref());
+            let hits = match &mut kept {
+                None => self.find.find(geometry, points)?,
+                Some(kept) => {
+                    if !known {
+                        self.find.find(geometry, points)?;
+                        kept[number].push(self.find.keep()?);
+                    }
+                    kept[number][index].hits()
+                }
+            };
             walk.integrals.add(tile, &Pass { geometry, hits, beyond, points, rough, transfer, open_distance });
         }
         self.gpu.finish();
         self.gpu.check("gathering")?;
         self.statistics.seconds.gather += start.elapsed().as_secs_f64();
-        self.statistics.layers_max = self.statistics.layers_max.max(layers);
         self.statistics.directions_done += u64::from(count);
         walk.done += count;
         Ok(())
@@ -360,7 +433,7 @@ impl Bake {
         let Walk { round, integrals, tiles, .. } = walk;
         tiles.iter().for_each(|tile| integrals.read(tile, &mut self.values));
         drop(tiles);
-        let Some(carriers) = self.carriers.as_ref().filter(|_| round.of_carriers && round.ends) else { return Ok(()) };
+        let Some(carriers) = self.carriers.as_ref().filter(|_| round.ends && !round.last) else { return Ok(()) };
         let values = std::mem::take(&mut self.values);
         let irradiance = std::mem::take(&mut self.irradiance);
         let inside = values.inside();
@@ -379,10 +452,10 @@ impl Bake {
 }
 
 /// The rounds that so many points take in the memory there is.
-fn rounds(of_carriers: bool, count: usize, plan: &Plan) -> Vec<Round> {
-    let fit = (plan.memory << 20) / plan.wanted(of_carriers).bytes();
+fn rounds(whose: Whose, last: bool, count: usize, plan: &Plan) -> Vec<Round> {
+    let fit = (plan.memory << 20) / plan.wanted(last).bytes();
     // Whole tiles, and one at least.
     let most = (fit / TILE * TILE).max(TILE);
-    let round = |first: usize| Round { of_carriers, points: first..count.min(first + most), ends: first + most >= count };
+    let round = |first: usize| Round { whose, points: first..count.min(first + most), ends: first + most >= count, last };
     (0..count).step_by(most).map(round).collect()
 }

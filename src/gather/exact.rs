@@ -5,9 +5,9 @@ use std::rc::Rc;
 use glam::{Vec2, Vec4};
 use rayon::prelude::*;
 
-use super::hits::{Find, Hits};
+use super::hits::{Find, Hits, KeptHits};
 use crate::direction::Direction;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::geometry::{Geometry, triangle_order};
 use crate::gpu::{Format, Gpu, Texture};
 use crate::points::{GatherPoint, Points};
@@ -20,7 +20,7 @@ pub struct ExactFind {
     /// Of each triangle, its place in the shaders' table.
     slots: Vec<u32>,
     direction: [Vec4; 1],
-    hits: Option<Texture>,
+    hits: Option<Rc<Texture>>,
 }
 
 impl ExactFind {
@@ -55,7 +55,12 @@ impl Find for ExactFind {
         };
         let hits: Vec<Vec2> = position.par_iter().zip(&normal).map(cast).collect();
         let size = [points.position.width(), points.position.height()];
-        let texture = self.hits.insert(Texture::array_of_one(&self.gpu, Format::Rg32F, size, &hits)?);
+        let texture = self.hits.insert(Rc::new(Texture::array_of_one(&self.gpu, Format::Rg32F, size, &hits)?));
         Ok(Hits::new(texture, &self.direction, true))
+    }
+
+    fn keep(&mut self) -> Result<KeptHits> {
+        let texture = self.hits.clone().ok_or_else(|| Error::gl("no hits were found to keep", "report this"))?;
+        Ok(KeptHits::new(texture, &self.direction, true))
     }
 }

@@ -3,7 +3,7 @@
 use glam::{Mat4, Vec4};
 
 use super::hit_pass::HitPass;
-use super::hits::FoundHits;
+use super::hits::{FoundHits, KeptHits};
 use super::{Beyond, Bundle, LayerStore, Work};
 use crate::error::Result;
 use crate::gpu::{Gpu, Program, Texture, Uniform};
@@ -52,6 +52,11 @@ impl FusedFind {
         let uniforms = Uniforms::of(bundles);
         self.hits.write(points, &self.program, &[&uniforms.list()[..], &store.uniforms()].concat());
         self.hits.texture()
+    }
+
+    /// What was found last, along `directions`, for good.
+    pub fn keep(&mut self, gpu: &Gpu, directions: &[Vec4]) -> Result<KeptHits> {
+        self.hits.keep(gpu, directions)
     }
 }
 

@@ -28,6 +28,32 @@ pub trait Find {
     /// # Errors
     /// When the device has no memory for them.
     fn find(&mut self, geometry: &Geometry, points: Points) -> Result<Hits<'_>>;
+
+    /// What was found last, for good.
+    ///
+    /// # Errors
+    /// When the device has no memory for the next.
+    fn keep(&mut self) -> Result<KeptHits>;
+}
+
+/// Bytes of a hit.
+pub const HIT_BYTES: usize = 8;
+
+/// Hits that outlive the next ones.
+pub struct KeptHits {
+    texture: Rc<Texture>,
+    directions: Vec<Vec4>,
+    both_ends: bool,
+}
+
+impl KeptHits {
+    pub(super) fn new(texture: impl Into<Rc<Texture>>, directions: &[Vec4], both_ends: bool) -> Self {
+        Self { texture: texture.into(), directions: directions.to_vec(), both_ends }
+    }
+
+    pub fn hits(&self) -> Hits<'_> {
+        Hits::new(&self.texture, &self.directions, self.both_ends)
+    }
 }
 
 /// Distance and triangle, for each point and direction of a batch.
@@ -89,5 +115,12 @@ impl FoundHits {
 
     pub fn texture(&self) -> &Texture {
         &self.texture
+    }
+
+    /// Gives them away, for others to come.
+    pub fn keep(&mut self, gpu: &Gpu, directions: &[Vec4]) -> Result<KeptHits> {
+        let new = Self::new(gpu, self.target.size())?;
+        let texture = std::mem::replace(self, new).texture;
+        Ok(KeptHits::new(texture, directions, true))
     }
 }

@@ -23,7 +23,7 @@ mod rays;
 
 pub use bundle::Bundle;
 pub use exact::ExactFind;
-pub use hits::{Find, Hits};
+pub use hits::{Find, HIT_BYTES, Hits, KeptHits};
 pub use kill::Kill;
 pub use layer_store::LayerStore;
 pub use peel::Peel;
@@ -34,7 +34,7 @@ use glam::{Vec3, Vec4};
 use crate::direction::Direction;
 use crate::error::Result;
 use crate::geometry::Geometry;
-use crate::gpu::{Gpu, Uniform};
+use crate::gpu::{Format, Gpu, Texture, Uniform};
 use crate::photon::PhotonTexture;
 use crate::points::{Points, Sums};
 use crate::scene::Scene;
@@ -229,6 +229,14 @@ impl Find for KillFind {
         }
         Ok(Hits::new(self.gather.kill.hits(), &self.vector, false))
     }
+
+    fn keep(&mut self) -> Result<KeptHits> {
+        // What KILL overwrites stays its own.
+        let hits = self.gather.kill.hits();
+        let texels = hits.read::<[f32; 2]>();
+        let copy = Texture::array_of_one(&self.gather.gpu, Format::Rg32F, [hits.width(), hits.height()], &texels)?;
+        Ok(KeptHits::new(copy, &self.vector, false))
+    }
 }
 
 /// Hits in all layers at once.
@@ -267,5 +275,9 @@ impl Find for FusedFind {
     fn find(&mut self, _: &Geometry, points: Points) -> Result<Hits<'_>> {
         let texture = self.gpu.stage("gather", || self.fused.find(points, &self.bundles, &self.store));
         Ok(Hits::new(texture, &self.directions, true))
+    }
+
+    fn keep(&mut self) -> Result<KeptHits> {
+        self.fused.keep(&self.gpu, &self.directions)
     }
 }

@@ -9,7 +9,7 @@
 use glam::{DVec3, Vec3, Vec4};
 
 use super::hit_pass::HitPass;
-use super::hits::{Find, FoundHits, Hits};
+use super::hits::{Find, FoundHits, Hits, KeptHits};
 use super::{Beyond, Gather, Work};
 use crate::direction::Direction;
 use crate::error::Result;
@@ -31,6 +31,7 @@ pub struct RayGather {
 
 /// Rays through one scene, and what they meet written down.
 pub struct RayFind {
+    gpu: Gpu,
     program: Program,
     hits: FoundHits,
     rays: Rays,
@@ -100,7 +101,8 @@ impl RayFind {
     /// As [`RayGather::new`].
     pub fn new(gpu: &Gpu, scene: &Scene, points: [u32; 2]) -> Result<Self> {
         let program = Program::new(gpu, &shaders::RAYS_FIND)?;
-        Ok(Self { program, hits: FoundHits::new(gpu, points)?, rays: Rays::new(gpu, scene)?, directions: Vec::new() })
+        let (hits, rays) = (FoundHits::new(gpu, points)?, Rays::new(gpu, scene)?);
+        Ok(Self { gpu: gpu.clone(), program, hits, rays, directions: Vec::new() })
     }
 }
 
@@ -117,6 +119,10 @@ impl Find for RayFind {
     fn find(&mut self, _: &Geometry, points: Points) -> Result<Hits<'_>> {
         self.hits.write(points, &self.program, &self.rays.uniforms(&self.directions));
         Ok(Hits::new(self.hits.texture(), &self.directions, true))
+    }
+
+    fn keep(&mut self) -> Result<KeptHits> {
+        self.hits.keep(&self.gpu, &self.directions)
     }
 }
 

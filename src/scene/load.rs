@@ -51,6 +51,19 @@ impl Scene {
 
     /// The same under this environment, if it is one, in the place of the scene's own.
     pub fn load_under(path: &Path, environment: Option<Environment>) -> Result<Self> {
+        let scene = Self::load_unlit(path, environment)?;
+        let is_emissive = |triangle| scene.material(triangle).is_emissive();
+        if scene.has_sky() || (0..scene.mesh.triangles.len()).any(is_emissive) {
+            return Ok(scene);
+        }
+        let problem = "no light: no material in use has Ke above 0, and there is no environment that is not black";
+        let cure = "give a material that the model uses Ke in the MTL file, or emission under [materials.NAME] in a scene file; or an \
+                    environment, as [environment] in a scene file or by --env";
+        Err(Error::input(path, None, problem, cure))
+    }
+
+    /// The same, lit or not: for what needs no light, as openness does.
+    pub fn load_unlit(path: &Path, environment: Option<Environment>) -> Result<Self> {
         let extension = path.extension().unwrap_or_default();
         if extension.eq_ignore_ascii_case("toml") {
             return load_toml(path, environment);
@@ -221,13 +234,5 @@ fn build(
     }
     let framed = camera.is_none();
     let camera = camera.unwrap_or_else(|| Camera::framing(mesh.bounds(), settings.size));
-    let scene = Scene { mesh, materials, textures: textures.list, environment, camera, framed, settings, warnings };
-    let is_emissive = |triangle| scene.material(triangle).is_emissive();
-    if !scene.has_sky() && !(0..scene.mesh.triangles.len()).any(is_emissive) {
-        let problem = "no light: no material in use has Ke above 0, and there is no environment that is not black";
-        let cure = "give a material that the model uses Ke in the MTL file, or emission under [materials.NAME] in a scene file; or an \
-                    environment, as [environment] in a scene file or by --env";
-        return Err(Error::input(model, None, problem, cure));
-    }
-    Ok(scene)
+    Ok(Scene { mesh, materials, textures: textures.list, environment, camera, framed, settings, warnings })
 }

@@ -2,13 +2,18 @@
 
 use std::fmt::Display;
 use std::path::{Path, PathBuf};
+use std::str::FromStr;
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Parser, Subcommand};
+use finalgather::bake::Rough;
 use finalgather::bench::CONTESTANTS;
 use finalgather::environment::Environment;
 use finalgather::error::Result;
 use finalgather::gpu::{Backend, DeviceChoice};
+use finalgather::harmonics::MAX_ORDER;
+use finalgather::points::UvSource;
+use finalgather::quantity::Quantity;
 use finalgather::scene::Scene;
 use finalgather::settings::{Estimator, Pipeline, Sequence, Settings};
 use serde::Deserialize;
@@ -97,6 +102,58 @@ Exit codes:
    69  no window system here, or no OpenGL 3.3
    75  the screenshot could not be written";
 
+const BAKE_NOTES: &str = "\
+Quantities, at a point with normal n, w = max(n.d, 0):
+  irradiance   integral of L w, in all, from lights and environment themselves, and from surfaces
+  ao           share of the w-weighted hemisphere that meets no surface within --ao-distance
+  bent-normal  mean of the directions that ao counts as open, of unit length
+  sky          share that leaves the scene
+  sh           integral of L Y over the hemisphere, lights and all; Y: real orthonormal spherical
+               harmonics without Condon-Shortley phase, coefficient l(l+1)+m
+  prt          integral of (V w + reflected) Y / pi: radiosity over albedo under an environment of
+               radiance Y, shadowed, and reflected by way of --bounces surfaces [default: 2]
+  prt-unshadowed  the same with nothing around
+
+Formats:
+  vertices  .ply .npy .glb; a vertex for each normal where faces meet in an edge
+  lightmap  .exr (all channels; R G B is irradiance) .png, and the model with it: .obj .glb
+  camera    .exr .png, or its points: .ply .npy
+  points    .ply .npy
+  .npy has a .json beside it that says what the numbers are.
+
+Points lie on fronts: the sides from which triangles wind counter-clockwise.
+
+Examples:
+  finalgather bake scenes/cornell.toml --to vertices --what irradiance,ao -o box.ply
+  finalgather bake scenes/cornell.toml --to lightmap --what irradiance -o map.exr -o box.glb
+  finalgather bake scene.obj --to vertices --what prt --order 3 --bounces 2 -o prt.npy
+  finalgather relight prt.npy --env sky.hdr --scene scene.obj -o relit.png
+  finalgather bake scenes/cornell.toml --to vertices --to lightmap --what ao,irradiance \\
+      -o vertices:box.ply -o lightmap:map.exr
+
+Exit codes:
+    0  done
+    2  the request cannot be met: an option out of range, an output path that cannot be written
+   65  a scene or a file of points cannot be used: it is missing or says something wrong
+   69  no OpenGL 3.3 here, or its driver failed
+   75  a file could not be written; trying again, elsewhere or later, may succeed
+  130  stopped by SIGINT (Ctrl-C), 143 by SIGTERM: values so far were written, if each point had
+       one; a second signal exits at once";
+
+const RELIGHT_NOTES: &str = "\
+What is written is irradiance, pi times what a white surface sends back; a picture shows the
+scene's materials.
+
+Examples:
+  finalgather relight prt.npy --env sky.hdr -o light.npy
+  finalgather relight prt.npy --env sky.hdr --scene scene.toml -o relit.png -o relit.ply
+
+Exit codes:
+    0  done
+    2  the request cannot be met: an output path that cannot be written, or no --scene for it
+   65  a file cannot be used, or the transfer is not of the scene's vertices
+   75  a file could not be written";
+
 const EXIT_CODES: &str = "\
 Exit codes:
     0  done
@@ -121,6 +178,8 @@ pub enum Command {
     #[cfg(feature = "window")]
     View(ViewArgs),
     Compare(CompareArgs),
+    Bake(BakeArgs),
+    Relight(RelightArgs),
     Bench(BenchArgs),
     Info(InfoArgs),
 }
@@ -154,6 +213,147 @@ pub struct RenderArgs {
     pub gl_device: DeviceChoice,
 }
 
+/// Bake vertices, light maps, pixels or points of a file: irradiance, openness, spherical harmonics, radiance transfer
+///
+/// One gather serves all receivers and all quantities. Settings come from these options, else from the scene file's [settings], else from the
+/// defaults shown here.
+#[derive(Debug, clap::Args)]
+#[command(after_help = BAKE_NOTES, allow_negative_numbers = true)]
+pub struct BakeArgs {
+    /// Scene file: .toml, or a bare .obj with its .mtl
+    pub scene: PathBuf,
+
+    /// Where values are wanted: vertices, lightmap, camera (one point a pixel) or points:FILE (.ply, .npy or .csv, in world space); may be given several times
+    #[arg(long, value_name = "RECEIVER", required = true)]
+    pub to: Vec<To>,
+
+    /// Quantities, by commas: irradiance, ao, bent-normal, sky, sh, prt, prt-unshadowed
+    #[arg(long, value_name = "QUANTITY", required = true, value_delimiter = ',', value_parser = named::<Quantity>(&["irradiance", "ao", "bent-normal", "sky", "sh", "prt", "prt-unshadowed"]), hide_possible_values = true)]
+    pub what: Vec<Quantity>,
+
+    /// File to write, of several receivers with the receiver's name before it, as in vertices:box.ply; may be given several times. Formats by receiver are listed below
+    #[arg(short, long = "output", value_name = "[RECEIVER:]FILE", required = true)]
+    pub outputs: Vec<String>,
+
+    /// Print one JSON object about the run on stdout
+    #[arg(long)]
+    pub json: bool,
+
+    /// Bands of spherical harmonics, 1 to 5: N bands have N² coefficients
+    #[arg(long, value_name = "N", default_value_t = 3, value_parser = bands)]
+    pub order: usize,
+
+    /// Surfaces farther away leave a point open to ao and bent-normal, in the scene's units [default: none do]
+    #[arg(long, value_name = "LENGTH")]
+    pub ao_distance: Option<f32>,
+
+    /// Where the light of surfaces comes from: traced photons, or earlier gathers at the scene's own vertices, --bounces of them
+    #[arg(long, default_value = "photons", value_parser = named::<Rough>(&["photons", "gathered"]))]
+    pub rough: Rough,
+
+    /// Side of the light map in texels
+    #[arg(long, value_name = "N", default_value_t = 512, value_parser = count::<u32>, conflicts_with = "texels_per_unit", help_heading = "Light map")]
+    pub resolution: u32,
+
+    /// Texels along a unit of the scene, in place of --resolution
+    #[arg(long, value_name = "F", help_heading = "Light map")]
+    pub texels_per_unit: Option<f32>,
+
+    /// Texture coordinates: auto (the mesh's own where they serve, else an atlas), own or atlas
+    #[arg(long, default_value = "auto", value_name = "auto|own|atlas", value_parser = uv_source(), hide_possible_values = true, help_heading = "Light map")]
+    pub uvs: UvSource,
+
+    /// Texels around each chart that repeat its edge
+    #[arg(long, value_name = "N", default_value_t = 2, value_parser = count::<u32>, help_heading = "Light map")]
+    pub padding: u32,
+
+    /// Points in a texel, a square number
+    #[arg(long, value_name = "N", default_value_t = 4, value_parser = count::<u32>, help_heading = "Light map")]
+    pub samples_per_texel: u32,
+
+    /// MiB that points and their sums may take on the GL side at a time; more take turns
+    #[arg(long, value_name = "MIB", default_value_t = 1024, value_parser = count::<usize>)]
+    pub memory: usize,
+
+    #[command(flatten)]
+    pub overrides: Overrides,
+
+    /// Where the OpenGL context comes from
+    #[arg(long, default_value = "auto", value_parser = named_backend(), help_heading = "OpenGL")]
+    pub backend: Backend,
+
+    /// EGL device: auto, sw (a software renderer) or an index listed by `finalgather info`
+    #[arg(long, default_value = "auto", value_name = "auto|sw|INDEX", help_heading = "OpenGL")]
+    pub gl_device: DeviceChoice,
+}
+
+/// A receiver, as `--to` names it.
+#[derive(Clone, Debug, PartialEq)]
+pub enum To {
+    Vertices,
+    LightMap,
+    Camera,
+    Points(PathBuf),
+}
+
+impl To {
+    pub const VERTICES: &'static str = "vertices";
+    pub const LIGHT_MAP: &'static str = "lightmap";
+    pub const CAMERA: &'static str = "camera";
+    pub const POINTS: &'static str = "points";
+
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Vertices => Self::VERTICES,
+            Self::LightMap => Self::LIGHT_MAP,
+            Self::Camera => Self::CAMERA,
+            Self::Points(_) => Self::POINTS,
+        }
+    }
+}
+
+impl FromStr for To {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match (text, text.split_once(':')) {
+            (Self::VERTICES, _) => Ok(Self::Vertices),
+            (Self::LIGHT_MAP, _) => Ok(Self::LightMap),
+            (Self::CAMERA, _) => Ok(Self::Camera),
+            (_, Some((Self::POINTS, path))) if !path.is_empty() => Ok(Self::Points(path.into())),
+            _ => Err("give vertices, lightmap, camera or points:FILE".to_owned()),
+        }
+    }
+}
+
+/// Turn baked radiance transfer into light under an environment
+#[derive(Debug, clap::Args)]
+#[command(after_help = RELIGHT_NOTES, allow_negative_numbers = true)]
+pub struct RelightArgs {
+    /// Transfer: a .npy of `finalgather bake --what prt`, with its .json beside it
+    pub transfer: PathBuf,
+
+    /// Lat-long picture of the environment, .hdr or .exr
+    #[arg(long, value_name = "FILE")]
+    pub env: PathBuf,
+
+    /// File to write: .npy (irradiance of each point); with --scene also .ply and .glb (its vertices), .png and .exr (a picture); may be given several times
+    #[arg(short, long = "output", value_name = "FILE", required = true)]
+    pub outputs: Vec<PathBuf>,
+
+    /// Scene whose vertices the transfer was baked at
+    #[arg(long, value_name = "SCENE")]
+    pub scene: Option<PathBuf>,
+
+    /// Picture size in pixels; N is N by N [default: the scene's]
+    #[arg(long, value_name = "WxH|N", value_parser = size)]
+    pub size: Option<[u32; 2]>,
+
+    /// Exposure of colours and .png in stops
+    #[arg(long, value_name = "EV", default_value_t = 0.0, value_parser = stops)]
+    pub exposure: f32,
+}
+
 /// What the command line says over the scene file's settings.
 #[derive(Clone, Debug, clap::Args)]
 #[command(next_help_heading = "Settings")]
@@ -174,7 +374,7 @@ pub struct Overrides {
     photons: Option<u64>,
 
     #[arg(long, value_name = "N", value_parser = count::<u32>, help = setting("The most surfaces that one photon is stored at", |s| s.bounces))]
-    bounces: Option<u32>,
+    pub bounces: Option<u32>,
 
     #[arg(long, value_parser = named::<Estimator>(&["self-normalised", "plain"]), help = setting("How radiance along directions makes an irradiance: over the sum of its weights, or over their expected sum", |s| name(s.estimator)))]
     estimator: Option<Estimator>,
@@ -199,7 +399,7 @@ pub struct Overrides {
 
     /// Environment, a lat-long .hdr or .exr: what lies beyond the scene and lights it [default: the scene file's, else black]
     #[arg(long, value_name = "FILE")]
-    env: Option<PathBuf>,
+    pub env: Option<PathBuf>,
 }
 
 /// Open a window on a scene: the picture as it gathers, a camera to move, the layers of a direction to look at
@@ -403,6 +603,22 @@ fn setting<T: Display>(text: &str, default: impl Fn(Settings) -> T) -> String {
 /// The name that a scene file uses for this value.
 fn name(value: impl serde::Serialize) -> String {
     serde_json::to_value(value).ok().and_then(|value| value.as_str().map(str::to_owned)).unwrap_or_default()
+}
+
+/// Bands of spherical harmonics.
+fn bands(text: &str) -> Result<usize, String> {
+    text.parse()
+        .ok()
+        .filter(|order| (1..=MAX_ORDER).contains(order))
+        .ok_or(format!("not a number of bands from 1 to {MAX_ORDER}"))
+}
+
+fn uv_source() -> impl TypedValueParser<Value = UvSource> {
+    PossibleValuesParser::new(["auto", "own", "atlas"]).map(|name| match name.as_str() {
+        "own" => UvSource::Own,
+        "atlas" => UvSource::Atlas,
+        _ => UvSource::Auto,
+    })
 }
 
 /// Parses one of these names as a scene file would.

@@ -46,7 +46,7 @@ impl Interrupt {
                 }
                 progress.clear();
                 if !has_picture {
-                    report::say("stopped before the first of the directions was done; nothing written");
+                    report::say("stopped before there was anything to write; nothing written");
                 }
                 // Not process::exit: its handlers would take the GL driver down under the thread that is using it.
                 low_level::exit(code.into());

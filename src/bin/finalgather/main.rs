@@ -7,11 +7,13 @@ use clap::Parser;
 use finalgather::error::Error;
 
 mod args;
+mod bake;
 mod bench;
 mod compare;
 mod info;
 mod interrupt;
 mod progress;
+mod relight;
 mod render;
 mod report;
 #[cfg(feature = "window")]
@@ -26,6 +28,8 @@ fn main() -> ExitCode {
         #[cfg(feature = "window")]
         Command::View(args) => view::run(&args),
         Command::Compare(args) => compare::run(&args),
+        Command::Bake(args) => bake::run(&args, started),
+        Command::Relight(args) => relight::run(&args),
         Command::Bench(args) => bench::run(&args),
         Command::Info(args) => info::run(&args),
     };

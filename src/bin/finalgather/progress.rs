@@ -24,14 +24,14 @@ impl Progress {
     }
 
     /// Turns the line into a bar over this many directions.
-    pub fn begin_directions(&self, directions: u32) {
+    pub fn begin_directions(&self, directions: impl Into<u64>) {
         self.0.set_length(directions.into());
         self.0.set_style(style("{wide_bar} {pos}/{len} directions, {per_sec}, {eta} left"));
         // Time spent in earlier stages says nothing about the rate of this one.
         self.0.reset();
     }
 
-    pub fn directions_done(&self, directions: u32) {
+    pub fn directions_done(&self, directions: impl Into<u64>) {
         self.0.set_position(directions.into());
     }
 

@@ -1,0 +1,212 @@
+//! `finalgather bake`: receivers → points → integrals → files. Everything that can be refused early is, before the gather.
+
+mod receiver;
+
+use std::io::{self, IsTerminal};
+use std::path::PathBuf;
+use std::time::Instant;
+
+use finalgather::bake::{Bake, Plan, Statistics};
+use finalgather::environment::Environment;
+use finalgather::error::{Error, Result};
+use finalgather::gpu::Gpu;
+use finalgather::image::{Channel, WriteOptions};
+use finalgather::points::GatherPoint;
+use finalgather::prepared::Prepared;
+use finalgather::quantity::Quantity;
+use finalgather::scene::Scene;
+use finalgather::settings::Settings;
+use serde::Serialize;
+
+use self::receiver::{Counts, Receiver};
+use crate::args::{BakeArgs, To};
+use crate::interrupt::Interrupt;
+use crate::progress::Progress;
+use crate::report::{self, Gl};
+
+/// Bounces of gathered light, unless said otherwise.
+const BOUNCES: u32 = 2;
+
+/// `finalgather bake --json`.
+#[derive(Serialize)]
+struct Report<'a> {
+    gl: Gl<'a>,
+    settings: &'a Settings,
+    plan: &'a Plan,
+    bake: &'a Statistics,
+    receivers: &'a [Baked],
+    seconds: Seconds,
+    peak_memory_bytes: Option<u64>,
+    interrupted: bool,
+}
+
+#[derive(Serialize)]
+struct Seconds {
+    load: f64,
+    receivers: f64,
+    write: f64,
+    total: f64,
+}
+
+/// A receiver that is done.
+#[derive(Serialize)]
+struct Baked {
+    to: &'static str,
+    points: usize,
+    counts: Counts,
+    outputs: Vec<String>,
+}
+
+/// The exit code, unless the run failed.
+pub fn run(args: &BakeArgs, started: Instant) -> Result<u8> {
+    let outputs = outputs_of(args)?;
+    for (to, outputs) in args.to.iter().zip(&outputs) {
+        outputs.iter().try_for_each(|path| receiver::check_writable(to, path))?;
+    }
+    let progress = Progress::new("loading");
+    let outcome = bake(args, &outputs, &progress, started);
+    progress.clear();
+    outcome
+}
+
+fn bake(args: &BakeArgs, outputs: &[Vec<PathBuf>], progress: &Progress, started: Instant) -> Result<u8> {
+    let interrupt = Interrupt::watch(progress.clone()).map_err(|error| {
+        Error::usage(format!("signals cannot be caught: {error}"), "run where the system allows signal handlers")
+    })?;
+    let scene = load(args)?;
+    scene.warnings.iter().for_each(|warning| progress.say(&format!("warning: {warning}")));
+    let mut settings = args.overrides.put_over(scene.settings.clone());
+    // Transfer may do without bounces; photons may not.
+    settings.bounces = settings.bounces.max(1);
+    let plan = Plan {
+        what: args.what.clone(),
+        order: args.order,
+        bounces: args.overrides.bounces.unwrap_or(BOUNCES),
+        ao_distance: args.ao_distance,
+        rough: args.rough,
+        memory: args.memory,
+    };
+    // Before the device and the receivers, which take their time.
+    settings.validate()?;
+    plan.validate()?;
+    let load = started.elapsed().as_secs_f64();
+
+    progress.stage("starting OpenGL");
+    let gpu = Gpu::headless(args.backend, args.gl_device)?;
+    progress.stage("placing points");
+    let placing = Instant::now();
+    let prepared = Prepared::new(&gpu, &scene)?;
+    let receivers = args.to.iter().map(|to| Receiver::new(to, args, &gpu, &prepared, &settings)).collect::<Result<Vec<_>>>()?;
+    receivers.iter().flat_map(Receiver::warnings).for_each(|warning| progress.say(&format!("warning: {warning}")));
+    let points: Vec<GatherPoint> = receivers.iter().flat_map(|receiver| receiver.points().iter().copied()).collect();
+    let placed = placing.elapsed().as_secs_f64();
+    progress.stage("tracing photons");
+    let mut bake = Bake::new(&gpu, prepared, points, &settings, &plan)?;
+    progress.begin_directions(bake.statistics().directions_total);
+    while !bake.is_done() && interrupt.requested().is_none() {
+        bake.step()?;
+        if bake.has_values() {
+            interrupt.picture_begun();
+        }
+        progress.directions_done(bake.statistics().directions_done);
+    }
+    let stopped = interrupt.requested().filter(|_| !bake.is_done());
+    progress.clear();
+    let Some((columns, inside)) = bake.columns() else {
+        return Err(Error::usage("no direction was gathered", "let it run longer"));
+    };
+
+    let writing = Instant::now();
+    let options = WriteOptions { exposure: settings.exposure, metadata: Some(&metadata(&gpu, &bake, &settings)) };
+    let (mut first, mut baked, mut failures) = (0, Vec::new(), Vec::new());
+    for (receiver, paths) in receivers.iter().zip(outputs) {
+        let range = first..first + receiver.points().len();
+        first = range.end;
+        let part = |column: &Channel| Channel { name: column.name.clone(), samples: column.samples[range.clone()].to_vec() };
+        let own = columns.iter().map(part).collect();
+        let (counts, errors) = receiver.write(own, &inside[range.clone()], paths, &scene, bake.prepared(), &options);
+        failures.extend(errors);
+        let outputs = paths.iter().map(|path| path.display().to_string()).collect();
+        baked.push(Baked { to: receiver.name(), points: range.len(), counts, outputs });
+    }
+    let paths: Vec<_> = baked.iter().flat_map(|baked| baked.outputs.iter().map(String::as_str)).collect();
+    if stopped.is_some() {
+        let Statistics { directions_done, directions_total, .. } = bake.statistics();
+        report::say(&format!(
+            "stopped after {directions_done} of {directions_total} directions; values so far written to {}",
+            paths.join(", ")
+        ));
+    } else if failures.is_empty() && io::stderr().is_terminal() {
+        report::say(&format!("written to {} after {:.1} s", paths.join(", "), started.elapsed().as_secs_f64()));
+    }
+    // All that can be written is, before one that cannot ends the run.
+    let mut failures = failures.into_iter();
+    if let Some(error) = failures.next() {
+        failures.for_each(|error| report::say(&format!("error: {error}")));
+        return Err(error);
+    }
+    if args.json {
+        let gl = gpu.info();
+        report::print_json(&Report {
+            gl: Gl { renderer: &gl.renderer, version: &gl.version, backend: &gl.backend },
+            settings: &settings,
+            plan: &plan,
+            bake: bake.statistics(),
+            receivers: &baked,
+            seconds: Seconds {
+                load,
+                receivers: placed,
+                write: writing.elapsed().as_secs_f64(),
+                total: started.elapsed().as_secs_f64(),
+            },
+            peak_memory_bytes: report::peak_memory_bytes(),
+            interrupted: stopped.is_some(),
+        })?;
+    }
+    Ok(stopped.unwrap_or(0))
+}
+
+/// Openness and transfer need no light.
+fn load(args: &BakeArgs) -> Result<Scene> {
+    let environment = args.overrides.env.as_deref().map(Environment::load).transpose()?;
+    let needs_light = args.what.iter().any(|quantity| matches!(quantity, Quantity::Irradiance | Quantity::Sh));
+    if needs_light { Scene::load_under(&args.scene, environment) } else { Scene::load_unlit(&args.scene, environment) }
+}
+
+/// The paths of each receiver.
+fn outputs_of(args: &BakeArgs) -> Result<Vec<Vec<PathBuf>>> {
+    let mut outputs = vec![Vec::new(); args.to.len()];
+    for output in &args.outputs {
+        let of = |to: &To| output.strip_prefix(to.name()).and_then(|rest| rest.strip_prefix(':'));
+        let named = args.to.iter().enumerate().find_map(|(i, to)| of(to).map(|path| (i, path)));
+        match named {
+            Some((i, path)) => outputs[i].push(PathBuf::from(path)),
+            None if args.to.len() == 1 => outputs[0].push(PathBuf::from(output)),
+            None => {
+                let names: Vec<_> = args.to.iter().map(|to| format!("{}:{output}", to.name())).collect();
+                let cure = format!("put its name before the file: {}", names.join(" or "));
+                return Err(Error::usage(format!("-o {output}: of which receiver?"), cure));
+            }
+        }
+    }
+    match args.to.iter().zip(&outputs).find(|(_, outputs)| outputs.is_empty()) {
+        None => Ok(outputs),
+        Some((to, _)) => {
+            Err(Error::usage(format!("no file is named for {}", to.name()), "name one with -o, or leave the receiver out"))
+        }
+    }
+}
+
+/// What made the values. No times and no paths: the same bake gives the same files.
+fn metadata(gpu: &Gpu, bake: &Bake, settings: &Settings) -> String {
+    let statistics = bake.statistics();
+    serde_json::json!({
+        "version": env!("CARGO_PKG_VERSION"),
+        "renderer": gpu.info().renderer,
+        "settings": settings,
+        "plan": bake.plan(),
+        "rounds": statistics.rounds,
+        "directions_done": statistics.directions_done,
+    })
+    .to_string()
+}

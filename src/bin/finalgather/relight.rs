@@ -1,0 +1,149 @@
+//! `finalgather relight`: transfer × environment → light, as numbers, on the model or as a picture.
+
+use std::f32::consts::{FRAC_1_PI, PI};
+use std::path::Path;
+
+use finalgather::environment::Environment;
+use finalgather::error::{Error, Result};
+use finalgather::export::{self, Surface, Values, read_prt};
+use finalgather::harmonics::project;
+use finalgather::image::{self, Channel, Image, WriteOptions};
+use finalgather::points::Vertices;
+use finalgather::scene::{Bvh, Camera, Mesh, Scene, UnitSpace};
+use finalgather::settings::Settings;
+use glam::{Vec2, Vec3};
+use rayon::prelude::*;
+
+use crate::args::RelightArgs;
+
+/// Rings over which the environment is projected.
+const RINGS: usize = 512;
+/// Rays through a pixel, along each side.
+const SUBPIXELS: usize = 4;
+
+/// What is shown, in world space but for the tree.
+struct Model {
+    scene: Scene,
+    space: UnitSpace,
+    /// With vertices as bakes have them; triangles are those of the tree.
+    mesh: Mesh,
+    bvh: Bvh,
+    unit: Scene,
+}
+
+/// The exit code, unless the run failed.
+pub fn run(args: &RelightArgs) -> Result<u8> {
+    for path in &args.outputs {
+        match ending(path) {
+            "png" | "exr" => image::check_writable(path)?,
+            _ => export::check_writable(path, &["npy", "ply", "glb", "png", "exr"])?,
+        }
+        if ending(path) != "npy" && args.scene.is_none() {
+            return Err(Error::usage(
+                format!("{}: what the points lie on is not known", path.display()),
+                "name the scene that was baked, --scene, or write .npy",
+            ));
+        }
+    }
+    let transfer = read_prt(&args.transfer)?;
+    let environment = Environment::load(&args.env)?;
+    let model = args.scene.as_deref().map(Model::load).transpose()?;
+    let irradiance = relit(&transfer, &environment);
+    let columns = columns_of(&irradiance);
+    if let Some(model) = &model
+        && model.mesh.positions.len() != irradiance.len()
+    {
+        let problem =
+            format!("transfer of {} points, and the scene has {} vertices", irradiance.len(), model.mesh.positions.len());
+        return Err(Error::input(&args.transfer, None, problem, "give the scene that it was baked of, with --to vertices"));
+    }
+    let options = WriteOptions { exposure: args.exposure, metadata: None };
+    for path in &args.outputs {
+        match (&model, ending(path)) {
+            (Some(model), "png" | "exr") => {
+                let size = args.size.unwrap_or(model.scene.settings.size);
+                let settings = Settings { size, exposure: args.exposure, ..Settings::default() };
+                settings.validate()?;
+                model.picture(&irradiance, &environment, size).write(path, &options)?;
+            }
+            (Some(model), _) => {
+                let surface = Surface { mesh: &model.mesh, materials: &model.scene.materials, textures: &model.scene.textures };
+                let (positions, normals) = (&model.mesh.positions, &model.mesh.normals);
+                Values { positions, normals, columns: &columns, surface: Some(surface) }.write(path, &options)?;
+            }
+            // NumPy's file holds the columns alone.
+            (None, _) => {
+                let nowhere = vec![Vec3::ZERO; irradiance.len()];
+                Values { positions: &nowhere, normals: &nowhere, columns: &columns, surface: None }.write(path, &options)?;
+            }
+        }
+    }
+    Ok(0)
+}
+
+fn ending(path: &Path) -> &str {
+    path.extension().and_then(|ending| ending.to_str()).unwrap_or_default()
+}
+
+/// Irradiance of each point: π Σ T c.
+fn relit(transfer: &[Channel], environment: &Environment) -> Vec<Vec3> {
+    let coefficients = project(RINGS, |direction| environment.radiance(direction));
+    let point = |i: usize| {
+        let term = |(k, column): (usize, &Channel)| column.samples[i] * coefficients[k / 3][k % 3];
+        let color = |c: usize| transfer.iter().enumerate().skip(c).step_by(3).map(term).sum::<f32>();
+        // What a series cut short leaves below nothing is nothing.
+        (PI * Vec3::new(color(0), color(1), color(2))).max(Vec3::ZERO)
+    };
+    (0..transfer[0].samples.len()).into_par_iter().map(point).collect()
+}
+
+fn columns_of(irradiance: &[Vec3]) -> Vec<Channel> {
+    let column = |c: usize| Channel {
+        name: format!("Irradiance.{}", ["R", "G", "B"][c]),
+        samples: irradiance.iter().map(|value| value[c]).collect(),
+    };
+    (0..3).map(column).collect()
+}
+
+impl Model {
+    fn load(path: &Path) -> Result<Self> {
+        let scene = Scene::load_unlit(path, None)?;
+        let (unit, space) = UnitSpace::enter(&scene);
+        // Which vertices there are does not depend on the inset.
+        let vertices = Vertices::new(&unit.mesh, 0.0);
+        let to_world = |&position: &Vec3| space.to_world(position);
+        let mesh = Mesh { positions: vertices.mesh().positions.iter().map(to_world).collect(), ..vertices.mesh().clone() };
+        Ok(Self { bvh: Bvh::new(&unit.mesh), scene, space, mesh, unit })
+    }
+
+    /// What the scene's camera sees: albedo × irradiance / π, interpolated between vertices, on fronts; and the environment.
+    fn picture(&self, irradiance: &[Vec3], environment: &Environment, size: [u32; 2]) -> Image {
+        let [width, height] = size.map(|side| side as usize);
+        let camera = match self.scene.framed {
+            true => self.space.enter_camera(Camera::framing(self.scene.mesh.bounds(), size)),
+            false => self.unit.camera,
+        };
+        let radiance = |direction: Vec3| {
+            let Some(hit) = self.bvh.nearest(camera.eye, direction, None) else { return environment.radiance(direction) };
+            if self.unit.mesh.geometric_normal(hit.triangle).dot(direction) >= 0.0 {
+                return Vec3::ZERO;
+            }
+            let weights = self.unit.mesh.barycentric(hit.triangle, camera.eye + hit.distance * direction);
+            let vertices = self.mesh.triangles[hit.triangle].vertices;
+            let light: Vec3 = (0..3).map(|k| weights[k] * irradiance[vertices[k] as usize]).sum();
+            self.unit.albedo(hit.triangle, weights) * light * FRAC_1_PI
+        };
+        let pixel = |i: usize| {
+            let at = |step: usize| (step as f32 + 0.5) / SUBPIXELS as f32;
+            let places = (0..SUBPIXELS * SUBPIXELS).map(|k| Vec2::new(at(k % SUBPIXELS), at(k / SUBPIXELS)));
+            let corner = Vec2::new((i % width) as f32, (i / width) as f32);
+            let size = Vec2::new(width as f32, height as f32);
+            let seen = places.map(|place| radiance(camera.ray((corner + place) / size, size.x / size.y)));
+            seen.sum::<Vec3>() / (SUBPIXELS * SUBPIXELS) as f32
+        };
+        let pixels: Vec<Vec3> = (0..width * height).into_par_iter().map(pixel).collect();
+        let channel =
+            |(c, name): (usize, &str)| Channel { name: name.into(), samples: pixels.iter().map(|pixel| pixel[c]).collect() };
+        Image { width, height, channels: ["R", "G", "B"].into_iter().enumerate().map(channel).collect() }
+    }
+}
