@@ -38,7 +38,7 @@ float height(Receiver receiver, vec2 from, float depth)
     return dot(receiver.normal, vec3(-from, depth - receiver.place.z));
 }
 
-// Whether a surface is seen from behind and lies within 18 degrees of the receiver's own: beyond a convex edge, the next facet of the same.
+// Whether a surface is seen from behind and lies within 18 degrees of the receiver's own: as the next facet of the same does.
 bool is_next_facet(Receiver receiver, vec2 slope)
 {
     vec3 normal = vec3(-slope, 1.0);
@@ -51,12 +51,15 @@ Sample sample_surface(Receiver receiver, vec4 surface, vec2 offset)
 {
     float ahead = surface.x + dot(surface.yz, offset) - receiver.place.z;
     float above = height(receiver, offset, surface.x);
+    float on_ray = receiver.normal.z * ahead;
+    // Facets of the receiver's own surface rise a little above its tangent plane or cross its ray, and hide nothing from it: they must do both by a
+    // sixteenth of a texel, as what is of another surface does.
+    if (is_next_facet(receiver, surface.yz))
+        above = min(above, on_ray) - 15.0 * receiver.clearance;
     // Where the centre is too close to the tangent plane to tell, the receiver's own ray decides. Rasterisers have vertices on a grid of 1/256 of a
     // texel: rounding moves the receiver's surface by half of that, which clearance allows for, and the surface seen by as much of its slope.
-    // Of a finely faceted surface the next facet would come so close as well, and is none of the receiver's sight.
-    float rounding = 0.5 * receiver.clearance + abs(receiver.normal.z) * (abs(surface.y) + abs(surface.z)) / 512.0;
-    if (above > -rounding && !is_next_facet(receiver, surface.yz))
-        above = max(above, receiver.normal.z * ahead);
+    else if (above > -0.5 * receiver.clearance - abs(receiver.normal.z) * (abs(surface.y) + abs(surface.z)) / 512.0)
+        above = max(above, on_ray);
     return Sample(surface.w, receiver.side * ahead, above);
 }
 
