@@ -5,6 +5,7 @@
 #include "points.glsl"
 #ifdef FIND
 #include "found.glsl"
+#include "surface.glsl"
 #else
 #include "radiance.glsl"
 #endif
