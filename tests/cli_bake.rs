@@ -1,0 +1,164 @@
+//! `finalgather bake` and `relight` from outside: what goes in, what comes out, and what is refused.
+#![cfg(unix)]
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use finalgather::export::read_prt;
+use finalgather::image::{Channel, Image, WriteOptions};
+use serde_json::Value;
+use tempfile::TempDir;
+
+const SMALL: [&str; 8] = ["--size", "24", "--directions", "16", "--layer-size", "64", "--photons", "1e4"];
+
+fn scene(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(name)
+}
+
+fn tool(folder: &TempDir, args: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_finalgather")).current_dir(folder).args(args).output().unwrap()
+}
+
+fn said(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+fn bake(folder: &TempDir, scene: &Path, args: &[&str]) -> Output {
+    tool(folder, &[&["bake", scene.to_str().unwrap()], &SMALL[..], args].concat())
+}
+
+fn success(output: &Output) {
+    assert!(output.status.success(), "{:?}: {}", output.status, said(output));
+}
+
+fn folder() -> TempDir {
+    tempfile::tempdir().unwrap()
+}
+
+/// What the camera sees, written out and read again, has the same values to the bit, however it was written.
+#[test]
+fn pixels_given_back_as_points_are_the_same() {
+    let folder = folder();
+    let cornell = scene("cornell.toml");
+    let what = ["--what", "irradiance,ao,bent-normal,sky,sh"];
+    success(&bake(&folder, &cornell, &[&what[..], &["--to", "camera", "-o", "camera.ply", "-o", "camera.npy"]].concat()));
+    success(&bake(&folder, &cornell, &[&what[..], &["--to", "points:camera.ply", "-o", "points.ply", "-o", "points.npy"]].concat()));
+    for ending in ["ply", "npy"] {
+        let [camera, points] = ["camera", "points"].map(|name| fs::read(folder.path().join(format!("{name}.{ending}"))).unwrap());
+        assert!(camera == points, "{ending} differs");
+        assert!(camera.len() > 10_000, "{ending}: {} bytes", camera.len());
+    }
+}
+
+#[test]
+fn all_receivers_and_formats_in_one_run() {
+    let folder = folder();
+    let points = folder.path().join("some.csv");
+    fs::write(&points, "x,y,z,nx,ny,nz\n278,0.5,278,0,1,0\n100,0.5,100,0,1,0\n").unwrap();
+    let args = [
+        "--to", "vertices", "--to", "lightmap", "--to", "camera", "--to", "points:some.csv", "--resolution", "32", "--json",
+        "--what", "irradiance,ao,bent-normal,sky,sh,prt,prt-unshadowed", "--order", "2", "--bounces", "1",
+        "-o", "vertices:v.ply", "-o", "vertices:v.npy", "-o", "vertices:v.glb", "-o", "lightmap:m.exr", "-o", "lightmap:m.png",
+        "-o", "lightmap:m.obj", "-o", "lightmap:m.glb", "-o", "camera:c.exr", "-o", "camera:c.png", "-o", "points:p.ply",
+    ];
+    let output = bake(&folder, &scene("cornell.toml"), &args);
+    success(&output);
+    let report: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let receivers = report["receivers"].as_array().unwrap();
+    let names: Vec<_> = receivers.iter().map(|receiver| receiver["to"].as_str().unwrap()).collect();
+    assert_eq!(names, ["vertices", "lightmap", "camera", "points"]);
+    let count = |i: usize| receivers[i]["points"].as_u64().unwrap();
+    assert_eq!((count(0), count(3)), (report["receivers"][0]["counts"]["vertices"].as_u64().unwrap(), 2));
+    let total: u64 = (0..4).map(count).sum();
+    assert_eq!(report["bake"]["points"], total);
+    for file in receivers.iter().flat_map(|receiver| receiver["outputs"].as_array().unwrap()) {
+        assert!(fs::metadata(folder.path().join(file.as_str().unwrap())).unwrap().len() > 0, "{file} is empty");
+    }
+    // Every column has its channel, and R G B is irradiance.
+    let map = Image::read(&folder.path().join("m.exr")).unwrap();
+    assert_eq!(map.width, 32);
+    for name in ["AO", "BentNormal.Z", "Sky", "SH.03.B", "PRT.00.R", "PRTUnshadowed.03.G", "IrradianceDirect.G", "A"] {
+        assert!(map.channel(name).is_some_and(|samples| samples.iter().all(|sample| sample.is_finite())), "{name}");
+    }
+    assert_eq!(map.channel("R"), map.channel("Irradiance.R"));
+    assert!(map.channel("R").unwrap().iter().sum::<f32>() > 0.0, "the map is black");
+    let prt = read_prt(&folder.path().join("v.npy")).unwrap();
+    assert_eq!((prt.len(), prt[0].samples.len() as u64), (12, count(0)));
+}
+
+/// Under a constant sky every front has π times its openness, and a picture shows the albedo times that over π.
+#[test]
+fn relit_by_a_constant_sky() {
+    let folder = folder();
+    let cornell = scene("cornell.toml");
+    success(&bake(&folder, &cornell, &["--to", "vertices", "--what", "prt,sky", "--bounces", "0", "-o", "prt.npy", "-o", "sky.ply"]));
+    let white = ["R", "G", "B"].map(|name| Channel { name: name.into(), samples: vec![2.0; 8 * 4] });
+    let sky = Image { width: 8, height: 4, channels: white.into() };
+    sky.write(&folder.path().join("white.exr"), &WriteOptions::default()).unwrap();
+    let scene = cornell.to_str().unwrap();
+    let relight = |more: &[&str]| tool(&folder, &[&["relight", "prt.npy", "--env", "white.exr"], more].concat());
+    success(&relight(&["--scene", scene, "--size", "16", "-o", "relit.exr", "-o", "relit.ply", "-o", "relit.glb", "-o", "light.npy"]));
+    success(&relight(&["-o", "alone.npy"]));
+    let read = |name: &str| fs::read(folder.path().join(name)).unwrap();
+    assert_eq!(read("light.npy"), read("alone.npy"));
+    // The first coefficient alone counts, and it is openness: 2 π openness = 2 π T / Y.
+    let light = read("light.npy");
+    let values = finalgather::npy::Array::parse(Path::new("light.npy"), &light).unwrap();
+    let first = &read_prt(&folder.path().join("prt.npy")).unwrap()[0];
+    for (i, transfer) in first.samples.iter().enumerate() {
+        let expected = 2.0 * std::f64::consts::PI * f64::from(*transfer) / 0.282_094_8;
+        assert!((values.at(&[i, 0]) - expected).abs() < 2e-3, "{i}: {}, expected {expected}", values.at(&[i, 0]));
+    }
+    let picture = Image::read(&folder.path().join("relit.exr")).unwrap();
+    assert!(picture.channel("G").unwrap().iter().any(|&sample| sample > 0.1), "the picture is black");
+}
+
+/// What cannot be done is refused with its place and a cure, and leaves no files.
+#[test]
+fn refusals() {
+    let folder = folder();
+    let write = |name: &str, text: &str| fs::write(folder.path().join(name), text).unwrap();
+    write("empty.csv", "");
+    write("nan.csv", "0,0,0,0,1,0\n0,nan,0,0,1,0\n");
+    write("zero.csv", "0,0,0,0,0,0\n");
+    write("bare.csv", "0,0,0\n");
+    write("quad.obj", "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 3 0\nvt 3 3\nf 1/1 2/2 3/3\nf 1/1 3/3 4/2\n");
+    write("none.obj", "v 0 0 0\nv 1 0 0\nv 1 1 0\nf 1 2 3\n");
+    let before = fs::read_dir(&folder).unwrap().count();
+    let cornell = scene("cornell.toml");
+    let [quad, none] = ["quad.obj", "none.obj"].map(|name| folder.path().join(name));
+    let cases: &[(&Path, &[&str], i32, &str)] = &[
+        (&cornell, &["--to", "walls", "--what", "ao", "-o", "a.ply"], 2, "give vertices, lightmap, camera or points:FILE"),
+        (&cornell, &["--to", "vertices", "--what", "dirt", "-o", "a.ply"], 2, "dirt"),
+        (&cornell, &["--to", "vertices", "--what", "ao", "-o", "a.exr"], 2, "a.exr"),
+        (&cornell, &["--to", "vertices", "--what", "ao", "-o", "nowhere/a.ply"], 2, "mkdir -p nowhere"),
+        (&cornell, &["--to", "vertices", "--to", "camera", "--what", "ao", "-o", "a.ply"], 2, "vertices:a.ply or camera:a.ply"),
+        (&cornell, &["--to", "vertices", "--to", "camera", "--what", "ao", "-o", "camera:a.exr"], 2, "no file is named for vertices"),
+        (&cornell, &["--to", "vertices", "--what", "sh", "--order", "6", "-o", "a.ply"], 2, "from 1 to 5"),
+        (&cornell, &["--to", "vertices", "--what", "ao", "--ao-distance", "-1", "-o", "a.ply"], 2, "ao-distance"),
+        (&cornell, &["--to", "lightmap", "--what", "ao", "--resolution", "1e6", "-o", "a.exr"], 2, "16384"),
+        (&cornell, &["--to", "lightmap", "--what", "ao", "-o", "a.obj"], 2, "add irradiance to --what"),
+        (&cornell, &["--to", "points:gone.ply", "--what", "ao", "-o", "a.ply"], 65, "gone.ply"),
+        (&cornell, &["--to", "points:empty.csv", "--what", "ao", "-o", "a.ply"], 65, "empty.csv"),
+        (&cornell, &["--to", "points:nan.csv", "--what", "ao", "-o", "a.ply"], 65, "nan.csv:2"),
+        (&cornell, &["--to", "points:zero.csv", "--what", "ao", "-o", "a.ply"], 65, "zero.csv:1"),
+        (&cornell, &["--to", "points:bare.csv", "--what", "ao", "-o", "a.ply"], 65, "bare.csv"),
+        (&quad, &["--to", "lightmap", "--uvs", "own", "--what", "ao", "-o", "a.exr"], 2, "cure: "),
+        (&none, &["--to", "lightmap", "--uvs", "own", "--what", "ao", "-o", "a.exr"], 2, "cure: "),
+        (&none, &["--to", "vertices", "--what", "irradiance", "-o", "a.ply"], 65, "no light"),
+    ];
+    for (scene, args, code, text) in cases {
+        let output = bake(&folder, scene, args);
+        let said = said(&output);
+        assert_eq!(output.status.code(), Some(*code), "{args:?}: {said}");
+        assert!(said.contains(text), "{args:?} says {said}");
+        assert!(output.stdout.is_empty(), "{args:?} wrote on stdout");
+        assert_eq!(fs::read_dir(&folder).unwrap().count(), before, "{args:?} left files");
+    }
+    // Openness needs no light.
+    success(&bake(&folder, &none, &["--to", "vertices", "--what", "ao,prt", "-o", "a.ply"]));
+    let output = tool(&folder, &["relight", "a.ply", "--env", "gone.hdr", "-o", "b.ply"]);
+    assert_eq!(output.status.code(), Some(2), "{}", said(&output));
+    assert!(said(&output).contains("--scene"), "{}", said(&output));
+}
