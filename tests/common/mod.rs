@@ -128,6 +128,20 @@ impl Model {
         }
     }
 
+    /// An upright cylinder with both ends.
+    pub fn cylinder(&mut self, center: Vec3, radius: f32, half: f32, sides: u32, material: u32) {
+        let rim = |side: u32, height: f32| {
+            let (sin, cos) = (TAU * (side % sides) as f32 / sides as f32).sin_cos();
+            center + vec3(radius * cos, height, -radius * sin)
+        };
+        let (top, bottom) = (center + half * Vec3::Y, center - half * Vec3::Y);
+        for side in 0..sides {
+            self.quad([rim(side, -half), rim(side + 1, -half), rim(side + 1, half), rim(side, half)], material);
+            self.quad([top, rim(side, half), rim(side + 1, half), top], material);
+            self.quad([bottom, rim(side + 1, -half), rim(side, -half), bottom], material);
+        }
+    }
+
     /// In unit space.
     pub fn finish(self) -> Scene {
         UnitSpace::enter(&self.scene).0
@@ -137,6 +151,23 @@ impl Model {
 /// The Cornell box in unit space.
 pub fn cornell() -> Scene {
     UnitSpace::enter(&Scene::load(Path::new("scenes/cornell.toml")).unwrap()).0
+}
+
+/// A floor with 50 boxes, balls and cylinders of differing sizes on it, all facets flat, in unit space.
+pub fn fifty_objects() -> Scene {
+    let mut model = Model::new();
+    model.plate(Vec3::ZERO, 10.0 * Vec3::Z, 10.0 * Vec3::X, 0);
+    let mut random = Random::new(50, 0);
+    for object in 0..50 {
+        let size = 0.2 + 0.5 * random.uniform();
+        let at = vec3((object % 10) as f32 * 1.9 - 8.5, size, (object / 10) as f32 * 3.8 - 7.6);
+        match object % 3 {
+            0 => model.cuboid(at, vec3(size, size, 0.2 + 0.5 * random.uniform()), TAU * random.uniform(), false, 0),
+            1 => model.sphere(at, size, 16, false, 0),
+            _ => model.cylinder(at, 0.7 * size, size, 24, 0),
+        }
+    }
+    model.finish()
 }
 
 /// Points spread evenly over the fronts of all triangles of a scene in unit space.

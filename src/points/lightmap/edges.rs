@@ -57,6 +57,16 @@ pub fn joints(mesh: &Mesh, welded: &[u32]) -> Vec<Joint> {
     joints
 }
 
+/// Of each triangle, which edges, from a corner to the next, are no joints: creases and borders.
+pub fn cuts(mesh: &Mesh, joints: &[Joint]) -> Vec<[bool; 3]> {
+    let mut cuts = vec![[true; 3]; mesh.triangles.len()];
+    for &(triangle, [p, q]) in joints.iter().flat_map(|joint| &joint.sides) {
+        // An edge has the number of the corner that it begins at.
+        cuts[triangle][if (p + 1) % 3 == q { p } else { q }] = false;
+    }
+    cuts
+}
+
 /// The shading normal at a corner.
 fn normal(mesh: &Mesh, triangle: usize, corner: usize) -> Vec3 {
     let normal = mesh.normals[mesh.triangles[triangle].vertices[corner] as usize];

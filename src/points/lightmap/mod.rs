@@ -35,9 +35,12 @@ const MAX_SIDE: u32 = 16_384;
 /// Samples of a map, 68 bytes each while it is made: 4.5 GB.
 const MAX_SAMPLES: f64 = (1 << 26) as f64;
 
-/// Distance of points from their triangle's edges, of the scene's radius: nearer to the foot of a wall a gather would lose some of what the
+/// Distance of points from creases and borders, of the scene's radius: nearer to the foot of a wall a gather would lose some of what the
 /// wall sends, and on an edge see either side of it.
 const INSET: f32 = 1e-3;
+
+/// Distance from edges over which a surface is smooth: either side will do, so that points of thin triangles need not move far.
+const JOINT_INSET: f32 = 1e-5;
 
 /// The same at most, of the triangle's height.
 const MAX_INSET: f32 = 0.1;
@@ -161,7 +164,8 @@ impl LightMap {
         }
         let welded = edges::weld(mesh);
         let joints = edges::joints(mesh, &welded);
-        let Unwrapped { uvs, size } = layout.unwrap(&Surface { mesh, welded: &welded, joints: &joints }, options)?;
+        let cuts = edges::cuts(mesh, &joints);
+        let Unwrapped { uvs, size } = layout.unwrap(&Surface { mesh, welded: &welded, joints: &joints, cuts: &cuts }, options)?;
         let strata = f64::from(options.samples_per_texel).sqrt().ceil() as u32;
         check_size(&uvs, size, strata)?;
         let (charts, seams) = edges::charts(&uvs, &joints);
@@ -189,7 +193,7 @@ impl LightMap {
                 _ => texels.push(Texel { index: sample.texel, chart: chart(sample), samples: index..index + 1 }),
             }
         }
-        let points = samples.par_iter().map(|sample| point(mesh, sample)).collect();
+        let points = samples.par_iter().map(|sample| point(mesh, sample, cuts[sample.triangle as usize])).collect();
         let counts = LightMapCounts {
             width: size[0],
             height: size[1],
@@ -277,19 +281,27 @@ fn check_size(uvs: &[[Vec2; 3]], size: [u32; 2], strata: u32) -> Result<()> {
     Ok(())
 }
 
-/// The gather point of a sample, on the front of its triangle.
-fn point(mesh: &Mesh, sample: &cover::Sample) -> GatherPoint {
+/// The gather point of a sample, on the front of its triangle, of whose edges some are cuts.
+fn point(mesh: &Mesh, sample: &cover::Sample, [ab, bc, ca]: [bool; 3]) -> GatherPoint {
     let triangle = sample.triangle as usize;
-    let [a, b, c] = mesh.corners(triangle);
-    let heights = 2.0 * mesh.area(triangle) / Vec3::new(b.distance(c), c.distance(a), a.distance(b));
-    // Weights of at least `least`: the triangle drawn in on all sides, and what was inside of it stays where it is.
-    let least = (INSET / heights).min(Vec3::splat(MAX_INSET));
-    let above = (sample.barycentric - least).max(Vec3::ZERO);
-    let weights = least + above * ((1.0 - least.element_sum()) / above.element_sum());
+    let corners @ [a, b, c] = mesh.corners(triangle);
     let surface_normal = mesh.geometric_normal(triangle);
+    let heights = 2.0 * mesh.area(triangle) / Vec3::new(b.distance(c), c.distance(a), a.distance(b));
+    let inset = Vec3::from([bc, ca, ab].map(|cut| if cut { INSET } else { JOINT_INSET }));
+    let least = (inset / heights).min(Vec3::splat(MAX_INSET));
+    // Straight away from edges that are too near, the second time from what the first came near to.
+    let mut position = mix(corners, sample.barycentric);
+    for edge in [0, 1, 2, 0, 1, 2] {
+        let [from, to] = [1, 2].map(|k| corners[(edge + k) % 3]);
+        let inward = surface_normal.cross(to - from).normalize();
+        position += inward * (least[edge] * heights[edge] - inward.dot(position - from)).max(0.0);
+    }
+    // In sharp corners that is not enough: weights of at least `least` there, and all others stay.
+    let above = (mesh.barycentric(triangle, position) - least).max(Vec3::ZERO);
+    let weights = least + above * ((1.0 - least.element_sum()) / above.element_sum());
     let normals = mesh.triangles[triangle].vertices.map(|vertex| mesh.normals[vertex as usize]);
     let normal = mix(normals, weights).normalize_or(surface_normal);
-    GatherPoint { position: mix([a, b, c], weights), normal, surface_normal }
+    GatherPoint { position: mix(corners, weights), normal, surface_normal }
 }
 
 fn mix([a, b, c]: [Vec3; 3], weights: Vec3) -> Vec3 {

@@ -27,6 +27,8 @@ pub struct Surface<'a> {
     pub welded: &'a [u32],
     /// The edges that charts may go over.
     pub joints: &'a [Joint],
+    /// Of each triangle, which edges those are not.
+    pub cuts: &'a [[bool; 3]],
 }
 
 /// A layout.
@@ -94,12 +96,7 @@ impl Unwrap for Atlas {
     }
 
     fn unwrap(&self, surface: &Surface, options: &LightMapOptions) -> Result<Unwrapped> {
-        let Surface { mesh, welded, joints } = surface;
-        let mut cuts = vec![[true; 3]; mesh.triangles.len()];
-        for &(triangle, [p, q]) in joints.iter().flat_map(|joint| &joint.sides) {
-            // An edge has the number of the corner that it begins at.
-            cuts[triangle][if (p + 1) % 3 == q { p } else { q }] = false;
-        }
+        let Surface { mesh, welded, cuts, .. } = surface;
         // Welded, so that only the cuts bound charts, and not where the mesh has its vertices split.
         let mut positions = Vec::new();
         for (position, &number) in mesh.positions.iter().zip(*welded) {
@@ -113,7 +110,7 @@ impl Unwrap for Atlas {
             Resolution::Pixels(page_size) => uvunwrap::Density::Auto { page_size },
             Resolution::TexelsPerUnit(texels_per_unit) => uvunwrap::Density::Fixed { texels_per_unit, page_size: None },
         };
-        let input = uvunwrap::MeshInput { seams: Some(&cuts), ..uvunwrap::MeshInput::new(&positions, &indices) };
+        let input = uvunwrap::MeshInput { seams: Some(cuts), ..uvunwrap::MeshInput::new(&positions, &indices) };
         let settings = uvunwrap::Options { density, padding: options.padding, ..Default::default() };
         let cure = "ask for a larger map, fewer texels per unit or less padding";
         let atlas = uvunwrap::generate(&[input], &settings).map_err(|error| Error::usage(format!("no atlas: {error}"), cure))?;
