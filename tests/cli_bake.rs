@@ -43,7 +43,11 @@ fn pixels_given_back_as_points_are_the_same() {
     let cornell = scene("cornell.toml");
     let what = ["--what", "irradiance,ao,bent-normal,sky,sh"];
     success(&bake(&folder, &cornell, &[&what[..], &["--to", "camera", "-o", "camera.ply", "-o", "camera.npy"]].concat()));
-    success(&bake(&folder, &cornell, &[&what[..], &["--to", "points:camera.ply", "-o", "points.ply", "-o", "points.npy"]].concat()));
+    success(&bake(
+        &folder,
+        &cornell,
+        &[&what[..], &["--to", "points:camera.ply", "-o", "points.ply", "-o", "points.npy"]].concat(),
+    ));
     for ending in ["ply", "npy"] {
         let [camera, points] = ["camera", "points"].map(|name| fs::read(folder.path().join(format!("{name}.{ending}"))).unwrap());
         assert!(camera == points, "{ending} differs");
@@ -57,10 +61,43 @@ fn all_receivers_and_formats_in_one_run() {
     let points = folder.path().join("some.csv");
     fs::write(&points, "x,y,z,nx,ny,nz\n278,0.5,278,0,1,0\n100,0.5,100,0,1,0\n").unwrap();
     let args = [
-        "--to", "vertices", "--to", "lightmap", "--to", "camera", "--to", "points:some.csv", "--resolution", "32", "--json",
-        "--what", "irradiance,ao,bent-normal,sky,sh,prt,prt-unshadowed", "--order", "2", "--bounces", "1",
-        "-o", "vertices:v.ply", "-o", "vertices:v.npy", "-o", "vertices:v.glb", "-o", "lightmap:m.exr", "-o", "lightmap:m.png",
-        "-o", "lightmap:m.obj", "-o", "lightmap:m.glb", "-o", "camera:c.exr", "-o", "camera:c.png", "-o", "points:p.ply",
+        "--to",
+        "vertices",
+        "--to",
+        "lightmap",
+        "--to",
+        "camera",
+        "--to",
+        "points:some.csv",
+        "--resolution",
+        "32",
+        "--json",
+        "--what",
+        "irradiance,ao,bent-normal,sky,sh,prt,prt-unshadowed",
+        "--order",
+        "2",
+        "--bounces",
+        "1",
+        "-o",
+        "vertices:v.ply",
+        "-o",
+        "vertices:v.npy",
+        "-o",
+        "vertices:v.glb",
+        "-o",
+        "lightmap:m.exr",
+        "-o",
+        "lightmap:m.png",
+        "-o",
+        "lightmap:m.obj",
+        "-o",
+        "lightmap:m.glb",
+        "-o",
+        "camera:c.exr",
+        "-o",
+        "camera:c.png",
+        "-o",
+        "points:p.ply",
     ];
     let output = bake(&folder, &scene("cornell.toml"), &args);
     success(&output);
@@ -92,13 +129,30 @@ fn all_receivers_and_formats_in_one_run() {
 fn relit_by_a_constant_sky() {
     let folder = folder();
     let cornell = scene("cornell.toml");
-    success(&bake(&folder, &cornell, &["--to", "vertices", "--what", "prt,sky", "--bounces", "0", "-o", "prt.npy", "-o", "sky.ply"]));
+    success(&bake(
+        &folder,
+        &cornell,
+        &["--to", "vertices", "--what", "prt,sky", "--bounces", "0", "-o", "prt.npy", "-o", "sky.ply"],
+    ));
     let white = ["R", "G", "B"].map(|name| Channel { name: name.into(), samples: vec![2.0; 8 * 4] });
     let sky = Image { width: 8, height: 4, channels: white.into() };
     sky.write(&folder.path().join("white.exr"), &WriteOptions::default()).unwrap();
     let scene = cornell.to_str().unwrap();
     let relight = |more: &[&str]| tool(&folder, &[&["relight", "prt.npy", "--env", "white.exr"], more].concat());
-    success(&relight(&["--scene", scene, "--size", "16", "-o", "relit.exr", "-o", "relit.ply", "-o", "relit.glb", "-o", "light.npy"]));
+    success(&relight(&[
+        "--scene",
+        scene,
+        "--size",
+        "16",
+        "-o",
+        "relit.exr",
+        "-o",
+        "relit.ply",
+        "-o",
+        "relit.glb",
+        "-o",
+        "light.npy",
+    ]));
     success(&relight(&["-o", "alone.npy"]));
     let read = |name: &str| fs::read(folder.path().join(name)).unwrap();
     assert_eq!(read("light.npy"), read("alone.npy"));
@@ -134,7 +188,12 @@ fn refusals() {
         (&cornell, &["--to", "vertices", "--what", "ao", "-o", "a.exr"], 2, "a.exr"),
         (&cornell, &["--to", "vertices", "--what", "ao", "-o", "nowhere/a.ply"], 2, "mkdir -p nowhere"),
         (&cornell, &["--to", "vertices", "--to", "camera", "--what", "ao", "-o", "a.ply"], 2, "vertices:a.ply or camera:a.ply"),
-        (&cornell, &["--to", "vertices", "--to", "camera", "--what", "ao", "-o", "camera:a.exr"], 2, "no file is named for vertices"),
+        (
+            &cornell,
+            &["--to", "vertices", "--to", "camera", "--what", "ao", "-o", "camera:a.exr"],
+            2,
+            "no file is named for vertices",
+        ),
         (&cornell, &["--to", "vertices", "--what", "sh", "--order", "6", "-o", "a.ply"], 2, "from 1 to 5"),
         (&cornell, &["--to", "vertices", "--what", "ao", "--ao-distance", "-1", "-o", "a.ply"], 2, "ao-distance"),
         (&cornell, &["--to", "lightmap", "--what", "ao", "--resolution", "1e6", "-o", "a.exr"], 2, "16384"),

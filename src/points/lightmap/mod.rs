@@ -144,6 +144,9 @@ impl LightMap {
     /// # Errors
     /// When the mesh's own texture coordinates are asked for and cannot serve, or when the map would be too large.
     pub fn new(mesh: &Mesh, options: &LightMapOptions) -> Result<Self> {
+        if let Resolution::Pixels(side) = options.resolution {
+            check_size(&[], [side; 2], 1)?;
+        }
         match options.uvs {
             UvSource::Own => Self::by(&Own, mesh, options),
             UvSource::Atlas => Self::by(&Atlas, mesh, options),

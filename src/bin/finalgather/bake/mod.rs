@@ -61,7 +61,7 @@ struct Baked {
 pub fn run(args: &BakeArgs, started: Instant) -> Result<u8> {
     let outputs = outputs_of(args)?;
     for (to, outputs) in args.to.iter().zip(&outputs) {
-        outputs.iter().try_for_each(|path| receiver::check_writable(to, path))?;
+        outputs.iter().try_for_each(|path| receiver::check_writable(to, path, &args.what))?;
     }
     let progress = Progress::new("loading");
     let outcome = bake(args, &outputs, &progress, started);

@@ -12,6 +12,7 @@ use finalgather::points::{
     CameraPoints, GatherPoint, LightMap, LightMapCounts, LightMapOptions, Mended, Resolution, VertexCounts, Vertices, file,
 };
 use finalgather::prepared::Prepared;
+use finalgather::quantity::Quantity;
 use finalgather::scene::{Camera, Mesh, Scene};
 use finalgather::settings::Settings;
 use glam::{Vec2, Vec3};
@@ -201,7 +202,7 @@ impl Receiver {
 }
 
 /// Whether what is baked to this receiver can be expected to be written there, for asking before the work.
-pub fn check_writable(to: &To, path: &Path) -> Result<()> {
+pub fn check_writable(to: &To, path: &Path, what: &[Quantity]) -> Result<()> {
     match to {
         To::Vertices => export::check_writable(path, Values::ENDINGS),
         // Without a mesh there is nothing that glTF could hold but points, which PLY does.
@@ -209,7 +210,10 @@ pub fn check_writable(to: &To, path: &Path) -> Result<()> {
         To::Camera if is_picture(path) => image::check_writable(path),
         To::Camera => export::check_writable(path, &["exr", "png", "ply", "npy"]),
         To::LightMap if is_picture(path) => image::check_writable(path),
-        To::LightMap => export::check_writable(path, &["exr", "png", "obj", "glb"]),
+        To::LightMap => {
+            export::check_writable(path, &["exr", "png", "obj", "glb"])?;
+            what.contains(&Quantity::Irradiance).then_some(()).ok_or_else(|| no_light(path))
+        }
     }
 }
 
