@@ -32,9 +32,9 @@ void harmonics(vec3 direction, out float basis[COEFFICIENTS])
     basis[16] = 2.5033429 * x * y * (xx - yy);
     basis[17] = 1.7701308 * y * z * (3.0 * xx - yy);
     basis[18] = 0.9461747 * x * y * (7.0 * zz - 1.0);
-    basis[19] = 0.66904654 * y * z * (7.0 * zz - 3.0);
+    basis[19] = 0.6690465 * y * z * (7.0 * zz - 3.0);
     basis[20] = 0.10578555 * (35.0 * zz * zz - 30.0 * zz + 3.0);
-    basis[21] = 0.66904654 * x * z * (7.0 * zz - 3.0);
+    basis[21] = 0.6690465 * x * z * (7.0 * zz - 3.0);
     basis[22] = 0.47308735 * (xx - yy) * (7.0 * zz - 1.0);
     basis[23] = 1.7701308 * x * z * (xx - 3.0 * yy);
     basis[24] = 0.6258357 * (xx * (xx - 3.0 * yy) - yy * (3.0 * xx - yy));
