@@ -29,6 +29,7 @@ struct Pixel {
     indirect: Vec3,
     weight: f32,
     direct: Vec3,
+    caustics: Vec3,
     photon_map: Vec3,
     coverage: f32,
     emission: Vec3,
@@ -56,12 +57,13 @@ impl Film {
     }
 
     /// The sums of one block of `directions`. `direct` is the irradiance summed over `light_samples`, `photon_map` the irradiance of the
-    /// rough solution, `gathered` what the gather summed.
+    /// rough solution, `caustics` that of mirrors and glass, `gathered` what the gather summed.
     pub fn of_block(
         size: [u32; 2],
         visible: &Visible,
         (direct, light_samples): (&[Vec4], u32),
         photon_map: &[Vec4],
+        caustics: &[Vec3],
         (gathered, directions): (&[Vec4], u32),
     ) -> Self {
         let [width, height] = size.map(|side| side as usize);
@@ -69,7 +71,7 @@ impl Film {
         let pixel = |i: usize| {
             // The GL side counts rows from the bottom.
             let i = (height - 1 - i / width) * width + i % width;
-            if visible.normal[i].truncate() == Vec3::ZERO {
+            if visible.emission[i].w == 0.0 {
                 return Pixel::default();
             }
             let albedo = visible.albedo[i].truncate();
@@ -77,6 +79,7 @@ impl Film {
                 indirect: albedo * gathered[i].truncate(),
                 weight: gathered[i].w,
                 direct: n * albedo * direct[i].truncate() / (PI * light_samples as f32),
+                caustics: n * albedo * caustics[i] / PI,
                 photon_map: n * albedo * photon_map[i].truncate() / PI,
                 coverage: n,
                 emission: n * visible.emission[i].truncate(),
@@ -95,6 +98,7 @@ impl Film {
             a.indirect += b.indirect;
             a.weight += b.weight;
             a.direct += b.direct;
+            a.caustics += b.caustics;
             a.photon_map += b.photon_map;
             a.coverage += b.coverage;
             a.emission += b.emission;
@@ -110,16 +114,16 @@ impl Film {
     fn reflected(&self, pixel: usize) -> Vec3 {
         let p = &self.pixels[pixel];
         let total = self.directions.max(1) as f32;
-        p.direct / total + p.indirect(total)
+        (p.direct + p.caustics) / total + p.indirect(total)
     }
 
-    /// The mean: `R G B` radiance = `Emission` + `Direct` + `Indirect`, `A` coverage, `PhotonMap` the radiance
+    /// The mean: `R G B` radiance = `Emission` + `Direct` + `Indirect` + `Caustics`, `A` coverage, `PhotonMap` the radiance
     /// of the rough solution without emission, `Albedo`, and the world-space normal `N`, position `P`
     /// and distance along the view axis `Z`, these three averaged over the covered part of the pixel.
     pub fn image(&self, space: &UnitSpace) -> Image {
         let total = self.directions.max(1) as f32;
         let indirect = |p: &Pixel| p.indirect(total);
-        let radiance = |p: &Pixel| (p.emission + p.direct) / total + indirect(p);
+        let radiance = |p: &Pixel| (p.emission + p.direct + p.caustics) / total + indirect(p);
         let seen = |p: &Pixel, value: Vec3| if p.coverage > 0.0 { value } else { Vec3::ZERO };
 
         let [width, height] = self.size;
@@ -136,6 +140,7 @@ impl Film {
         push3(["R", "G", "B"], &radiance);
         push3(["Direct.R", "Direct.G", "Direct.B"], &|p| p.direct / total);
         push3(["Indirect.R", "Indirect.G", "Indirect.B"], &indirect);
+        push3(["Caustics.R", "Caustics.G", "Caustics.B"], &|p| p.caustics / total);
         push3(["Emission.R", "Emission.G", "Emission.B"], &|p| p.emission / total);
         push3(["PhotonMap.R", "PhotonMap.G", "PhotonMap.B"], &|p| p.photon_map / total);
         push3(["Albedo.R", "Albedo.G", "Albedo.B"], &|p| p.albedo / total);

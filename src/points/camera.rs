@@ -20,14 +20,16 @@ pub struct CameraPoints {
 pub struct Visible {
     /// xyz: position in unit space; w as in [`Points`].
     pub position: Vec<Vec4>,
-    /// xyz: unit shading normal facing the camera, zero where the pixel sees nothing; w as in [`Points`].
+    /// xyz: unit shading normal on the side that is seen, zero where there is no point; w as in [`Points`].
     pub normal: Vec<Vec4>,
-    /// rgb: albedo.
+    /// rgb: albedo, times what mirrors and glass before the point let pass.
     pub albedo: Vec<Vec4>,
-    /// rgb: emitted radiance; a: distance along the view axis.
+    /// rgb: emitted radiance; a: distance along the view axis of the first surface, 0 where there is none.
     pub emission: Vec<Vec4>,
     /// How many pixels see a surface.
     pub count: u32,
+    /// How many rays were given up among mirrors and glass.
+    pub cut: u32,
 }
 
 impl CameraPoints {
@@ -65,6 +67,7 @@ impl CameraPoints {
             albedo: self.target.color(2).read(),
             emission: self.target.color(3).read(),
             count,
+            cut: 0,
         }
     }
 

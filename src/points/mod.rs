@@ -5,11 +5,13 @@ mod camera;
 mod interleave;
 mod list;
 mod sums;
+mod traced;
 
 pub use camera::{CameraPoints, Visible};
 pub use interleave::{Interleave, Subset};
 pub use list::{GatherPoint, PointList};
 pub use sums::Sums;
+pub use traced::{EyeRays, TracedPoints};
 
 use crate::gpu::{Texture, Uniform};
 
