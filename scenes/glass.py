@@ -1,11 +1,15 @@
-"""Writes glass.obj: the Cornell box with the tall block as a mirror and a ball of glass in place of the short one.
+"""Writes glass.obj: the Cornell box with the tall block as a mirror, turned, and a ball of glass in place of the short one.
 
     python3 scenes/glass.py
 """
+import math
 import pathlib
 
 CENTER, RADIUS = (186.0, 90.5, 169.0), 90.0
 SUBDIVISIONS = 3
+# Turned about its axis, so that the camera sees the red wall in it.
+TALL_BLOCK, AXIS, TURN = range(17, 25), (368.5, 351.25), math.radians(55)
+COS, SIN = math.cos(TURN), math.sin(TURN)
 
 
 def unit(v):
@@ -46,8 +50,13 @@ def icosphere():
 
 
 here = pathlib.Path(__file__).parent
-lines, group = [], None
+lines, group, vertex = [], None, 0
 for line in (here / "cornell.obj").read_text().splitlines():
+    vertex += line.startswith("v ")
+    if line.startswith("v ") and vertex in TALL_BLOCK:
+        x, y, z = map(float, line.split()[1:])
+        x, z = x - AXIS[0], z - AXIS[1]
+        line = f"v {AXIS[0] + COS * x - SIN * z:.4f} {y:g} {AXIS[1] + SIN * x + COS * z:.4f}"
     if line.startswith("g "):
         group = line[2:]
     if group == "short_block":

@@ -1,7 +1,7 @@
 //! The picture as sums over blocks of directions, and the mean that they make.
 //!
 //! Blocks differ in sub-pixel offset, so a pixel sums radiance and not irradiance: over the blocks b of n directions each,
-//! Indirect = coverage × Σ albedo (Σ L w) / Σ w, and every other quantity is Σ n value / Σ n. Films add up pixel by
+//! Indirect = share of directions with a point × Σ albedo (Σ L w) / Σ w, and every other quantity is Σ n value / Σ n. Films add up pixel by
 //! pixel; [`PairwiseSum`] adds them as a tree over the block index, which is as exact as 32 bits allow and leaves the result
 //! independent of how many blocks were added at a time.
 
@@ -28,6 +28,8 @@ pub struct Film {
 struct Pixel {
     indirect: Vec3,
     weight: f32,
+    /// Directions of the blocks with a point: a path may end without, seen in a mirror.
+    gathered: f32,
     direct: Vec3,
     caustics: Vec3,
     photon_map: Vec3,
@@ -41,7 +43,7 @@ struct Pixel {
 
 impl Pixel {
     fn indirect(&self, total: f32) -> Vec3 {
-        quotient(self.indirect, self.weight) * (self.coverage / total)
+        quotient(self.indirect, self.weight) * (self.gathered / total)
     }
 }
 
@@ -78,6 +80,7 @@ impl Film {
             Pixel {
                 indirect: albedo * gathered[i].truncate(),
                 weight: gathered[i].w,
+                gathered: if visible.normal[i].truncate() == Vec3::ZERO { 0.0 } else { n },
                 direct: n * albedo * direct[i].truncate() / (PI * light_samples as f32),
                 caustics: n * albedo * caustics[i] / PI,
                 photon_map: n * albedo * photon_map[i].truncate() / PI,
@@ -97,6 +100,7 @@ impl Film {
         self.pixels.par_iter_mut().zip(&other.pixels).for_each(|(a, b)| {
             a.indirect += b.indirect;
             a.weight += b.weight;
+            a.gathered += b.gathered;
             a.direct += b.direct;
             a.caustics += b.caustics;
             a.photon_map += b.photon_map;

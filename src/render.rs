@@ -126,6 +126,7 @@ pub struct StageSeconds {
     pub photons: f64,
     pub visible_points: f64,
     pub direct: f64,
+    pub caustics: f64,
     pub gather: f64,
 }
 
@@ -346,8 +347,10 @@ impl Render {
         for sample in first..first + light_samples {
             self.passes.direct.add(&self.all.geometry, &self.lights, sample, points, &self.passes.direct_sums);
         }
-        let caustics = self.caustics(index, &visible);
         self.statistics.seconds.direct += self.finish("direct light", start)?;
+        let start = Instant::now();
+        let caustics = self.caustics(index, &visible);
+        self.statistics.seconds.caustics += start.elapsed().as_secs_f64();
 
         match &mut self.passes.method {
             Method::Gl { sums, .. } => sums.clear(),
