@@ -2,7 +2,7 @@
 //! where nothing is specular the same points.
 //!
 //! At glass a ray takes one of two ways, on the lens it has one place: numbers of low discrepancy over the blocks of a picture choose, shifted
-//! for each pixel. What the path lets pass multiplies the albedo of the point at its end, so that whoever gathers there knows nothing of it.
+//! for each pixel. Lights that are seen by way of glass are so bright that to choose would show as specks: there all ways are followed. What the path lets pass multiplies the albedo of the point at its end, so that whoever gathers there knows nothing of it.
 
 use glam::{Vec2, Vec3, Vec4};
 use rayon::prelude::*;
@@ -12,7 +12,10 @@ use super::{Points, Subset, Visible};
 use crate::error::Result;
 use crate::gpu::{Filter, Format, Gpu, Texture, Wrap};
 use crate::random::{Random, Recurrence};
-use crate::scene::{Bvh, Camera, MOST_SPECULAR, Path, Scene};
+use crate::scene::{Bvh, Camera, MOST_SPECULAR, Path, Scene, Split};
+
+/// The least share of a light that a way is followed for.
+const LEAST: f32 = 1e-3;
 
 /// Casts eye rays through one scene.
 #[derive(Clone, Copy)]
@@ -70,12 +73,9 @@ impl EyeRays<'_> {
         for surfaces in 0.. {
             let Some(triangle) = path.advance(self.bvh) else { break };
             if surfaces == 0 {
-                seen.emission.w = forward.dot(path.origin - self.camera.eye);
+                seen.emission = self.emitted(&path, Vec3::ONE, 0).extend(forward.dot(path.origin - self.camera.eye));
             }
             let side = mesh.side_met(triangle, path.direction);
-            if side.dot(mesh.geometric_normal(triangle)) > 0.0 {
-                seen.emission += (throughput * self.scene.material(triangle).emission).extend(0.0);
-            }
             let barycentric = mesh.barycentric(triangle, path.origin);
             // Where the path ends without a point, this is still where the surface is.
             let code = octahedral_encode(side);
@@ -92,6 +92,20 @@ impl EyeRays<'_> {
             }
         }
         seen
+    }
+
+    /// Emitted radiance from where a path is on a surface, by all ways on.
+    fn emitted(&self, path: &Path, throughput: Vec3, surfaces: u32) -> Vec3 {
+        let Some(triangle) = path.triangle else { return Vec3::ZERO };
+        let front = self.scene.mesh.geometric_normal(triangle).dot(path.direction) < 0.0;
+        let own = if front { throughput * self.scene.material(triangle).emission } else { Vec3::ZERO };
+        let Some(Split { reflectance, reflected, refracted, kept }) = path.split(self.scene) else { return own };
+        let beyond = |(mut way, share): (Path, Vec3)| {
+            let follows = share.max_element() > LEAST && surfaces < MOST_SPECULAR && way.advance(self.bvh).is_some();
+            if follows { self.emitted(&way, share, surfaces + 1) } else { Vec3::ZERO }
+        };
+        let ways = [(reflected, reflectance * kept[0]), (refracted, (1.0 - reflectance) * kept[1])];
+        own + ways.map(|(way, share)| beyond((way, throughput * share))).into_iter().sum::<Vec3>()
     }
 }
 

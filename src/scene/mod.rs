@@ -27,7 +27,7 @@ mod unit_space;
 pub use bvh::{Bvh, Hit, RAY_OFFSET};
 pub use flat_bvh::FlatBvh;
 pub use light::{LightPoint, Lights};
-pub use specular::{MOST_SPECULAR, Path, fresnel};
+pub use specular::{MOST_SPECULAR, Path, Split, fresnel};
 pub use unit_space::UnitSpace;
 
 /// Everything that is rendered.

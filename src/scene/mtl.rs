@@ -108,7 +108,7 @@ impl Scanner<'_> {
     /// What a material is, and its reflectance where that is not `Kd`. Exporters write these keywords everywhere: only what counts is checked.
     fn surface(&mut self, statements: &[(String, usize, String)]) -> Result<(Surface, Option<Vec3>)> {
         let said = |keyword: &str| statements.iter().rev().find(|statement| statement.0 == keyword);
-        let number = |keyword: &str| said(keyword).and_then(|(_, _, text)| text.trim().parse::<f32>().ok());
+        let number = |keyword: &str| said(keyword).map(|(_, _, text)| text.trim().parse().unwrap_or(f32::NAN));
         let Some((_, line, illum)) = said("illum") else { return Ok((Surface::Diffuse, None)) };
         self.line = *line;
         let mirror = matches!(illum.trim(), "3" | "5");

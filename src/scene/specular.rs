@@ -39,16 +39,25 @@ impl Path {
     /// Goes on from a mirror or from glass and returns the share of light that does; `None`, and no change, on a diffuse surface.
     /// `choice`, uniform in [0, 1), takes one of two ways; what is left of it, as uniform, serves the next surface.
     pub fn scatter(&mut self, scene: &Scene, choice: &mut f32) -> Option<Vec3> {
+        let Split { reflectance, reflected, refracted, kept } = self.split(scene)?;
+        let reflects = *choice < reflectance;
+        *choice = if reflects { *choice / reflectance } else { (*choice - reflectance) / (1.0 - reflectance) };
+        *self = if reflects { reflected } else { refracted };
+        Some(kept[usize::from(!reflects)])
+    }
+
+    /// Both ways on from a mirror or from glass.
+    pub fn split(&self, scene: &Scene) -> Option<Split> {
         let (mesh, triangle, incoming) = (&scene.mesh, self.triangle?, self.direction);
         let met = mesh.side_met(triangle, incoming);
         let barycentric = mesh.barycentric(triangle, self.origin);
-        let (ratio, filter) = match scene.material(triangle).surface {
+        let (ratio, kept) = match scene.material(triangle).surface {
             Surface::Diffuse => return None,
-            Surface::Mirror => (None, scene.albedo(triangle, barycentric)),
+            Surface::Mirror => (None, [scene.albedo(triangle, barycentric), Vec3::ZERO]),
             Surface::Glass { index, filter } => {
                 let enters = mesh.geometric_normal(triangle).dot(incoming) < 0.0;
                 // Two faces make a body.
-                (Some(if enters { index.recip() } else { index }), filter.map(f32::sqrt))
+                (Some(if enters { index.recip() } else { index }), [Vec3::ONE, filter.map(f32::sqrt)])
             }
         };
         let through = |normal: Vec3| ratio.map_or(Vec3::ZERO, |ratio| incoming.refract(normal, ratio));
@@ -58,15 +67,29 @@ impl Path {
             normal.dot(incoming) < 0.0 && incoming.reflect(normal).dot(met) > 0.0 && through(normal).dot(met) <= 0.0
         };
         let normal = if fits(smooth) { smooth } else { met };
-        let reflectance = ratio.map_or(1.0, |ratio| fresnel(-normal.dot(incoming), ratio));
-        let reflected = *choice < reflectance;
-        *choice = if reflected { *choice / reflectance } else { (*choice - reflectance) / (1.0 - reflectance) };
-        match reflected {
-            true => self.leave(met, incoming.reflect(normal).normalize()),
-            false => self.leave(-met, through(normal).normalize()),
-        }
-        Some(if reflected && ratio.is_some() { Vec3::ONE } else { filter })
+        let leaving = |side: Vec3, direction: Vec3| Self {
+            origin: self.origin + RAY_OFFSET * side,
+            direction: direction.normalize_or_zero(),
+            ..*self
+        };
+        Some(Split {
+            reflectance: ratio.map_or(1.0, |ratio| fresnel(-normal.dot(incoming), ratio)),
+            reflected: leaving(met, incoming.reflect(normal)),
+            refracted: leaving(-met, through(normal)),
+            kept,
+        })
     }
+}
+
+/// The ways on from a mirror, of which there is one, or from glass.
+#[derive(Clone, Copy, Debug)]
+pub struct Split {
+    /// The share that is reflected.
+    pub reflectance: f32,
+    pub reflected: Path,
+    pub refracted: Path,
+    /// What is left of the light that goes the one way and the other.
+    pub kept: [Vec3; 2],
 }
 
 /// Reflectance of unpolarised light that meets a face of glass at an angle of this cosine; `ratio` is n / n', the index that it comes from
