@@ -124,6 +124,8 @@ impl Bench {
     /// [`crate::Error::Gl`] when the device fails.
     pub fn new(gpu: &Gpu, scene: Scene, settings: &Settings, at: Where) -> Result<Self> {
         settings.validate()?;
+        // Gather rays pass straight through it.
+        let scene = scene.without_glass().unwrap_or(scene);
         let geometry = Geometry::upload(gpu, &scene)?;
         let (source, pixels) = match at {
             Where::Camera => {
