@@ -1,7 +1,7 @@
 //! The picture as sums over blocks of directions, and the mean that they make.
 //!
 //! Blocks differ in sub-pixel offset, so a pixel sums radiance and not irradiance: over the blocks b of n directions each,
-//! Indirect = coverage × Σ albedo (Σ L w) / Σ w, and every other quantity is Σ n value / Σ n. Films add up pixel by
+//! Indirect = share of directions with a point × Σ albedo (Σ L w) / Σ w, and every other quantity is Σ n value / Σ n. Films add up pixel by
 //! pixel; [`PairwiseSum`] adds them as a tree over the block index, which is as exact as 32 bits allow and leaves the result
 //! independent of how many blocks were added at a time.
 
@@ -28,7 +28,10 @@ pub struct Film {
 struct Pixel {
     indirect: Vec3,
     weight: f32,
+    /// Directions of the blocks with a point: a path may end without, seen in a mirror.
+    gathered: f32,
     direct: Vec3,
+    caustics: Vec3,
     photon_map: Vec3,
     coverage: f32,
     emission: Vec3,
@@ -40,7 +43,7 @@ struct Pixel {
 
 impl Pixel {
     fn indirect(&self, total: f32) -> Vec3 {
-        quotient(self.indirect, self.weight) * (self.coverage / total)
+        quotient(self.indirect, self.weight) * (self.gathered / total)
     }
 }
 
@@ -56,12 +59,13 @@ impl Film {
     }
 
     /// The sums of one block of `directions`. `direct` is the irradiance summed over `light_samples`, `photon_map` the irradiance of the
-    /// rough solution, `gathered` what the gather summed.
+    /// rough solution, `caustics` that of mirrors and glass, `gathered` what the gather summed.
     pub fn of_block(
         size: [u32; 2],
         visible: &Visible,
         (direct, light_samples): (&[Vec4], u32),
         photon_map: &[Vec4],
+        caustics: &[Vec3],
         (gathered, directions): (&[Vec4], u32),
     ) -> Self {
         let [width, height] = size.map(|side| side as usize);
@@ -70,14 +74,16 @@ impl Film {
             // The GL side counts rows from the bottom.
             let i = (height - 1 - i / width) * width + i % width;
             let emission = n * visible.emission[i].truncate();
-            if visible.normal[i].truncate() == Vec3::ZERO {
+            if visible.emission[i].w == 0.0 {
                 return Pixel { emission, ..Pixel::default() };
             }
             let albedo = visible.albedo[i].truncate();
             Pixel {
                 indirect: albedo * gathered[i].truncate(),
                 weight: gathered[i].w,
+                gathered: if visible.normal[i].truncate() == Vec3::ZERO { 0.0 } else { n },
                 direct: n * albedo * direct[i].truncate() / (PI * light_samples as f32),
+                caustics: n * albedo * caustics[i] / PI,
                 photon_map: n * albedo * photon_map[i].truncate() / PI,
                 coverage: n,
                 emission,
@@ -95,7 +101,9 @@ impl Film {
         self.pixels.par_iter_mut().zip(&other.pixels).for_each(|(a, b)| {
             a.indirect += b.indirect;
             a.weight += b.weight;
+            a.gathered += b.gathered;
             a.direct += b.direct;
+            a.caustics += b.caustics;
             a.photon_map += b.photon_map;
             a.coverage += b.coverage;
             a.emission += b.emission;
@@ -111,16 +119,16 @@ impl Film {
     fn reflected(&self, pixel: usize) -> Vec3 {
         let p = &self.pixels[pixel];
         let total = self.directions.max(1) as f32;
-        p.direct / total + p.indirect(total)
+        (p.direct + p.caustics) / total + p.indirect(total)
     }
 
-    /// The mean: `R G B` radiance = `Emission` + `Direct` + `Indirect`, of which what lies beyond all surfaces is emission; `A` coverage by surfaces, `PhotonMap` the radiance
+    /// The mean: `R G B` radiance = `Emission` + `Direct` + `Indirect` + `Caustics`, of which what lies beyond all surfaces is emission; `A` coverage by surfaces, `PhotonMap` the radiance
     /// of the rough solution without emission, `Albedo`, and the world-space normal `N`, position `P`
     /// and distance along the view axis `Z`, these three averaged over the covered part of the pixel.
     pub fn image(&self, space: &UnitSpace) -> Image {
         let total = self.directions.max(1) as f32;
         let indirect = |p: &Pixel| p.indirect(total);
-        let radiance = |p: &Pixel| (p.emission + p.direct) / total + indirect(p);
+        let radiance = |p: &Pixel| (p.emission + p.direct + p.caustics) / total + indirect(p);
         let seen = |p: &Pixel, value: Vec3| if p.coverage > 0.0 { value } else { Vec3::ZERO };
 
         let [width, height] = self.size;
@@ -137,6 +145,7 @@ impl Film {
         push3(["R", "G", "B"], &radiance);
         push3(["Direct.R", "Direct.G", "Direct.B"], &|p| p.direct / total);
         push3(["Indirect.R", "Indirect.G", "Indirect.B"], &indirect);
+        push3(["Caustics.R", "Caustics.G", "Caustics.B"], &|p| p.caustics / total);
         push3(["Emission.R", "Emission.G", "Emission.B"], &|p| p.emission / total);
         push3(["PhotonMap.R", "PhotonMap.G", "PhotonMap.B"], &|p| p.photon_map / total);
         push3(["Albedo.R", "Albedo.G", "Albedo.B"], &|p| p.albedo / total);

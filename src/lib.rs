@@ -64,6 +64,7 @@ pub mod render;
 pub mod scene;
 pub mod settings;
 pub mod shaders;
+pub mod surfaces;
 
 pub use direction::{Direction, Directions};
 pub use environment::Environment;
@@ -72,4 +73,4 @@ pub use gpu::{Backend, DeviceChoice, Gpu};
 pub use image::{Image, WriteOptions};
 pub use render::Render;
 pub use scene::Scene;
-pub use settings::{Estimator, Pipeline, Sequence, Settings};
+pub use settings::{Estimator, Pipeline, PointSource, Sequence, Settings};

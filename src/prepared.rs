@@ -9,7 +9,7 @@ use crate::photon::{PhotonCounts, PhotonGrid, PhotonTexture, PhotonTracer};
 use crate::scene::{Bvh, Lights, Scene, UnitSpace};
 use crate::settings::Settings;
 
-/// What jobs on one scene share.
+/// What bakes of one scene share. Glass is left out of it: gather rays go straight through, and nothing is baked on it.
 pub struct Prepared {
     /// In unit space.
     pub scene: Scene,
@@ -24,6 +24,10 @@ impl Prepared {
     /// [`Error::Usage`] when the scene's sizes are beyond the device's limits, [`Error::Gl`] when it fails.
     pub fn new(gpu: &Gpu, scene: &Scene) -> Result<Self> {
         let (scene, space) = UnitSpace::enter(scene);
+        let scene = scene.without_glass().unwrap_or(scene);
+        if scene.mesh.triangles.is_empty() {
+            return Err(Error::usage("all surfaces are glass, so that there is nothing to bake", "add a surface that is not"));
+        }
         let (bvh, lights) = (Rc::new(Bvh::new(&scene.mesh)), Lights::new(&scene));
         Ok(Self { geometry: Geometry::upload(gpu, &scene)?, scene, space, bvh, lights })
     }

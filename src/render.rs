@@ -8,9 +8,10 @@
 
 mod layers;
 
+use std::rc::Rc;
 use std::time::Instant;
 
-use glam::Vec4;
+use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -19,16 +20,16 @@ use crate::direction::{Direction, Directions};
 use crate::error::{Error, Result};
 use crate::film::{Film, PairwiseSum};
 use crate::gather::{FusedGather, Gather, KillGather, RayGather, Work};
-use crate::geometry::Geometry;
 use crate::gpu::Gpu;
 use crate::image::Image;
-use crate::photon::{PhotonCounts, PhotonGrid, PhotonTexture, PhotonTracer};
+use crate::photon::{CausticMap, PhotonCounts, PhotonGrid, PhotonTexture, PhotonTracer};
 use crate::photon_map::PhotonMap;
-use crate::points::{CameraPoints, GatherPoint, Interleave, Sums, Visible};
+use crate::points::{CameraPoints, EyeRays, GatherPoint, Interleave, Points, Sums, TracedPoints, Visible};
 use crate::random::sobol;
 use crate::reference::Reference;
-use crate::scene::{Bvh, Camera, Lights, Scene, UnitSpace};
-use crate::settings::{DIRECTIONS_PER_PHOTON_MAP, Estimator, Pipeline, Settings};
+use crate::scene::{Camera, Lights, Scene, UnitSpace};
+use crate::settings::{DIRECTIONS_PER_PHOTON_MAP, Estimator, Pipeline, PointSource, Settings};
+use crate::surfaces::Surfaces;
 
 pub use layers::{End, LayerTexel, Layers, Probe};
 
@@ -36,12 +37,13 @@ pub use layers::{End, LayerTexel, Layers, Probe};
 pub struct Render {
     gpu: Gpu,
     settings: Settings,
-    /// In unit space.
-    scene: Scene,
+    all: Rc<Surfaces>,
+    /// What gather rays see.
+    gathered: Rc<Surfaces>,
     space: UnitSpace,
-    bvh: Bvh,
+    /// In unit space.
+    camera: Camera,
     lights: Lights,
-    geometry: Geometry,
     grid: PhotonGrid,
     photons: PhotonTexture,
     /// Which of the successive photon maps it is.
@@ -60,7 +62,7 @@ pub struct Render {
 
 /// All passes and what they draw into: what a render at other settings makes anew.
 struct Passes {
-    camera: CameraPoints,
+    source: Source,
     direct: Direct,
     direct_sums: Sums,
     rough: PhotonMap,
@@ -68,6 +70,13 @@ struct Passes {
     method: Method,
     /// Of the layer view, once there is one.
     shown: Option<layers::Apart>,
+}
+
+/// Where the points of a block come from.
+enum Source {
+    Camera(CameraPoints),
+    /// Those of the block in progress, once there is one.
+    Traced(Option<TracedPoints>),
 }
 
 /// Who gathers, and the sums of the block in progress.
@@ -84,6 +93,8 @@ struct Block {
     visible: Visible,
     /// Irradiance of the photon map at the visible points.
     rough: Vec<Vec4>,
+    /// Irradiance of the caustics there.
+    caustics: Vec<Vec3>,
     /// The directions left, those of one subset of the pixels after those of another, so that a batch has one subset; the next one last.
     left: Vec<u32>,
     /// Directions that each subset of the pixels took so far.
@@ -115,6 +126,7 @@ pub struct StageSeconds {
     pub photons: f64,
     pub visible_points: f64,
     pub direct: f64,
+    pub caustics: f64,
     pub gather: f64,
 }
 
@@ -122,6 +134,8 @@ pub struct StageSeconds {
 pub struct GatherCounts {
     /// Points of one block: pixels that see a surface.
     pub points: u32,
+    /// Eye rays that were given up among mirrors and glass, of all blocks.
+    pub cut: u64,
     pub directions: u32,
     pub layer_size: u32,
     /// Peeled for a direction; where a pipeline takes several at once, all of them count as the deepest.
@@ -148,23 +162,24 @@ impl Render {
         if scene.framed {
             scene.camera = Camera::framing(scene.mesh.bounds(), settings.size);
         }
-        let geometry = Geometry::upload(gpu, &scene)?;
-        let passes = Passes::new(gpu, &scene, settings)?;
+        let camera = scene.camera;
+        let [all, gathered] = Surfaces::of(gpu, scene)?;
+        let scene = &all.scene;
+        let passes = Passes::new(gpu, &gathered.scene, settings)?;
 
         // The first photons also tell, for all maps, which surfaces light reaches.
         let start = Instant::now();
-        let lights = Lights::new(&scene);
+        let lights = Lights::new(scene);
         if lights.count() == 0 && !scene.has_sky() {
             return Err(Error::usage(
                 "all lights are too small beside the scene to be told from points",
                 "enlarge the lights, or leave out what lies far away",
             ));
         }
-        let bvh = Bvh::new(&scene.mesh);
         let mut grid = PhotonGrid::new(&scene.mesh, settings.grid_cells);
-        let tracer = PhotonTracer::new(&scene, &bvh, &lights, settings.seed, settings.bounces);
+        let tracer = PhotonTracer::new(scene, &all.bvh, &lights, settings.seed, settings.bounces);
         let photon_counts = tracer.trace(0..settings.photons, &mut grid);
-        grid.add_area(&scene.mesh, &bvh, settings.seed);
+        grid.add_area(&gathered.scene.mesh, &gathered.bvh, settings.seed);
         let photons = PhotonTexture::upload(gpu, &grid)?;
 
         let mut statistics = Statistics {
@@ -180,11 +195,11 @@ impl Render {
             gpu: gpu.clone(),
             directions: Directions::new(settings.sequence, settings.seed),
             settings: settings.clone(),
-            scene,
+            all,
+            gathered,
             space,
-            bvh,
+            camera,
             lights,
-            geometry,
             grid,
             photons,
             photon_map_number: 0,
@@ -208,13 +223,14 @@ impl Render {
             return Err(Error::usage("the photons of a render in progress cannot change", "open the scene again"));
         }
         settings.validate()?;
-        let passes = |of: &Settings| (of.size, of.layer_size, of.pipeline, of.interleave, of.stop_fraction, of.shadow_size);
+        let passes =
+            |of: &Settings| (of.size, of.points, of.layer_size, of.pipeline, of.interleave, of.stop_fraction, of.shadow_size);
         if passes(settings) != passes(&self.settings) {
-            self.passes = Passes::new(&self.gpu, &self.scene, settings)?;
+            self.passes = Passes::new(&self.gpu, &self.gathered.scene, settings)?;
         }
         self.directions = Directions::new(settings.sequence, settings.seed);
         self.settings = settings.clone();
-        self.scene.camera = self.space.enter_camera(camera);
+        self.camera = self.space.enter_camera(camera);
         self.forget();
         Ok(())
     }
@@ -224,7 +240,7 @@ impl Render {
     /// # Errors
     /// When one does not compile; then nothing has changed.
     pub fn reload(&mut self) -> Result<()> {
-        self.passes = Passes::new(&self.gpu, &self.scene, &self.settings)?;
+        self.passes = Passes::new(&self.gpu, &self.gathered.scene, &self.settings)?;
         self.forget();
         Ok(())
     }
@@ -305,9 +321,21 @@ impl Render {
 
         let start = Instant::now();
         let offset = sobol(index, self.settings.seed);
-        let mut visible = self.passes.camera.see(&self.geometry, &self.scene.camera, offset.into());
-        visible.see_beyond(&self.scene, self.settings.size, offset.into());
-        let points = self.passes.camera.points(&visible);
+        let visible = match &mut self.passes.source {
+            Source::Camera(points) => {
+                let mut visible = points.see(&self.all.geometry, &self.camera, offset.into());
+                visible.see_beyond(&self.all.scene, &self.camera, self.settings.size, offset.into());
+                visible
+            }
+            Source::Traced(points) => {
+                let Surfaces { scene, bvh, .. } = &*self.all;
+                let rays = EyeRays { scene, bvh, camera: &self.camera, size: self.settings.size, seed: self.settings.seed };
+                let visible = rays.see(offset.into(), index);
+                *points = Some(TracedPoints::upload(&self.gpu, self.settings.size, &visible)?);
+                visible
+            }
+        };
+        let points = self.passes.source.points(&visible);
         let rough = self.passes.rough.see(&self.photons, points);
         self.statistics.seconds.visible_points += self.finish("finding visible points", start)?;
 
@@ -318,9 +346,12 @@ impl Render {
         let first = u64::from(index) * light_samples;
         let samples = if self.lights.count() > 0 { first..first + light_samples } else { first..first };
         for sample in samples {
-            self.passes.direct.add(&self.geometry, &self.lights, sample, points, &self.passes.direct_sums);
+            self.passes.direct.add(&self.all.geometry, &self.lights, sample, points, &self.passes.direct_sums);
         }
         self.statistics.seconds.direct += self.finish("direct light", start)?;
+        let start = Instant::now();
+        let caustics = self.caustics(index, &visible);
+        self.statistics.seconds.caustics += start.elapsed().as_secs_f64();
 
         match &mut self.passes.method {
             Method::Gl { sums, .. } => sums.clear(),
@@ -330,19 +361,36 @@ impl Render {
             }
         }
         self.statistics.gather.points = visible.count;
+        self.statistics.gather.cut += u64::from(visible.cut);
         let end = self.settings.directions.min(self.done + self.directions_per_block());
         let mut left: Vec<u32> = (self.done..end).rev().collect();
         left.sort_by_key(|&direction| self.passes.interleave.subset(direction, index).index());
         let taken = vec![0; self.passes.interleave.subsets()];
-        Ok(Block { index, visible, rough, left, taken, light_samples: light_samples as u32 })
+        Ok(Block { index, visible, rough, caustics, left, taken, light_samples: light_samples as u32 })
+    }
+
+    /// Irradiance at the points of a block by way of mirrors and glass, from photons of its own.
+    fn caustics(&self, block: u32, visible: &Visible) -> Vec<Vec3> {
+        let pixels = visible.pixels();
+        if !self.all.scene.is_specular() {
+            return vec![Vec3::ZERO; pixels.len()];
+        }
+        let photons = self.settings.photons;
+        let numbers = u64::from(block) * photons..(u64::from(block) + 1) * photons;
+        let Surfaces { scene, bvh, .. } = &*self.all;
+        let tracer = PhotonTracer::new(scene, bvh, &self.lights, self.settings.seed, self.settings.bounces);
+        let map = CausticMap::new(tracer.caustics(numbers), block);
+        let see = |point: Option<GatherPoint>| point.map_or(Vec3::ZERO, |p| map.irradiance(p.position, p.surface_normal));
+        pixels.into_par_iter().map(see).collect()
     }
 
     /// Replaces the photon map by one of fresh photons.
     fn trace_photons(&mut self, map: u64) -> Result<()> {
         let start = Instant::now();
         self.grid.clear_flux();
-        let tracer = PhotonTracer::new(&self.scene, &self.bvh, &self.lights, self.settings.seed, self.settings.bounces);
         let numbers = map * self.settings.photons..(map + 1) * self.settings.photons;
+        let Surfaces { scene, bvh, .. } = &*self.all;
+        let tracer = PhotonTracer::new(scene, bvh, &self.lights, self.settings.seed, self.settings.bounces);
         self.statistics.photons += tracer.trace(numbers, &mut self.grid);
         self.photons = PhotonTexture::upload(&self.gpu, &self.grid)?;
         self.photon_map_number = map;
@@ -361,20 +409,20 @@ impl Render {
         let numbers: Vec<u32> =
             block.left.iter().rev().take(batch).take_while(|&direction| subset_of(direction) == subset).copied().collect();
         // As the camera sees them, so that a scene turned together with its camera makes the same picture.
-        let axes = self.scene.camera.axes();
+        let axes = self.camera.axes();
         let turned = |&number: &u32| {
             let direction = self.directions.get(number);
             Direction { vector: axes * direction.vector, ..direction }
         };
         let directions: Vec<Direction> = numbers.iter().map(turned).collect();
-        let points = self.passes.camera.points(&block.visible).only(subset);
+        let points = self.passes.source.points(&block.visible).only(subset);
         let layers = match &mut self.passes.method {
             Method::Gl { gather, sums } => {
-                let work = Work { scene: &self.scene, geometry: &self.geometry, photons: &self.photons, points, sums };
-                gather.add(work, &directions)?
+                let Surfaces { scene, geometry, .. } = &*self.gathered;
+                gather.add(Work { scene, geometry, photons: &self.photons, points, sums }, &directions)?
             }
             Method::Rays { points, sums } => {
-                let rays = Reference::new(&self.scene, &self.bvh, &self.grid);
+                let rays = Reference::new(&self.gathered.scene, &self.gathered.bvh, &self.grid);
                 let interleave = self.passes.interleave;
                 let cast = |(i, (point, sum)): (usize, (&Option<GatherPoint>, &mut Vec4))| match point {
                     Some(point) if interleave.subset_of(i) == subset => {
@@ -409,7 +457,8 @@ impl Render {
         let gathered = self.passes.interleave.share(gathered, &block.taken, &block.visible);
         let directions = block.taken.iter().sum();
         let direct = self.passes.direct_sums.read();
-        Film::of_block(self.settings.size, &block.visible, (&direct, block.light_samples), &block.rough, (&gathered, directions))
+        let direct = (&direct[..], block.light_samples);
+        Film::of_block(self.settings.size, &block.visible, direct, &block.rough, &block.caustics, (&gathered, directions))
     }
 
     /// Few enough that a picture has about 32 sub-pixel offsets, and at most 128, so that a long render keeps refining its edges and
@@ -438,7 +487,10 @@ impl Render {
 impl Passes {
     fn new(gpu: &Gpu, scene: &Scene, settings: &Settings) -> Result<Self> {
         let points = settings.size;
-        let camera = CameraPoints::new(gpu, points)?;
+        let source = match settings.points {
+            PointSource::Camera => Source::Camera(CameraPoints::new(gpu, points)?),
+            PointSource::Traced => Source::Traced(None),
+        };
         let direct = Direct::new(gpu, settings.shadow_size, settings.seed)?;
         let direct_sums = Sums::new(gpu, points)?;
         let rough = PhotonMap::new(gpu, points)?;
@@ -458,7 +510,17 @@ impl Passes {
             Some(gather) => Method::Gl { gather, sums: Sums::new(gpu, interleave.sums_size())? },
             None => Method::Rays { points: Vec::new(), sums: Vec::new() },
         };
-        Ok(Self { camera, direct, direct_sums, rough, interleave, method, shown: None })
+        Ok(Self { source, direct, direct_sums, rough, interleave, method, shown: None })
+    }
+}
+
+impl Source {
+    /// The points of the block in progress.
+    fn points<'a>(&'a self, visible: &Visible) -> Points<'a> {
+        match self {
+            Self::Camera(points) => points.points(visible),
+            Self::Traced(points) => points.as_ref().expect("a block begins with its points").points(),
+        }
     }
 }
 

@@ -14,6 +14,7 @@ pub struct Settings {
     pub directions: u32,
     /// Side of the square depth layers in texels.
     pub layer_size: u32,
+    pub points: PointSource,
     pub pipeline: Pipeline,
     pub estimator: Estimator,
     pub sequence: Sequence,
@@ -47,6 +48,7 @@ impl Default for Settings {
             size: [512, 512],
             directions: 1000,
             layer_size: 256,
+            points: PointSource::Camera,
             pipeline: Pipeline::Fused,
             estimator: Estimator::SelfNormalised,
             sequence: Sequence::R2,
@@ -67,6 +69,17 @@ impl Default for Settings {
 /// Directions that see the same photons. So few rays of a point meet in one grid cell that fresh photons for each block would only make
 /// every map noisier; after about this many, the noise of one map would begin to show.
 pub const DIRECTIONS_PER_PHOTON_MAP: u32 = 1024;
+
+/// Where a picture's points come from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum PointSource {
+    /// Rasterised: every pixel shows the first surface, mirrors and glass as diffuse ones, through a pinhole.
+    #[default]
+    Camera,
+    /// Rays on the CPU, through mirrors, glass and the camera's lens to the first diffuse surface.
+    Traced,
+}
 
 /// How the gather is computed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]

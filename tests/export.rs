@@ -42,8 +42,13 @@ impl Tent {
                 mesh.triangles.push(Triangle { vertices: corners.map(|corner| first + corner), material: plate });
             }
         }
-        let material =
-            |name: &str, albedo, emission, albedo_texture| Material { name: name.into(), albedo, emission, albedo_texture };
+        let material = |name: &str, albedo, emission, albedo_texture| Material {
+            name: name.into(),
+            albedo,
+            emission,
+            albedo_texture,
+            surface: finalgather::scene::Surface::Diffuse,
+        };
         let materials = vec![
             material("grey", Vec3::splat(0.5), Vec3::ZERO, None),
             material("checked", vec3(0.9, 0.8, 0.7), Vec3::ZERO, Some(0)),

@@ -57,7 +57,7 @@ fn a_wall_close_to_the_eye_in_a_huge_scene() {
     let wall = (corner + opposite) / 2.0;
     let distance = 1e-4 * scene.mesh.bounds().diagonal();
     for (name, side) in [("head on", Vec3::Z), ("at a slant", vec3(0.6, 0.0, 0.8))] {
-        let camera = Camera { eye: wall + distance * side, target: wall, up: Vec3::Y, fov_y_degrees: 40.0 };
+        let camera = Camera { eye: wall + distance * side, target: wall, up: Vec3::Y, fov_y_degrees: 40.0, lens: None };
         let [nearest, farthest] = check(name, &scene, camera, 1000);
         assert!(nearest > 0.5 * distance && farthest < 2.0 * distance, "{name}: {nearest} to {farthest}");
     }
@@ -90,7 +90,7 @@ fn near_and_far_of_a_terrain() {
     let stone = Aabb::from_points(scene.mesh.positions[scene.mesh.positions.len() - 24..].iter().copied());
     let scale = stone.extent().y / 2e-4;
     let eye = stone.center() + scale * vec3(1e-4, 3e-4, 1e-3);
-    let camera = Camera { eye, target: eye - Vec3::Z, up: Vec3::Y, fov_y_degrees: 60.0 };
+    let camera = Camera { eye, target: eye - Vec3::Z, up: Vec3::Y, fov_y_degrees: 60.0, lens: None };
     let [nearest, farthest] = check("terrain", &scene, camera, 200);
     assert!(nearest < 1e-3 && farthest > 1.0, "{nearest} to {farthest}");
 }

@@ -178,7 +178,13 @@ fn the_background_is_what_the_camera_looks_at() {
     model.cuboid(Vec3::ZERO, Vec3::splat(0.1), 0.0, false, 0);
     let environment = Environment::from_texels([64, 32], (0..64 * 32).map(texels).collect()).unwrap();
     model.scene.environment = Some(environment.clone());
-    let camera = Camera { eye: vec3(0.6, 0.9, 2.0), target: vec3(0.3, 0.0, 0.0), up: vec3(0.2, 1.0, 0.0), fov_y_degrees: 50.0 };
+    let camera = Camera {
+        eye: vec3(0.6, 0.9, 2.0),
+        target: vec3(0.3, 0.0, 0.0),
+        up: vec3(0.2, 1.0, 0.0),
+        fov_y_degrees: 50.0,
+        lens: None,
+    };
     model.scene.camera = camera;
     let settings = Settings { size: [30, 20], directions: 32, layer_size: 16, photons: 1000, ..Settings::default() };
     let image = picture(&gpu, &model.scene, &settings);

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use finalgather::environment::Environment;
-use finalgather::scene::{Mesh, Scene, Texture, UnitSpace};
+use finalgather::scene::{Lens, Mesh, Scene, Surface, Texture, UnitSpace};
 use finalgather::settings::{Pipeline, Settings};
 use glam::{Vec2, Vec3, vec2, vec3};
 use tempfile::TempDir;
@@ -290,6 +290,39 @@ fn scene_files_override_the_model() {
     assert_eq!((scene.materials[0].albedo, scene.materials[0].emission), (vec3(0.1, 0.2, 0.3), Vec3::ZERO));
     assert_eq!((scene.materials[1].albedo, scene.materials[1].emission), (vec3(0.2, 0.4, 0.6), vec3(7.0, 8.0, 9.0)));
     assert_eq!(scene.albedo(1, Vec3::X), vec3(0.2, 0.0, 0.0));
+}
+
+/// What counts is what `illum` makes of it; numbers that exporters write beside are not looked at.
+#[test]
+fn mirrors_and_glass_from_either_file() {
+    let mtl = "newmtl lamp\nKe 5 5 5\nKs spectral gold.rfl\nNi 0\nillum 2\n\
+               newmtl mirror\nillum 3\nKd 0.1 0.1 0.1\nKs 0.9 0.8 0.7 # silver\nNs 1000\n\
+               newmtl fresnel\nillum 5\nnewmtl window\nillum 4\nnewmtl amber\nTf 1 0.6 0.2\nNi 1.55\nillum 7\n\
+               newmtl brushed\nKd 0.3 0.3 0.3\nKs 1 1 1\nillum 3\nNs 30\nnewmtl turned\nillum 7\n";
+    let toml = b"mesh = 'm.obj'\n[materials.turned]\nsurface = 'mirror'\nalbedo = [0.5, 0.5, 0.5]\n\
+                 [materials.fresnel]\nsurface = 'diffuse'\n[materials.window]\nsurface = { glass = { filter = [0, 1, 0] } }\n\
+                 [camera]\neye = [0, 0, 5]\ntarget = [0, 0, 1]\naperture = 0.5";
+    let folder = Folder::new(&[("m.obj", LIT.as_bytes()), ("m.mtl", mtl.as_bytes()), ("s.toml", toml)]);
+    let scene = folder.load("m.obj");
+    let surfaces = |scene: &Scene| scene.materials.iter().map(|material| material.surface).collect::<Vec<_>>();
+    let glass = |index, filter| Surface::Glass { index, filter };
+    let (clear, amber) = (glass(1.5, Vec3::ONE), glass(1.55, vec3(1.0, 0.6, 0.2)));
+    use Surface::{Diffuse, Mirror};
+    assert_eq!(surfaces(&scene), [Diffuse, Mirror, Mirror, clear, amber, Diffuse, clear]);
+    assert_eq!((scene.materials[1].albedo, scene.materials[2].albedo), (vec3(0.9, 0.8, 0.7), Vec3::ONE));
+    assert_eq!(scene.materials[5].albedo, Vec3::splat(0.3));
+    let [warning] = &scene.warnings[..] else { panic!("{:?}", scene.warnings) };
+    assert!(warning.contains("m.mtl:22: illum says a mirror, but Ns 30"), "{warning}");
+    assert!(!scene.is_specular() && scene.without_glass().is_none(), "what no triangle uses");
+
+    let over = folder.load("s.toml");
+    assert_eq!(surfaces(&over), [Diffuse, Mirror, Diffuse, glass(1.5, Vec3::Y), amber, Diffuse, Mirror]);
+    assert_eq!(over.materials[6].albedo, Vec3::splat(0.5));
+    assert_eq!(over.camera.lens, Some(Lens { radius: 0.5, focus_distance: 4.0 }));
+    // In unit space all lengths are divided alike.
+    let (unit, space) = UnitSpace::enter(&over);
+    let lens = unit.camera.lens.unwrap();
+    assert!((space.length_to_world(lens.radius) - 0.5).abs() < 1e-6 && (lens.focus_distance / lens.radius - 8.0).abs() < 1e-5);
 }
 
 #[test]

@@ -149,6 +149,9 @@ fn scene_files() {
         (camera("eye = [0, 0, 5]\ntarget = [0, 0, 0]\nfov_y_degrees = 0"), "s.toml:3", "fov_y_degrees is 0"),
         (camera("eye = [0, 0, 5]\ntarget = [0, 0, 0]\nfov_y_degrees = 180"), "s.toml:3", "fov_y_degrees is 180"),
         (camera("eye = [0, 0, 5]\ntarget = [0, 0, 0]\nfov_y_degrees = nan"), "s.toml:3", "fov_y_degrees is NaN"),
+        (camera("eye = [0, 0, 5]\ntarget = [0, 0, 0]\naperture = -1"), "s.toml:3", "aperture is -1"),
+        (camera("eye = [0, 0, 5]\ntarget = [0, 0, 0]\naperture = nan"), "s.toml:3", "aperture is NaN"),
+        (camera("eye = [0, 0, 5]\ntarget = [0, 0, 0]\naperture = 1\nfocus_distance = 0"), "s.toml:3", "focus_distance is 0"),
         (camera("eye = [0, 0, 5]"), "s.toml:3", "target"),
         (camera("eye = [0, 0]\ntarget = [0, 0, 1]"), "s.toml:4", "length"),
         (camera("eye = [0, 0, 1]\ntarget = [0, 0, 0]\nroll = 3"), "s.toml:6", "roll"),
@@ -156,7 +159,7 @@ fn scene_files() {
     for (toml, place, fragment) in &owned {
         check("s.toml", "s.toml", toml.as_bytes(), place, fragment);
     }
-    let cases: [(&[u8], &str, &str); 26] = [
+    let cases: [(&[u8], &str, &str); 29] = [
         (b"", "s.toml:1", "mesh"),
         (b"mesh = \n", "s.toml:1", ""),
         ("mesh = 'm.obj'\n# \u{e9}\u{1f4a1}\n\u{e9} = 1".as_bytes(), "s.toml:3", ""),
@@ -176,8 +179,8 @@ fn scene_files() {
         ),
         (b"mesh = 'm.obj'\n[materials.lamp]\nalbedo = [0, 1.5, 0]", "s.toml:3", "albedo is"),
         (b"mesh = 'm.obj'\n[materials.lamp]\nemission = [0, -1, inf]", "s.toml:3", "emission is"),
-        (b"mesh = 'm.obj'\n[materials.lamp]\nemission = [0, 0, 0]", "m.obj", "no light"),
-        (b"mesh = 'm.obj'\nmaterials.lamp.emission = [0, 0, 0]\nenvironment.radiance = [0, 0, 0]", "m.obj", "no light"),
+        (b"mesh = 'm.obj'\n[materials.lamp]\nemission = [0, 0, 0]", "s.toml", "no light"),
+        (b"mesh = 'm.obj'\nmaterials.lamp.emission = [0, 0, 0]\nenvironment.radiance = [0, 0, 0]", "s.toml", "no light"),
         (b"mesh = 'm.obj'\n\n[environment]\nscale = 1", "s.toml:3", "a file or a radiance"),
         (b"mesh = 'm.obj'\n\n[environment]\nfile = 'a.hdr'\nradiance = [1, 1, 1]", "s.toml:3", "a file or a radiance"),
         (b"mesh = 'm.obj'\n[environment]\nradiance = [1, -1, 1]", "s.toml:3", "radiance is [1, -1, 1]"),
@@ -187,6 +190,9 @@ fn scene_files() {
         (b"mesh = 'm.obj'\n[environment]\nfile = 'm.obj'", "m.obj", "the ending names no kind of environment"),
         (b"mesh = 'm.obj'\n[environment]\nfile = 'none.hdr'", "none.hdr", "not readable as Radiance RGBE"),
         (b"mesh = 'm.obj'\n[environment]\nradience = [1, 1, 1]", "s.toml:3", "radience"),
+        (b"mesh = 'm.obj'\n[materials.lamp]\nsurface = 'wood'", "s.toml:3", "wood"),
+        (b"mesh = 'm.obj'\n[materials.lamp]\nsurface = { glass = { index = 0.5 } }", "s.toml:3", "index of refraction is 0.5"),
+        (b"mesh = 'm.obj'\n[materials.lamp]\nsurface.glass.filter = [1, 2, 1]", "s.toml:3", "filter is"),
     ];
     for (toml, place, fragment) in cases {
         check("s.toml", "s.toml", toml, place, fragment);

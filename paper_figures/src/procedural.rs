@@ -4,7 +4,7 @@ use std::f32::consts::TAU;
 
 use finalgather::points::GatherPoint;
 use finalgather::random::Random;
-use finalgather::scene::{Camera, Material, Mesh, Scene, Triangle, UnitSpace};
+use finalgather::scene::{Camera, Material, Mesh, Scene, Surface, Triangle, UnitSpace};
 use finalgather::settings::Settings;
 use glam::{Vec2, Vec3, vec3};
 
@@ -38,7 +38,8 @@ pub fn hills(triangles: u32) -> Scene {
             mesh.triangles.push(Triangle { vertices, material: GREY });
         }
     }
-    let camera = Camera { eye: vec3(0.0, 0.5, 0.95), target: vec3(0.0, -0.6, -0.3), up: Vec3::Y, fov_y_degrees: 70.0 };
+    let camera =
+        Camera { eye: vec3(0.0, 0.5, 0.95), target: vec3(0.0, -0.6, -0.3), up: Vec3::Y, fov_y_degrees: 70.0, lens: None };
     scene(mesh, camera)
 }
 
@@ -50,7 +51,7 @@ pub fn plates(layers: u32) -> Scene {
         let material = if layer + 1 == layers { LAMP } else { GREY };
         plate(&mut mesh, height * Vec3::Y, Vec3::X, Vec3::Z, -Vec3::Y, material);
     }
-    scene(mesh, Camera { eye: vec3(0.0, 2.0, 4.0), target: Vec3::ZERO, up: Vec3::Y, fov_y_degrees: 40.0 })
+    scene(mesh, Camera { eye: vec3(0.0, 2.0, 4.0), target: Vec3::ZERO, up: Vec3::Y, fov_y_degrees: 40.0, lens: None })
 }
 
 /// Points spread evenly over both sides of all triangles of a scene in unit space.
@@ -75,7 +76,13 @@ pub fn points_on(scene: &Scene, count: u32) -> Vec<GatherPoint> {
 
 /// In unit space.
 fn scene(mesh: Mesh, camera: Camera) -> Scene {
-    let material = |name: &str, albedo, emission| Material { name: name.into(), albedo, emission, albedo_texture: None };
+    let material = |name: &str, albedo, emission| Material {
+        name: name.into(),
+        albedo,
+        emission,
+        albedo_texture: None,
+        surface: Surface::Diffuse,
+    };
     let scene = Scene {
         mesh,
         materials: vec![material("grey", vec3(0.7, 0.7, 0.7), Vec3::ZERO), material("lamp", Vec3::ZERO, Vec3::splat(10.0))],

@@ -124,6 +124,8 @@ impl Bench {
     /// [`crate::Error::Gl`] when the device fails.
     pub fn new(gpu: &Gpu, scene: Scene, settings: &Settings, at: Where) -> Result<Self> {
         settings.validate()?;
+        // Gather rays pass straight through it.
+        let scene = scene.without_glass().unwrap_or(scene);
         let geometry = Geometry::upload(gpu, &scene)?;
         let (source, pixels) = match at {
             Where::Camera => {
@@ -131,9 +133,9 @@ impl Bench {
                 let visible = camera.see(&geometry, &scene.camera, Vec2::splat(0.5));
                 let pixels = visible.pixels();
                 // Of what was read back, the count is enough from now on.
-                let count = visible.count;
+                let (count, cut) = (visible.count, visible.cut);
                 let [position, normal, albedo, emission] = Default::default();
-                (Source::Camera(camera, Visible { position, normal, albedo, emission, count }), pixels)
+                (Source::Camera(camera, Visible { position, normal, albedo, emission, count, cut }), pixels)
             }
             Where::Points(points) => (Source::List(PointList::upload(gpu, &points)?), points.into_iter().map(Some).collect()),
         };

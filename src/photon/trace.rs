@@ -3,7 +3,9 @@
 //! A photon starts at a point of the lights chosen by power, with a cosine distribution about the emitting normal; or it comes from the environment,
 //! along a direction chosen by radiance, through any point of the disc across it that the scene's sphere fills. At every surface
 //! it is stored; then Russian roulette reflects it with the share that its strongest channel keeps, so that the survivors
-//! carry about as much flux as was emitted with each.
+//! carry about as much flux as was emitted with each. Mirrors and glass send it on in one direction and store nothing; but a mirror that photons
+//! reach from a diffuse surface stores them, for gather rays take it for a Lambertian one. What goes from a light by mirrors and glass
+//! alone to a diffuse surface is what [`PhotonTracer::caustics`] returns.
 
 use std::f32::consts::{PI, TAU};
 use std::ops::{AddAssign, Range};
@@ -12,11 +14,12 @@ use glam::{Vec3, vec3};
 use rayon::prelude::*;
 use serde::Serialize;
 
+use super::caustics::CausticPhoton;
 use super::grid::PhotonGrid;
 use crate::environment::Environment;
 use crate::math::{cosine_direction, frame};
 use crate::random::{Random, Recurrence};
-use crate::scene::{Bvh, Lights, RAY_OFFSET, Scene};
+use crate::scene::{Bvh, Lights, MOST_SPECULAR, Path, RAY_OFFSET, Scene, Surface};
 
 /// Photons traced between two sums: bounds the memory that their hits take.
 const ROUND: u64 = 1 << 18;
@@ -33,15 +36,6 @@ pub struct PhotonTracer<'a> {
     starts: Recurrence<5>,
     seed: u64,
     bounces: u32,
-}
-
-/// A photon that has met nothing yet.
-struct Start {
-    position: Vec3,
-    direction: Vec3,
-    flux: Vec3,
-    /// That it starts on.
-    triangle: Option<usize>,
 }
 
 /// How a photon's flight ends.
@@ -61,7 +55,7 @@ pub struct PhotonCounts {
     pub absorbed: u64,
     /// Met no surface any more.
     pub escaped: u64,
-    /// Would have flown on from the last surface that the limit on bounces allows.
+    /// Would have flown on from the last surface that a limit allows: of surfaces that store it, or of mirrors and glass in a row.
     pub cut: u64,
 }
 
@@ -119,32 +113,66 @@ impl<'a> PhotonTracer<'a> {
         counts
     }
 
-    fn trace_one(&self, photon: u64, share: f32, grid: &PhotonGrid, hits: &mut Vec<(usize, Vec3)>) -> End {
-        let mut random = Random::new(self.seed, photon);
-        let Start { position: mut origin, mut direction, mut flux, triangle: mut left } = self.start(self.starts.point(photon));
-        flux *= share;
-        for _ in 0..self.bounces {
-            let Some(hit) = self.bvh.nearest(origin, direction, left) else { return End::Escaped };
-            let triangle = hit.triangle;
-            (origin, left) = (origin + hit.distance * direction, Some(triangle));
-            hits.push((grid.index_of_hit(&self.scene.mesh, triangle, origin, direction), flux));
+    /// What the photons with these numbers, which share the lights' whole power, bring to diffuse surfaces by way of mirrors and glass alone.
+    pub fn caustics(&self, photons: Range<u64>) -> Vec<CausticPhoton> {
+        let share = 1.0 / (photons.end - photons.start) as f32;
+        let chunks: Vec<u64> = photons.clone().step_by(CHUNK as usize).collect();
+        let trace = |photon| {
+            let (mut path, mut flux, mut random) = self.emit(photon, share);
+            for specular in 0..=MOST_SPECULAR {
+                let side = self.scene.mesh.side_met(path.advance(self.bvh)?, path.direction);
+                let Some(kept) = path.scatter(self.scene, &mut random.uniform()) else {
+                    return (specular > 0).then_some(CausticPhoton { position: path.origin, side, flux });
+                };
+                flux *= kept;
+            }
+            None
+        };
+        chunks.into_par_iter().flat_map_iter(|chunk| (chunk..(chunk + CHUNK).min(photons.end)).filter_map(trace)).collect()
+    }
 
-            let reflected = flux * self.scene.albedo(triangle, self.scene.mesh.barycentric(triangle, origin));
+    /// Where a photon starts, and what it carries.
+    fn emit(&self, photon: u64, share: f32) -> (Path, Vec3, Random) {
+        let (path, flux) = self.start(self.starts.point(photon));
+        (path, share * flux, Random::new(self.seed, photon))
+    }
+
+    fn trace_one(&self, photon: u64, share: f32, grid: &PhotonGrid, hits: &mut Vec<(usize, Vec3)>) -> End {
+        let (mut path, mut flux, mut random) = self.emit(photon, share);
+        let mesh = &self.scene.mesh;
+        // Diffuse surfaces so far, and mirrors and glass since the last of them.
+        let (mut diffuse, mut specular) = (0, 0);
+        loop {
+            let Some(triangle) = path.advance(self.bvh) else { return End::Escaped };
+            let surface = self.scene.material(triangle).surface;
+            // The light that a mirror throws straight from a lamp is a caustic, and gather rays are not to see it again.
+            if surface == Surface::Diffuse || surface == Surface::Mirror && diffuse > 0 {
+                hits.push((grid.index_of_hit(mesh, triangle, path.origin, path.direction), flux));
+            }
+            let side = mesh.side_met(triangle, path.direction);
+            let kept = match surface {
+                Surface::Diffuse => None,
+                _ => path.scatter(self.scene, &mut random.uniform()),
+            };
+            let reflected = flux * kept.unwrap_or_else(|| self.scene.albedo(triangle, mesh.barycentric(triangle, path.origin)));
             let survival = reflected.max_element() / flux.max_element();
             // What comes from beside a bright texel of the environment may carry nothing, and ends here too.
             if flux == Vec3::ZERO || random.uniform() >= survival {
                 return End::Absorbed;
             }
             flux = reflected / survival;
-            let side = self.scene.mesh.side_met(triangle, direction);
-            origin += RAY_OFFSET * side;
-            direction = cosine_direction(side, random.uniform(), random.uniform());
+            (diffuse, specular) = if kept.is_some() { (diffuse, specular + 1) } else { (diffuse + 1, 0) };
+            if diffuse == self.bounces || specular > MOST_SPECULAR {
+                return End::Cut;
+            }
+            if kept.is_none() {
+                path.leave(side, cosine_direction(side, random.uniform(), random.uniform()));
+            }
         }
-        End::Cut
     }
 
-    /// Of the whole flux, as the mean over many photons.
-    fn start(&self, [pick, u, v, s, t]: [f32; 5]) -> Start {
+    /// With the whole flux, as the mean over many photons.
+    fn start(&self, [pick, u, v, s, t]: [f32; 5]) -> (Path, Vec3) {
         match &self.scene.environment {
             Some(environment) if pick < self.from_beyond => {
                 let (to_light, density) = environment.sample([u, v]);
@@ -152,18 +180,18 @@ impl<'a> PhotonTracer<'a> {
                 // The scene lies in the unit sphere, and the disc before it.
                 let disc = frame(to_light) * (t.sqrt() * vec3(cos, sin, 0.0));
                 let flux = environment.radiance(to_light) * (PI / (density * self.from_beyond));
-                Start { position: disc + 1.1 * to_light, direction: -to_light, flux, triangle: None }
+                (Path { origin: disc + 1.1 * to_light, direction: -to_light, triangle: None }, flux)
             }
             _ => {
                 let pick = (pick - self.from_beyond) / (1.0 - self.from_beyond);
                 let light = self.lights.point(pick, [u, v]);
-                Start {
-                    position: light.position + RAY_OFFSET * light.normal,
+                let path = Path {
+                    origin: light.position + RAY_OFFSET * light.normal,
                     direction: cosine_direction(light.normal, s, t),
-                    // A diffuse emitter of radiance L sends out πL per unit of area.
-                    flux: light.radiance_area * (PI / (1.0 - self.from_beyond)),
                     triangle: Some(light.triangle),
-                }
+                };
+                // A diffuse emitter of radiance L sends out πL per unit of area.
+                (path, light.radiance_area * (PI / (1.0 - self.from_beyond)))
             }
         }
     }

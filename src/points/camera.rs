@@ -21,14 +21,17 @@ pub struct CameraPoints {
 pub struct Visible {
     /// xyz: position in unit space; w as in [`Points`].
     pub position: Vec<Vec4>,
-    /// xyz: unit shading normal facing the camera, zero where the pixel sees no surface; w as in [`Points`].
+    /// xyz: unit shading normal on the side that is seen, zero where there is no point; w as in [`Points`].
     pub normal: Vec<Vec4>,
-    /// rgb: albedo.
+    /// rgb: albedo, times what mirrors and glass before the point let pass.
     pub albedo: Vec<Vec4>,
-    /// rgb: emitted radiance, that of the environment where the pixel sees no surface; a: distance along the view axis.
+    /// rgb: emitted radiance, and that of the environment where the pixel looks past all surfaces; a: distance along the view axis of the first surface,
+    /// 0 where there is none.
     pub emission: Vec<Vec4>,
     /// How many pixels see a surface.
     pub count: u32,
+    /// How many rays were given up among mirrors and glass.
+    pub cut: u32,
 }
 
 impl CameraPoints {
@@ -66,6 +69,7 @@ impl CameraPoints {
             albedo: self.target.color(2).read(),
             emission: self.target.color(3).read(),
             count,
+            cut: 0,
         }
     }
 
@@ -77,7 +81,7 @@ impl CameraPoints {
 
 impl Visible {
     /// Lets pixels that see no surface see what lies beyond, through their places at `offset`.
-    pub fn see_beyond(&mut self, scene: &Scene, [width, height]: [u32; 2], offset: Vec2) {
+    pub fn see_beyond(&mut self, scene: &Scene, camera: &Camera, [width, height]: [u32; 2], offset: Vec2) {
         if !scene.has_sky() {
             return;
         }
@@ -85,7 +89,7 @@ impl Visible {
         let look = |(i, (emission, normal)): (usize, (&mut Vec4, &Vec4))| {
             if normal.truncate() == Vec3::ZERO {
                 let from_below = (Vec2::new((i % width as usize) as f32, (i / width as usize) as f32) + offset) / size;
-                let direction = scene.camera.ray(Vec2::new(from_below.x, 1.0 - from_below.y), size.x / size.y);
+                let direction = camera.ray(Vec2::new(from_below.x, 1.0 - from_below.y), size.x / size.y);
                 *emission = scene.beyond(direction).extend(0.0);
             }
         };

@@ -168,6 +168,7 @@ mod tests {
             albedo: Vec::new(),
             emission: Vec::new(),
             count: SIZE[0] * SIZE[1],
+            cut: 0,
         }
     }
 

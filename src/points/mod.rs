@@ -7,6 +7,7 @@ mod interleave;
 mod lightmap;
 mod list;
 mod sums;
+mod traced;
 mod vertices;
 
 pub use camera::{CameraPoints, Visible};
@@ -14,6 +15,7 @@ pub use interleave::{Interleave, Subset};
 pub use lightmap::{LightMap, LightMapCounts, LightMapOptions, Mended, Resolution, UvSource};
 pub use list::{GatherPoint, PointList};
 pub use sums::Sums;
+pub use traced::{EyeRays, TracedPoints};
 pub use vertices::{VertexCounts, Vertices};
 
 use crate::gpu::{Texture, Uniform};

@@ -84,18 +84,19 @@ impl Render {
     /// When a program does not compile or the device fails.
     pub fn layers(&mut self, end: End) -> Result<Layers> {
         let (bundle, size) = (self.bundle(end), self.settings.layer_size);
-        let order = triangle_order(&self.scene);
+        let scene = &self.gathered.scene;
+        let order = triangle_order(scene);
         let from_layer = bundle.to_layer.inverse();
         let read = |(at, texel): (usize, Vec4)| {
             let triangle = *order.get((texel.w as usize).checked_sub(1)?)?;
             let place = Vec2::new((at as u32 % size) as f32 + 0.5, (at as u32 / size) as f32 + 0.5);
             let position = from_layer.transform_point3(place.extend(texel.x));
-            let mesh = &self.scene.mesh;
+            let mesh = &scene.mesh;
             Some(LayerTexel {
                 depth: texel.x,
                 slopes: Vec2::new(texel.y, texel.z),
-                albedo: self.scene.albedo(triangle, mesh.barycentric(triangle, position)),
-                emissive: self.scene.material(triangle).is_emissive(),
+                albedo: scene.albedo(triangle, mesh.barycentric(triangle, position)),
+                emissive: scene.material(triangle).is_emissive(),
                 cosine: mesh.geometric_normal(triangle).dot(bundle.direction).abs(),
             })
         };
@@ -103,7 +104,7 @@ impl Render {
         peel.start();
         let mut layers = Vec::new();
         while (layers.len() + 1) * (size * size) as usize <= MOST_TEXELS {
-            let texels: Vec<Vec4> = peel.next(&self.geometry, &bundle).read();
+            let texels: Vec<Vec4> = peel.next(&self.gathered.geometry, &bundle).read();
             let layer: Vec<_> = texels.into_iter().enumerate().map(read).collect();
             if layer.iter().all(Option::is_none) {
                 break;
@@ -119,11 +120,11 @@ impl Render {
     /// # Errors
     /// When a program does not compile or the device fails.
     pub fn probe(&mut self, layers: &Layers, place: Vec2) -> Result<Option<Probe>> {
-        let camera = self.scene.camera;
+        let camera = self.camera;
         let [width, height] = self.settings.size.map(|side| side as f32);
         let ray = camera.ray(place, width / height);
-        let Some(seen) = self.bvh.nearest(camera.eye, ray, None) else { return Ok(None) };
-        let normal = self.scene.mesh.side_met(seen.triangle, ray);
+        let Some(seen) = self.gathered.bvh.nearest(camera.eye, ray, None) else { return Ok(None) };
+        let normal = self.gathered.scene.mesh.side_met(seen.triangle, ray);
         let point = GatherPoint::flat(camera.eye + seen.distance * ray, normal);
 
         let bundle = self.bundle(layers.end);
@@ -131,7 +132,7 @@ impl Render {
         let Apart { peel, kill } = Apart::of(&mut self.passes.shown, &self.gpu, layers.size)?;
         peel.start();
         kill.start();
-        let mut sample = |index| kill.sample(list.points(), &bundle, peel.next(&self.geometry, &bundle), index) > 0;
+        let mut sample = |index| kill.sample(list.points(), &bundle, peel.next(&self.gathered.geometry, &bundle), index) > 0;
         let mut all = 0..;
         let sampled: Vec<bool> = all.by_ref().take(layers.layers.len()).map(&mut sample).collect();
         // The hit may lie in a layer that is not kept.
@@ -146,8 +147,8 @@ impl Render {
 
     fn bundle(&self, end: End) -> Bundle {
         let direction = self.directions.get(end.number);
-        let vector = self.scene.camera.axes() * direction.vector;
+        let vector = self.camera.axes() * direction.vector;
         let vector = if end.opposite { -vector } else { vector };
-        Bundle::new(&Direction { vector, ..direction }, &self.geometry.positions, self.settings.layer_size)
+        Bundle::new(&Direction { vector, ..direction }, &self.gathered.geometry.positions, self.settings.layer_size)
     }
 }

@@ -1,8 +1,10 @@
 //! Cameras that work: [`Camera::check`] for one that a person gave, [`Camera::framing`] for a scene without.
 
+use std::f32::consts::TAU;
+
 use glam::{Mat3, Vec2, Vec3};
 
-use super::Camera;
+use super::{Camera, Lens};
 use crate::math::Aabb;
 
 /// Angle of view where none is given, in degrees.
@@ -16,7 +18,7 @@ impl Camera {
         let distance = bounds.diagonal() / 2.0 / half_height.min(half_width).sin();
         let target = bounds.center();
         let eye = target + Vec3::new(0.35, 0.25, 1.0).normalize() * distance;
-        Self { eye, target, up: Vec3::Y, fov_y_degrees: DEFAULT_FOV_Y }
+        Self { eye, target, up: Vec3::Y, fov_y_degrees: DEFAULT_FOV_Y, lens: None }
     }
 
     /// Its axes as columns: right, up and against the direction of view.
@@ -31,6 +33,17 @@ impl Camera {
         let up = (0.5 * self.fov_y_degrees.to_radians()).tan();
         let across = (2.0 * place - 1.0) * Vec2::new(up * aspect, -up);
         (self.axes() * across.extend(-1.0)).normalize()
+    }
+
+    /// Origin and unit direction of the ray to that place by a point of the lens, for a uniform point of the unit square.
+    pub fn ray_by_lens(self, place: Vec2, aspect: f32, [u, v]: [f32; 2]) -> (Vec3, Vec3) {
+        let direction = self.ray(place, aspect);
+        let Some(Lens { radius, focus_distance }) = self.lens else { return (self.eye, direction) };
+        let axes = self.axes();
+        let sharp = self.eye - direction * (focus_distance / direction.dot(axes.z_axis));
+        let (sin, cos) = (TAU * v).sin_cos();
+        let origin = self.eye + radius * u.sqrt() * (cos * axes.x_axis + sin * axes.y_axis);
+        (origin, (sharp - origin).normalize())
     }
 
     /// The camera with `up` of unit length, or what is wrong with it and the cure.
@@ -53,6 +66,15 @@ impl Camera {
         if !(self.fov_y_degrees > 0.0 && self.fov_y_degrees < 180.0) {
             let problem = format!("camera fov_y_degrees is {}", self.fov_y_degrees);
             return Err((problem, "give an angle between 0 and 180 degrees"));
+        }
+        if let Some(Lens { radius, focus_distance }) = self.lens {
+            if !(radius > 0.0 && radius <= 1e9) {
+                return Err((format!("camera aperture is {radius}"), "give the radius of the lens, or 0 for a pinhole"));
+            }
+            if !(focus_distance > 0.0 && focus_distance <= 1e9) {
+                let problem = format!("camera focus_distance is {focus_distance}");
+                return Err((problem, "give the distance from the eye, above 0, at which things are sharp"));
+            }
         }
         Ok(Self { up: up.as_vec3(), ..self })
     }

@@ -10,6 +10,8 @@
 //! target = [278, 273, 0]
 //! up = [0, 1, 0]               # the default
 //! fov_y_degrees = 39.3         # 40 by default
+//! aperture = 10                # radius of a thin lens; 0, a pinhole, by default
+//! focus_distance = 900         # what is sharp; the target by default
 //!
 //! [environment]                # what lies beyond the model: black without
 //! file = "sky.hdr"             # or radiance = [1, 1, 1], the same from everywhere
@@ -23,6 +25,7 @@
 //! albedo = [0.5, 0.5, 0.5]
 //! emission = [0, 0, 0]
 //! albedo_texture = "tiles.png"
+//! surface = "mirror"           # or "diffuse", or { glass = { index = 1.5, filter = [1, 1, 1] } }; a mirror reflects its albedo
 //! ```
 
 use std::collections::BTreeMap;
@@ -35,10 +38,10 @@ use serde::Deserialize;
 use toml::Spanned;
 
 use super::camera::DEFAULT_FOV_Y;
-use super::mtl::beside;
+use super::mtl::{GLASS_INDEX, beside};
 use super::obj::{self, names};
 use super::texture::Textures;
-use super::{Camera, Material, Scene};
+use super::{Camera, Lens, Material, Scene, Surface};
 use crate::environment::Environment;
 use crate::error::{Error, Result};
 use crate::settings::Settings;
@@ -96,6 +99,9 @@ struct CameraTable {
     up: [f32; 3],
     #[serde(default = "default_fov_y")]
     fov_y_degrees: f32,
+    #[serde(default)]
+    aperture: f32,
+    focus_distance: Option<f32>,
 }
 
 fn upright() -> [f32; 3] {
@@ -121,6 +127,28 @@ struct MaterialTable {
     albedo: Option<Spanned<[f32; 3]>>,
     emission: Option<Spanned<[f32; 3]>>,
     albedo_texture: Option<Spanned<String>>,
+    surface: Option<Spanned<SurfaceTable>>,
+}
+
+#[derive(Clone, Copy, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+enum SurfaceTable {
+    Diffuse,
+    Mirror,
+    Glass {
+        #[serde(default = "glass_index")]
+        index: f32,
+        #[serde(default = "clear")]
+        filter: [f32; 3],
+    },
+}
+
+fn glass_index() -> f32 {
+    GLASS_INDEX
+}
+
+fn clear() -> [f32; 3] {
+    [1.0; 3]
 }
 
 fn load_toml(path: &Path, environment: Option<Environment>) -> Result<Scene> {
@@ -146,8 +174,11 @@ fn load_toml(path: &Path, environment: Option<Environment>) -> Result<Scene> {
     })?;
 
     let camera = file.camera.map(|table| {
-        let CameraTable { eye, target, up, fov_y_degrees } = *table.get_ref();
-        let camera = Camera { eye: eye.into(), target: target.into(), up: up.into(), fov_y_degrees };
+        let CameraTable { eye, target, up, fov_y_degrees, aperture, focus_distance } = *table.get_ref();
+        let [eye, target, up] = [eye, target, up].map(Vec3::from);
+        let focus_distance = focus_distance.unwrap_or_else(|| eye.distance(target));
+        let lens = (aperture != 0.0).then_some(Lens { radius: aperture, focus_distance });
+        let camera = Camera { eye, target, up, fov_y_degrees, lens };
         camera.check().map_err(|(problem, cure)| error(table.span(), problem, cure))
     });
 
@@ -204,6 +235,14 @@ fn load_toml(path: &Path, environment: Option<Environment>) -> Result<Scene> {
             if let Some(texture) = table.albedo_texture {
                 let named_at = format!("{}:{}", path.display(), line(texture.span()));
                 material.albedo_texture = Some(textures.load(&beside(path, texture.get_ref()), &named_at)?);
+            }
+            if let Some(surface) = table.surface {
+                let kind = match *surface.get_ref() {
+                    SurfaceTable::Diffuse => Surface::Diffuse,
+                    SurfaceTable::Mirror => Surface::Mirror,
+                    SurfaceTable::Glass { index, filter } => Surface::Glass { index, filter: filter.into() },
+                };
+                material.surface = kind.check().map_err(|(problem, cure)| error(surface.span(), problem, cure))?;
             }
         }
         Ok(())

@@ -1,6 +1,6 @@
 //! The scene: plain, validated data that the other stages only read.
 //!
-//! Right-handed world coordinates, any unit of length. Surfaces are Lambertian and two-sided: both sides reflect with the
+//! Right-handed world coordinates, any unit of length. Surfaces are Lambertian, mirrors or glass, and two-sided: both sides reflect with the
 //! same albedo. Emission leaves the front side only, the one from which the triangle winds counter-clockwise.
 //!
 //! [`Scene::load`] is the entry point. After it returns, every index is in range, every number is finite, every albedo lies in
@@ -21,12 +21,14 @@ mod mtl;
 mod obj;
 mod polygon;
 mod scan;
+mod specular;
 mod texture;
 mod unit_space;
 
 pub use bvh::{Bvh, Hit, RAY_OFFSET};
 pub use flat_bvh::FlatBvh;
 pub use light::{LightPoint, Lights};
+pub use specular::{MOST_SPECULAR, Path, Split, fresnel};
 pub use unit_space::UnitSpace;
 
 /// Everything that is rendered.
@@ -69,6 +71,22 @@ impl Scene {
         let [a, b, c] = self.mesh.triangles[triangle].vertices.map(|vertex| self.mesh.uvs[vertex as usize]);
         albedo * self.textures[texture].sample_linear(a * barycentric.x + b * barycentric.y + c * barycentric.z)
     }
+
+    /// Whether anything is a mirror or glass.
+    pub fn is_specular(&self) -> bool {
+        (0..self.mesh.triangles.len()).any(|triangle| self.material(triangle).surface != Surface::Diffuse)
+    }
+
+    /// What gather rays see, where that is not the whole scene: they pass straight through glass. A mirror is to them a Lambertian surface
+    /// that reflects as much.
+    pub fn without_glass(&self) -> Option<Self> {
+        let glass = |triangle: &Triangle| matches!(self.materials[triangle.material as usize].surface, Surface::Glass { .. });
+        self.mesh.triangles.iter().any(glass).then(|| {
+            let mut rest = self.clone();
+            rest.mesh.triangles.retain(|triangle| !glass(triangle));
+            rest
+        })
+    }
 }
 
 /// Triangles with shared vertices.
@@ -104,6 +122,18 @@ impl Mesh {
         if normal.dot(direction) < 0.0 { normal } else { -normal }
     }
 
+    /// The unit shading normal at a point of the triangle, on the side of `side`, the face's own normal there.
+    pub fn shading_normal(&self, triangle: usize, barycentric: Vec3, side: Vec3) -> Vec3 {
+        let [a, b, c] = self.triangles[triangle].vertices.map(|vertex| self.normals[vertex as usize]);
+        let normal = a * barycentric.x + b * barycentric.y + c * barycentric.z;
+        // As in glsl/visible_points.frag.
+        if normal.length_squared() < 1e-12 {
+            return side;
+        }
+        let normal = normal.normalize();
+        if normal.dot(side) < 0.0 { -normal } else { normal }
+    }
+
     pub fn area(&self, triangle: usize) -> f32 {
         let [a, b, c] = self.corners(triangle);
         0.5 * (b - a).cross(c - a).length()
@@ -127,7 +157,6 @@ pub struct Triangle {
     pub material: u32,
 }
 
-/// A Lambertian surface.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Material {
     pub name: String,
@@ -137,6 +166,39 @@ pub struct Material {
     pub emission: Vec3,
     /// Into [`Scene::textures`].
     pub albedo_texture: Option<usize>,
+    pub surface: Surface,
+}
+
+/// What a surface does with the light that meets it.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Surface {
+    /// Reflects it by Lambert's law.
+    #[default]
+    Diffuse,
+    /// Reflects it in one direction; the albedo is what it keeps.
+    Mirror,
+    /// Reflects and refracts it; the albedo means nothing.
+    Glass {
+        /// Index of refraction of what is behind the fronts, over that of what is before them.
+        index: f32,
+        /// What a body lets pass of the light that does not turn back, half of it (the square root) at each of two faces.
+        filter: Vec3,
+    },
+}
+
+impl Surface {
+    /// Itself, or what is wrong with it and the cure.
+    pub fn check(self) -> Result<Self, (String, &'static str)> {
+        match self {
+            Self::Glass { index, .. } if !(1.0..=10.0).contains(&index) => {
+                Err((format!("index of refraction is {index}"), "give a number from 1 to 10; glass has 1.5"))
+            }
+            Self::Glass { filter, .. } if !filter.to_array().iter().all(|share| (0.0..=1.0).contains(share)) => {
+                Err((format!("filter is {filter}"), "give a share from 0 to 1 for each of red, green and blue"))
+            }
+            _ => Ok(self),
+        }
+    }
 }
 
 impl Material {
@@ -154,7 +216,7 @@ pub struct Texture {
     pub texels: Vec<[u8; 4]>,
 }
 
-/// A pinhole camera.
+/// A pinhole camera, or one with a thin lens in place of the hole.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Camera {
     pub eye: Vec3,
@@ -162,6 +224,15 @@ pub struct Camera {
     pub up: Vec3,
     /// Full vertical angle of view.
     pub fov_y_degrees: f32,
+    pub lens: Option<Lens>,
+}
+
+/// A thin lens about the eye, across the direction of view.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Lens {
+    pub radius: f32,
+    /// Along the direction of view; what is there is sharp.
+    pub focus_distance: f32,
 }
 
 /// Whether a normal can be computed in f32, on the GPU for one: the cross product of the edges must stand out from the

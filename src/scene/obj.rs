@@ -13,7 +13,7 @@ use super::mtl::{self, beside};
 use super::polygon::triangulate;
 use super::scan::{Named, scan};
 use super::texture::Textures;
-use super::{Material, Mesh, Triangle};
+use super::{Material, Mesh, Surface, Triangle};
 use crate::error::{Error, Result};
 
 pub fn load(path: &Path, textures: &mut Textures, warnings: &mut Vec<String>) -> Result<(Mesh, Vec<Material>)> {
@@ -77,8 +77,9 @@ fn assemble(path: &Path, models: &[tobj::Model], materials: &mut Vec<Material>, 
     let mut skipped = 0;
     for model in models.iter().map(|model| &model.mesh).filter(|model| !model.indices.is_empty()) {
         let material = model.material_id.unwrap_or_else(|| {
-            let default = Material { name: "default".into(), albedo: mtl::GREY, emission: Vec3::ZERO, albedo_texture: None };
-            materials.push(default);
+            let name = "default".into();
+            let surface = Surface::Diffuse;
+            materials.push(Material { name, albedo: mtl::GREY, emission: Vec3::ZERO, albedo_texture: None, surface });
             materials.len() - 1
         });
         skipped += add_model(&mut mesh, model, material as u32);

@@ -7,7 +7,7 @@ use std::collections::HashSet;
 
 use glam::{DVec3, Vec3};
 
-use super::{Camera, Material, Mesh, Scene, Triangle, has_area};
+use super::{Camera, Lens, Material, Mesh, Scene, Triangle, has_area};
 
 /// The way back from unit space.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -41,7 +41,11 @@ impl UnitSpace {
         // The direction is kept, and not the target, which may fall together with the eye.
         let forward = (camera.target.as_dvec3() - camera.eye.as_dvec3()).normalize().as_vec3();
         let eye = self.enter_point(camera.eye);
-        Camera { eye, target: eye + forward, ..camera }
+        let length = |length: f32| (f64::from(length) / self.scale) as f32;
+        let lens = camera
+            .lens
+            .map(|Lens { radius, focus_distance }| Lens { radius: length(radius), focus_distance: length(focus_distance) });
+        Camera { eye, target: eye + forward, lens, ..camera }
     }
 
     /// Position in unit space of a point of the world.

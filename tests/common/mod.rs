@@ -11,7 +11,7 @@ use finalgather::gpu::{Backend, DeviceChoice, Gpu};
 use finalgather::photon::{PhotonGrid, PhotonTexture, PhotonTracer};
 use finalgather::points::{GatherPoint, PointList, Sums};
 use finalgather::random::Random;
-use finalgather::scene::{Bvh, Camera, Lights, Material, Mesh, Scene, Triangle, UnitSpace};
+use finalgather::scene::{Bvh, Camera, Lights, Material, Mesh, Scene, Surface, Triangle, UnitSpace};
 use finalgather::settings::{Sequence, Settings};
 use glam::{Vec2, Vec3, Vec4, vec3};
 
@@ -33,7 +33,7 @@ pub struct Model {
 impl Model {
     /// No surfaces, and material 0: it reflects all light.
     pub fn new() -> Self {
-        let camera = Camera { eye: vec3(0.0, 0.0, 3.0), target: Vec3::ZERO, up: Vec3::Y, fov_y_degrees: 40.0 };
+        let camera = Camera { eye: vec3(0.0, 0.0, 3.0), target: Vec3::ZERO, up: Vec3::Y, fov_y_degrees: 40.0, lens: None };
         let scene = Scene {
             framed: false,
             mesh: Mesh::default(),
@@ -51,7 +51,7 @@ impl Model {
 
     pub fn material(&mut self, albedo: Vec3, emission: Vec3) -> u32 {
         let name = self.scene.materials.len().to_string();
-        self.scene.materials.push(Material { name, albedo, emission, albedo_texture: None });
+        self.scene.materials.push(Material { name, albedo, emission, albedo_texture: None, surface: Surface::Diffuse });
         self.scene.materials.len() as u32 - 1
     }
 

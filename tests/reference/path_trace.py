@@ -5,7 +5,7 @@
     python3 tests/reference/path_trace.py scenes/open.toml tests/reference/open_128.exr --size 128 --spp 8192
 
 Reads the scene file, OBJ and MTL by itself, so that it shares no code with the renderer: Lambertian two-sided
-surfaces, emission from the side that the winding faces, an environment as the scene file's, box pixel filter, unlimited path length. Writes half-float linear
+surfaces, mirrors (illum 3) and glass (illum 7) of the MTL, emission from the side that the winding faces, an environment as the scene file's, box pixel filter, unlimited path length. Writes half-float linear
 RGB, and where surfaces emit beside it NAME_mask.png: black where a pixel shows a light or lies within two pixels of one, white elsewhere. Prints the image's mean and the standard error of a pixel, as a share of the mean, from independent passes.
 """
 import argparse
@@ -24,8 +24,10 @@ def read_mtl(path):
         if not words:
             continue
         if words[0] == "newmtl":
-            current = materials.setdefault(words[1], {"Kd": [0, 0, 0], "Ke": [0, 0, 0], "map_Kd": None})
-        elif words[0] in ("Kd", "Ke"):
+            current = materials.setdefault(words[1], {"Kd": [0, 0, 0], "Ke": [0, 0, 0], "map_Kd": None, "illum": "2"})
+        elif words[0] == "illum":
+            current["illum"] = words[1]
+        elif words[0] in ("Kd", "Ke", "Ks", "Ni", "Tf"):
             current[words[0]] = [float(x) for x in words[1:4]]
         elif words[0] == "map_Kd":
             current["map_Kd"] = path.parent / words[1]
@@ -33,7 +35,7 @@ def read_mtl(path):
 
 
 def read_obj(path):
-    positions, uvs, faces, materials, current = [], [], {}, {}, None
+    positions, uvs, normals, faces, materials, current = [], [], [], {}, {}, None
     for line in path.read_text().splitlines():
         words = line.split("#")[0].split()
         if not words:
@@ -42,6 +44,8 @@ def read_obj(path):
             positions.append([float(x) for x in words[1:4]])
         elif words[0] == "vt":
             uvs.append([float(x) for x in words[1:3]])
+        elif words[0] == "vn":
+            normals.append([float(x) for x in words[1:4]])
         elif words[0] == "mtllib":
             materials = read_mtl(path.parent / words[1])
         elif words[0] == "usemtl":
@@ -49,9 +53,9 @@ def read_obj(path):
         elif words[0] == "f":
             corners = []
             for corner in words[1:]:
-                index = corner.split("/")
-                uv = uvs[int(index[1]) - 1] if len(index) > 1 and index[1] else [0, 0]
-                corners.append((positions[int(index[0]) - 1], uv))
+                indices = [int(index) if index else 0 for index in corner.split("/")] + [0, 0]
+                of = lambda values, index, none: values[index - (index > 0)] if index else none
+                corners.append((of(positions, indices[0], None), of(uvs, indices[1], [0, 0]), of(normals, indices[2], None)))
             for i in range(1, len(corners) - 1):
                 faces.setdefault(current, []).append((corners[0], corners[i], corners[i + 1]))
     return faces, materials
@@ -64,13 +68,24 @@ def mesh(name, triangles, material):
         albedo = {"type": "bitmap", "filename": str(material["map_Kd"])}
     else:
         albedo = {"type": "rgb", "value": material["Kd"]}
-    bsdf = mi.load_dict({"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": albedo}})
-    properties["bsdf"] = bsdf
+    if material["illum"] == "7":
+        # The filter is of a body, which light enters and leaves.
+        tint = {"type": "rgb", "value": [x**0.5 for x in material["Tf"]]}
+        bsdf = {"type": "dielectric", "int_ior": material["Ni"][0], "ext_ior": 1.0, "specular_transmittance": tint}
+    elif material["illum"] == "3":
+        mirror = {"type": "conductor", "material": "none", "specular_reflectance": {"type": "rgb", "value": material["Ks"]}}
+        bsdf = {"type": "twosided", "bsdf": mirror}
+    else:
+        bsdf = {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": albedo}}
+    properties["bsdf"] = mi.load_dict(bsdf)
     if any(material["Ke"]):
         properties["emitter"] = mi.load_dict({"type": "area", "radiance": {"type": "rgb", "value": material["Ke"]}})
-    out = mi.Mesh(name, len(corners), len(triangles), properties, has_vertex_texcoords=True)
+    smooth = all(corner[2] for corner in corners)
+    out = mi.Mesh(name, len(corners), len(triangles), properties, has_vertex_texcoords=True, has_vertex_normals=smooth)
     parameters = mi.traverse(out)
     parameters["vertex_positions"] = np.array([c[0] for c in corners], np.float32).ravel()
+    if smooth:
+        parameters["vertex_normals"] = np.array([c[2] for c in corners], np.float32).ravel()
     # In OBJ v runs up; Mitsuba's textures run down, and its own OBJ reader turns v round too.
     parameters["vertex_texcoords"] = np.array([(c[1][0], 1 - c[1][1]) for c in corners], np.float32).ravel()
     parameters["faces"] = np.arange(len(corners), dtype=np.uint32)

@@ -15,7 +15,7 @@ use finalgather::harmonics::MAX_ORDER;
 use finalgather::points::UvSource;
 use finalgather::quantity::Quantity;
 use finalgather::scene::Scene;
-use finalgather::settings::{Estimator, Pipeline, Sequence, Settings};
+use finalgather::settings::{Estimator, Pipeline, PointSource, Sequence, Settings};
 use serde::Deserialize;
 use serde::de::IntoDeserializer;
 use serde::de::value::Error as ValueError;
@@ -367,6 +367,9 @@ pub struct Overrides {
     #[arg(long, value_name = "N", value_parser = count::<u32>, help = setting("Side of the depth layers in texels", |s| s.layer_size))]
     layer_size: Option<u32>,
 
+    #[arg(long, value_parser = named::<PointSource>(&["camera", "traced"]), help = setting("Where the points come from: rasterised, or by rays through mirrors, glass and the camera's lens", |s| name(s.points)))]
+    points: Option<PointSource>,
+
     #[arg(long, value_parser = named::<Pipeline>(&["fused", "kill", "early-kill", "raycast", "raycast-gl"]), help = setting("How the gather is computed: in one pass for both ends of several directions, by the method of 2004, the same with early KILL, by exact rays on the CPU, or by exact rays on the GL side, again for both ends", |s| name(s.pipeline)))]
     pipeline: Option<Pipeline>,
 
@@ -581,6 +584,7 @@ impl Overrides {
         put(&mut settings.size, self.size);
         put(&mut settings.directions, self.directions);
         put(&mut settings.layer_size, self.layer_size);
+        put(&mut settings.points, self.points);
         put(&mut settings.pipeline, self.pipeline);
         put(&mut settings.photons, self.photons);
         put(&mut settings.bounces, self.bounces);
@@ -717,12 +721,13 @@ mod tests {
     fn options_override_settings() {
         let scene = Settings { grid_cells: 7, seed: 3, ..Settings::default() };
         assert_eq!(parse("finalgather render a.toml").override_settings(scene.clone()), scene);
-        let all = "finalgather render a.toml --size 3x4 --directions 5 --layer-size 6 --pipeline raycast-gl --photons 1e2 \
+        let all = "finalgather render a.toml --size 3x4 --directions 5 --layer-size 6 --points traced --pipeline raycast-gl --photons 1e2 \
                    --bounces 8 --estimator plain --sequence sobol --interleave 4 --seed 9 --stop-fraction 0.5 --until 0.25 --exposure -1.5";
         let expected = Settings {
             size: [3, 4],
             directions: 5,
             layer_size: 6,
+            points: PointSource::Traced,
             pipeline: Pipeline::RaycastGl,
             photons: 100,
             bounces: 8,

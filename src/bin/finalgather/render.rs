@@ -8,7 +8,7 @@ use finalgather::error::{Error, Result};
 use finalgather::gpu::{Gpu, GpuInfo};
 use finalgather::image::{Image, WriteOptions, check_writable};
 use finalgather::render::Render;
-use finalgather::settings::Settings;
+use finalgather::settings::{PointSource, Settings};
 use serde_json::json;
 
 use crate::args::RenderArgs;
@@ -37,6 +37,9 @@ fn render(args: &RenderArgs, outputs: &[PathBuf], progress: &Progress, started: 
     scene.warnings.iter().for_each(|warning| progress.say(&format!("warning: {warning}")));
     let settings = args.override_settings(scene.settings.clone());
     settings.validate()?;
+    if settings.points == PointSource::Camera && (scene.is_specular() || scene.camera.lens.is_some()) {
+        progress.say("warning: mirrors and glass are drawn as diffuse, through a pinhole; --points traced shows what they are");
+    }
 
     progress.stage("starting OpenGL");
     let gpu = Gpu::headless(args.backend, args.gl_device)?;

@@ -153,7 +153,9 @@ impl Worker {
 
     /// A thread that has failed hears nothing; what it was to do is asked again of the next.
     pub fn send(&self, command: Command) {
-        let _ = self.commands.as_ref().map(|commands| commands.send(command));
+        if let Some(commands) = &self.commands {
+            let _ = commands.send(command);
+        }
     }
 
     /// Waits some time for it to leave the GL driver. Whether it has.
