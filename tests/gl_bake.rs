@@ -165,7 +165,7 @@ fn transfer_of_a_constant_sky_is_openness() {
 #[test]
 fn gathered_bounces_are_the_geometric_series() {
     let gpu = gpu();
-    let (cells, along) = sized(&gpu, (8, 256), (3, 32));
+    let (cells, along) = sized(&gpu, (8, 256), (4, 32));
     let albedo = 0.5f32;
     let mut model = Model::new();
     let wall = model.material(Vec3::splat(albedo), Vec3::ONE);
@@ -180,13 +180,13 @@ fn gathered_bounces_are_the_geometric_series() {
     let scene = model.scene;
     let points = points_on(&Prepared::new(&gpu, &scene).unwrap().scene, 512);
     let settings = Settings { light_samples: 512, ..settings(along) };
-    for bounces in [1, 3] {
+    for bounces in sized(&gpu, vec![1, 3], vec![1]) {
         let plan = Plan { what: vec![Quantity::Irradiance], bounces, rough: Rough::Gathered, ..PLAN };
         let baked = bake(&gpu, &scene, &points, &settings, &plan).0;
         let mean = column(&baked, "IrradianceIndirect.G").iter().sum::<f32>() / points.len() as f32;
         let expected = PI * (1..=bounces).map(|k| albedo.powi(k as i32)).sum::<f32>();
-        // Direct light has corners that vertices cannot follow.
-        assert!((mean / expected - 1.0).abs() < 0.02, "{bounces} bounces: {mean}, expected {expected}");
+        // Near corners few samples of direct light are near.
+        assert!((mean / expected - 1.0).abs() < sized(&gpu, 0.02, 0.1), "{bounces} bounces: {mean}, expected {expected}");
     }
 }
 
