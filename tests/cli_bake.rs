@@ -73,7 +73,7 @@ fn all_receivers_and_formats_in_one_run() {
         "32",
         "--json",
         "--what",
-        "irradiance,ao,bent-normal,sky,sh,prt,prt-unshadowed",
+        "irradiance,ao,bent-normal,sky,sh,prt,ao,prt-unshadowed",
         "--order",
         "2",
         "--bounces",

@@ -121,7 +121,8 @@ Formats:
   points    .ply .npy
   .npy has a .json beside it that says what the numbers are.
 
-Points lie on fronts: the sides from which triangles wind counter-clockwise.
+Points lie on fronts: the sides from which triangles wind counter-clockwise. Glass is left out.
+Of the settings, --size is for camera only, and --interleave, --until and --estimator mean nothing here.
 
 Examples:
   finalgather bake scenes/cornell.toml --to vertices --what irradiance,ao -o box.ply

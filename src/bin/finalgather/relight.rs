@@ -109,6 +109,8 @@ impl Model {
     fn load(path: &Path) -> Result<Self> {
         let scene = Scene::load_unlit(path, None)?;
         let (unit, space) = UnitSpace::enter(&scene);
+        // As bakes have it.
+        let unit = unit.without_glass().unwrap_or(unit);
         // Which vertices there are does not depend on the inset.
         let vertices = Vertices::new(&unit.mesh, 0.0);
         let to_world = |&position: &Vec3| space.to_world(position);

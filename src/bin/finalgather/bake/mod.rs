@@ -78,8 +78,15 @@ fn bake(args: &BakeArgs, outputs: &[Vec<PathBuf>], progress: &Progress, started:
     let mut settings = args.overrides.put_over(scene.settings.clone());
     // Transfer may do without bounces; photons may not.
     settings.bounces = settings.bounces.max(1);
+    // Asked for twice is asked for.
+    let mut what = Vec::new();
+    for &quantity in &args.what {
+        if !what.contains(&quantity) {
+            what.push(quantity);
+        }
+    }
     let plan = Plan {
-        what: args.what.clone(),
+        what,
         order: args.order,
         bounces: args.overrides.bounces.unwrap_or(BOUNCES),
         ao_distance: args.ao_distance,
