@@ -217,15 +217,18 @@ const CLAIMS: [Claim; 12] = [
     Claim {
         poster: "“It can process any sets of points including ray-traced pixels, vertex data, light map textures.”",
         found: |_| {
-            let text = "Camera pixels and lists of any points gather by the same code. Sources of vertices and of light-map texels are not built.";
-            Some((text.into(), Verdict::InPart))
+            let text = "Camera pixels, ray-traced pixels, vertices, light-map texels and points of files gather by the same code, and in one run.";
+            Some((text.into(), Verdict::Holds))
         },
-        shown_by: &["tests/gl_hits.rs"],
+        shown_by: &["tests/gl_bake.rs", "tests/cli_bake.rs", "tests/lightmap.rs", "tests/gl_traced.rs"],
     },
     Claim {
         poster: "It can process any problem of many samples on the hemisphere, “such as pre-computation of radiance transfer”.",
-        found: |_| Some(("Not built.".into(), Verdict::NotShown)),
-        shown_by: &[],
+        found: |_| {
+            let text = "Openness, bent normals, spherical harmonics and transfer, by way of other surfaces too, are passes over the same hits.";
+            Some((text.into(), Verdict::Holds))
+        },
+        shown_by: &["tests/gl_bake.rs"],
     },
 ];
 
