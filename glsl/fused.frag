@@ -18,6 +18,7 @@ uniform int direction_count;
 uniform vec4 directions[BATCH];     // xyz: unit direction; w: clearance, see Receiver
 uniform mat4 to_layer[BATCH];       // unit space to texel x, texel y, window depth
 uniform mat4 from_layer[BATCH];
+uniform vec4 metric[BATCH];         // xyz: see Receiver
 #ifndef FIND
 
 uniform vec4 beyond[BATCH];         // rgb: radiance of what lies beyond all surfaces along each direction,
@@ -127,7 +128,7 @@ void main()
         vec3 direction = directions[i].xyz;
         float side = dot(point.surface_normal, direction) < 0.0 ? -1.0 : 1.0;
         Receiver receiver = receiver(point.position, point.surface_normal, side, to_layer[i], from_layer[i], directions[i].w,
-                                     ivec2(i * size, 0), float(size));
+                                     metric[i].xyz, ivec2(i * size, 0), float(size));
         Found found = find_hit(receiver);
         int triangle = -1;
         float distance = found.seen.ahead * dot(direction, from_layer[i][2].xyz);

@@ -9,6 +9,7 @@ struct Receiver
     float side;                     // looks along the direction: 1, against it: -1
     float clearance;                // how far off its own tangent plane it can see a surface, for normals of length 1
     vec3 metric;                    // of layer space: the inner product of two covectors is dot(metric * a, b)
+    vec3 facing;                    // metric * normal, on its side: what makes that product with a surface's normal
 };
 
 struct Sample
@@ -21,15 +22,15 @@ struct Sample
 const Sample NOTHING = Sample(0.0, -1.0, -1.0);
 
 // In a layer of `size` texels on a side, which begins at texel `first` of a texture. What lies outside the layer sees nothing.
-Receiver receiver(vec3 position, vec3 surface_normal, float side, mat4 to_layer, mat4 from_layer, float clearance, ivec2 first, float size)
+Receiver receiver(vec3 position, vec3 surface_normal, float side, mat4 to_layer, mat4 from_layer, float clearance, vec3 metric, ivec2 first, float size)
 {
     vec3 place = (to_layer * vec4(position, 1.0)).xyz;
     // A point on the scene may be rounded into the border, beyond which there are no neighbours to look at.
     vec2 texel = clamp(floor(place.xy), 1.0, size - 2.0);
     vec2 offset = place.xy - texel - 0.5;
     bool outside = max(abs(offset.x), abs(offset.y)) > 1.5;
-    vec3 metric = 1.0 / vec3(dot(from_layer[0], from_layer[0]), dot(from_layer[1], from_layer[1]), dot(from_layer[2], from_layer[2]));
-    return Receiver(place, first + ivec2(texel), offset, surface_normal * mat3(from_layer), side, outside ? 1e9 : clearance, metric);
+    vec3 normal = surface_normal * mat3(from_layer);
+    return Receiver(place, first + ivec2(texel), offset, normal, side, outside ? 1e9 : clearance, metric, side * metric * normal);
 }
 
 // How far a place of layer space, seen from the receiver, lies above its tangent plane.
@@ -41,9 +42,8 @@ float height(Receiver receiver, vec2 from, float depth)
 // Whether a surface is seen from behind and lies within 18 degrees of the receiver's own: as the next facet of the same does.
 bool is_next_facet(Receiver receiver, vec2 slope)
 {
-    vec3 normal = vec3(-slope, 1.0);
-    float along = receiver.side * dot(receiver.metric * normal, receiver.normal);
-    return along > 0.0 && along * along > 0.9 * dot(receiver.metric * normal, normal);
+    float along = receiver.facing.z - dot(receiver.facing.xy, slope);
+    return along > 0.0 && along * along > 0.9 * (receiver.metric.z + dot(receiver.metric.xy, slope * slope));
 }
 
 // Of a surface (depth, its change to the next texel in x and y, id) in a texel whose centre the receiver is `offset` beside.

@@ -59,13 +59,20 @@ impl Bundle {
         (0..).zip(bundles).map(|(tile, bundle)| bundle.to_clip_of_tile(tile, tiles)).collect()
     }
 
+    /// Of layer space, whose axes are at right angles: the squared lengths that its units have as covectors.
+    pub fn metric(&self) -> Vec3 {
+        let from_layer = Mat3::from_mat4(self.to_layer).inverse();
+        Vec3::from_array([0, 1, 2].map(|axis| from_layer.col(axis).length_squared())).recip()
+    }
+
     /// The uniforms that shaders of points read.
-    pub fn uniforms(&self) -> [(&'static str, Uniform<'static>); 4] {
+    pub fn uniforms(&self) -> [(&'static str, Uniform<'static>); 5] {
         [
             ("direction", Uniform::Vec3(self.direction)),
             ("to_layer", Uniform::Mat4(self.to_layer)),
             ("from_layer", Uniform::Mat4(self.to_layer.inverse())),
             ("clearance", Uniform::Float(self.clearance)),
+            ("metric", Uniform::Vec3(self.metric())),
         ]
     }
 }
