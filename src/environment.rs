@@ -20,6 +20,7 @@ use image::codecs::hdr::HdrDecoder;
 use image::{DynamicImage, ImageError};
 use rayon::prelude::*;
 
+use crate::blocks::sha256;
 use crate::error::{Error, Result};
 use crate::image::Image;
 use crate::math::neighbours;
@@ -56,6 +57,13 @@ struct Picture {
 }
 
 impl Environment {
+    /// A checksum of all that it is.
+    pub fn digest(&self) -> String {
+        let Picture { width, height, texels, .. } = &*self.picture;
+        let size = format!("{width}x{height}, scale {}, turn {}:", self.scale, self.turn);
+        sha256(&[size.as_bytes(), bytemuck::cast_slice(texels)].concat())
+    }
+
     /// Reads a lat-long picture, `.hdr` (Radiance) or `.exr` (channels R, G and B).
     ///
     /// # Errors

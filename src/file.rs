@@ -1,6 +1,6 @@
 //! Files out: whole under their names, or not at all.
 
-use std::fs::Permissions;
+use std::fs::{File, Permissions};
 use std::io::{self, ErrorKind, Write};
 use std::path::Path;
 
@@ -26,7 +26,12 @@ pub fn check_writable(path: &Path) -> Result<()> {
 
 /// The file is there with all of these bytes, or as it was before.
 pub fn write_file(path: &Path, bytes: &[u8]) -> Result<()> {
-    write_atomically(path, bytes).map_err(|error| {
+    write_by(path, |mut file| file.write_all(bytes))
+}
+
+/// The file is there with all that `fill` writes, or as it was before.
+pub fn write_by(path: &Path, fill: impl FnOnce(&File) -> io::Result<()>) -> Result<()> {
+    write_atomically(path, fill).map_err(|error| {
         let cure = match error.kind() {
             ErrorKind::StorageFull | ErrorKind::QuotaExceeded | ErrorKind::FileTooLarge => {
                 "free some space there or raise the limit, or give a path on another disk"
@@ -37,11 +42,11 @@ pub fn write_file(path: &Path, bytes: &[u8]) -> Result<()> {
     })
 }
 
-fn write_atomically(path: &Path, bytes: &[u8]) -> io::Result<()> {
+fn write_atomically(path: &Path, fill: impl FnOnce(&File) -> io::Result<()>) -> io::Result<()> {
     // Dropping the temporary file removes it, so that every early return leaves nothing behind.
     let file = temporary_in(folder_of(path))?;
     // Through the file itself, whose errors do not speak of the temporary name.
-    file.as_file().write_all(bytes)?;
+    fill(file.as_file())?;
     // A name that outlives a power cut must not outlive its content.
     file.as_file().sync_all()?;
     file.persist(path)?;

@@ -2,14 +2,15 @@
 //!
 //! Blocks differ in sub-pixel offset, so a pixel sums radiance and not irradiance: over the blocks b of n directions each,
 //! Indirect = share of directions with a point × Σ albedo (Σ L w) / Σ w, and every other quantity is Σ n value / Σ n. Films add up pixel by
-//! pixel; [`PairwiseSum`] adds them as a tree over the block index, which is as exact as 32 bits allow and leaves the result
-//! independent of how many blocks were added at a time.
+//! pixel, as [`PairwiseSum`] has it.
 
 use std::f32::consts::PI;
 
+use bytemuck::{Pod, Zeroable};
 use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 
+use crate::blocks::{PairwiseSum, Planes, Sum};
 use crate::image::{Channel, Image};
 use crate::points::Visible;
 use crate::scene::UnitSpace;
@@ -24,7 +25,8 @@ pub struct Film {
 }
 
 /// What one pixel sums, weighted as the module says.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
 struct Pixel {
     indirect: Vec3,
     weight: f32,
@@ -96,23 +98,12 @@ impl Film {
         Self { size: [width, height], directions, pixels: (0..width * height).into_par_iter().map(pixel).collect() }
     }
 
-    fn add(mut self, other: &Self) -> Self {
-        self.directions += other.directions;
-        self.pixels.par_iter_mut().zip(&other.pixels).for_each(|(a, b)| {
-            a.indirect += b.indirect;
-            a.weight += b.weight;
-            a.gathered += b.gathered;
-            a.direct += b.direct;
-            a.caustics += b.caustics;
-            a.photon_map += b.photon_map;
-            a.coverage += b.coverage;
-            a.emission += b.emission;
-            a.depth += b.depth;
-            a.albedo += b.albedo;
-            a.normal += b.normal;
-            a.position += b.position;
-        });
-        self
+    /// Of the floats of [`Planes::planes`]; `None` where they are not as many as `size` has.
+    pub fn of_planes(size: [u32; 2], directions: u32, planes: &[&[f32]]) -> Option<Self> {
+        let [pixels] = planes else { return None };
+        let [width, height] = size.map(|side| side as usize);
+        let pixels: Vec<Pixel> = bytemuck::try_cast_slice(pixels).ok()?.to_vec();
+        (pixels.len() == width * height).then_some(Self { size: [width, height], directions, pixels })
     }
 
     /// Radiance of a pixel without what it emits itself: that is exact but for anti-aliasing, and would drown the rest.
@@ -157,50 +148,41 @@ impl Film {
     }
 }
 
-/// All blocks so far: their sum as a balanced binary tree over the order in which they come. Each level holds the sum of 2^level blocks,
-/// or nothing.
-#[derive(Clone, Debug, Default)]
-pub struct PairwiseSum {
-    levels: Vec<Option<Film>>,
-    /// The two subtrees of the root, while the tree is full and has no other level.
-    halves: Option<(Film, Film)>,
-    blocks: usize,
+impl Sum for Film {
+    fn add(&mut self, later: &Self) {
+        self.directions += later.directions;
+        self.pixels.par_iter_mut().zip(&later.pixels).for_each(|(a, b)| {
+            a.indirect += b.indirect;
+            a.weight += b.weight;
+            a.gathered += b.gathered;
+            a.direct += b.direct;
+            a.caustics += b.caustics;
+            a.photon_map += b.photon_map;
+            a.coverage += b.coverage;
+            a.emission += b.emission;
+            a.depth += b.depth;
+            a.albedo += b.albedo;
+            a.normal += b.normal;
+            a.position += b.position;
+        });
+    }
 }
 
-impl PairwiseSum {
-    /// Adds the next block.
-    pub fn push(&mut self, mut film: Film) {
-        self.blocks += 1;
-        self.halves = None;
-        let full = self.blocks.is_power_of_two();
-        let last = self.levels.len().saturating_sub(1);
-        for (i, level) in self.levels.iter_mut().enumerate() {
-            match level.take() {
-                Some(earlier) => {
-                    if full && i == last {
-                        self.halves = Some((earlier.clone(), film.clone()));
-                    }
-                    film = earlier.add(&film);
-                }
-                None => {
-                    *level = Some(film);
-                    return;
-                }
-            }
-        }
-        self.levels.push(Some(film));
+impl Planes for Film {
+    fn planes(&self) -> Vec<&[f32]> {
+        vec![bytemuck::cast_slice(&self.pixels)]
     }
+}
 
-    /// Number of blocks.
-    pub fn blocks(&self) -> usize {
-        self.blocks
-    }
+/// All blocks so far.
+pub type FilmSum = PairwiseSum<Film>;
 
+impl FilmSum {
     /// The mean of all blocks, as [`Film::image`] gives it, black before the first; from two blocks on with the standard error of the
     /// mean as `Error`.
     pub fn image(&self, size: [u32; 2], space: &UnitSpace) -> Image {
         let mut image = self.total().unwrap_or_else(|| Film::empty(size)).image(space);
-        let Some((earlier, later)) = self.parts() else { return image };
+        let Some((earlier, later)) = self.halves() else { return image };
         for (k, name) in ["Error.R", "Error.G", "Error.B"].into_iter().enumerate() {
             let error = |pixel| standard_error(&earlier, &later, pixel)[k];
             let samples = (0..earlier.pixels.len()).into_par_iter().map(error).collect();
@@ -210,9 +192,9 @@ impl PairwiseSum {
     }
 
     /// Standard error of the mean of reflected radiance, root mean square over the pixels, as a share of the picture's mean; `None` before
-    /// there are two blocks, or of a black picture.
+    /// there are two blocks, or of a black picture. Of two runs of consecutive directions, which low-discrepancy sequences spread as evenly as the whole.
     pub fn error(&self) -> Option<f64> {
-        let (earlier, later) = self.parts()?;
+        let (earlier, later) = self.halves()?;
         let (mut squares, mut sum) = (0.0, 0.0);
         for pixel in 0..earlier.pixels.len() {
             squares += f64::from(standard_error(&earlier, &later, pixel).length_squared()) / 3.0;
@@ -220,21 +202,6 @@ impl PairwiseSum {
         }
         let count = earlier.pixels.len() as f64;
         (sum > 0.0).then(|| (squares / count).sqrt() / (sum / count))
-    }
-
-    fn total(&self) -> Option<Film> {
-        self.levels.iter().flatten().cloned().reduce(|later, earlier| earlier.add(&later))
-    }
-
-    /// Two pictures that make up the whole: the halves of a full tree, else its largest subtree and the rest. Each is a run of consecutive
-    /// directions, which low-discrepancy sequences spread as evenly as the whole. `None` before there are two blocks.
-    fn parts(&self) -> Option<(Film, Film)> {
-        if self.halves.is_some() {
-            return self.halves.clone();
-        }
-        let (earlier, rest) = self.levels.split_last()?;
-        let later = rest.iter().flatten().cloned().reduce(|later, earlier| earlier.add(&later));
-        earlier.clone().zip(later)
     }
 }
 

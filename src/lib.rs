@@ -39,6 +39,7 @@
 
 pub mod bake;
 pub mod bench;
+pub mod blocks;
 pub mod direct;
 pub mod direction;
 pub mod environment;

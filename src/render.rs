@@ -3,22 +3,27 @@
 //! [`Render::new`] prepares the scene; each [`Render::step`] gathers along a few more directions; [`Render::picture`] is the mean so far.
 //!
 //! Directions come in blocks of a power of two. A block has its own sub-pixel offset and its own samples on the lights, which makes
-//! anti-aliasing and soft shadows free of extra gather work, and its sums are independent of all other blocks. Photons are
+//! anti-aliasing and soft shadows free of extra gather work, and its sums are independent of all other blocks: they may be done on several machines
+//! ([`Render::only`]), and a render that ends early goes on from those that were done ([`Render::save`], [`Render::resume`]). Photons are
 //! traced afresh now and then, so that their noise averages out in long renders as the directions' does.
 
 mod layers;
 
+use std::ops::Range;
+use std::path::Path;
 use std::rc::Rc;
 use std::time::Instant;
 
 use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 use serde::Serialize;
+use serde_json::{Value, json};
 
+use crate::blocks::{Blocks, Node, Part};
 use crate::direct::Direct;
 use crate::direction::{Direction, Directions};
 use crate::error::{Error, Result};
-use crate::film::{Film, PairwiseSum};
+use crate::film::{Film, FilmSum};
 use crate::gather::{FusedGather, Gather, KillGather, RayGather, Work};
 use crate::gpu::Gpu;
 use crate::image::Image;
@@ -50,11 +55,15 @@ pub struct Render {
     photon_map_number: u64,
     passes: Passes,
     directions: Directions,
+    /// Checksums of the scene.
+    digest: Value,
+    /// The blocks that it is to do, of all there are.
+    shard: Option<Range<u32>>,
     /// The block in progress.
     block: Option<Block>,
-    /// Directions gathered so far.
+    /// Directions gathered so far, those of the block in progress among them.
     done: u32,
-    film: PairwiseSum,
+    film: FilmSum,
     /// Whether the error that was asked for is reached.
     reached: bool,
     statistics: Statistics,
@@ -162,7 +171,7 @@ impl Render {
         if scene.framed {
             scene.camera = Camera::framing(scene.mesh.bounds(), settings.size);
         }
-        let camera = scene.camera;
+        let (camera, digest) = (scene.camera, scene.digest());
         let [all, gathered] = Surfaces::of(gpu, scene)?;
         let scene = &all.scene;
         let passes = Passes::new(gpu, &gathered.scene, settings)?;
@@ -204,9 +213,11 @@ impl Render {
             photons,
             photon_map_number: 0,
             passes,
+            digest,
+            shard: None,
             block: None,
             done: 0,
-            film: PairwiseSum::default(),
+            film: FilmSum::default(),
             reached: false,
             statistics,
         })
@@ -249,7 +260,7 @@ impl Render {
     fn forget(&mut self) {
         self.block = None;
         self.done = 0;
-        self.film = PairwiseSum::default();
+        self.film = FilmSum::default();
         self.reached = false;
         // Later photons go, and the first ones count when they are traced again.
         let photons = if self.photon_map_number == 0 { self.statistics.photons } else { PhotonCounts::default() };
@@ -268,7 +279,53 @@ impl Render {
     }
 
     pub fn is_done(&self) -> bool {
-        self.reached || self.done == self.settings.directions
+        self.reached || self.block.is_none() && self.next_block().is_none()
+    }
+
+    /// Does these blocks alone, of [`blocks_of`] its settings.
+    pub fn only(&mut self, blocks: Range<u32>) {
+        self.shard = Some(blocks);
+    }
+
+    /// What it sums, by all that shapes the bits.
+    pub fn job(&self) -> Value {
+        // Exposure is for pictures; sums have none.
+        let settings = Settings { exposure: 0.0, ..self.settings.clone() };
+        json!({
+            "what": "render",
+            "version": env!("CARGO_PKG_VERSION"),
+            "renderer": self.gpu.info().renderer,
+            "scene": self.digest,
+            "camera": format!("{:?}", self.camera),
+            "settings": settings,
+        })
+    }
+
+    /// The blocks that are done.
+    pub fn save(&self) -> Part<'_> {
+        let mut part = Part::new(self.job(), json!({ "space": self.space, "exposure": self.settings.exposure }));
+        part.put_tree(FILM, &self.film);
+        part
+    }
+
+    /// Goes on from the blocks that are done in `part`, read from `path`, in the place of what was gathered here.
+    ///
+    /// # Errors
+    /// [`Error::Input`] when it is of another job, or damaged.
+    pub fn resume(&mut self, path: &Path, part: &Part) -> Result<()> {
+        part.check(path, &self.job())?;
+        let film = film_of_part(path, part, &self.settings, blocks_of(&self.settings))?;
+        self.forget();
+        self.film = film;
+        self.done = blocks_of(&self.settings).summed(&self.film);
+        self.estimate_error();
+        Ok(())
+    }
+
+    /// The first of its blocks that is not done.
+    fn next_block(&self) -> Option<u32> {
+        let mine = self.shard.clone().unwrap_or(0..blocks_of(&self.settings).count());
+        Some(self.film.missing(mine).first()?.start)
     }
 
     pub fn statistics(&self) -> &Statistics {
@@ -283,17 +340,18 @@ impl Render {
         if self.is_done() {
             return Ok(());
         }
-        let mut block = match self.block.take() {
-            Some(block) => block,
-            None => self.begin_block()?,
+        let mut block = match (self.block.take(), self.next_block()) {
+            (Some(block), _) => block,
+            (None, Some(index)) => self.begin_block(index)?,
+            (None, None) => return Ok(()),
         };
         if let Err(error) = self.gather_directions(&mut block) {
             self.block = Some(block);
             return Err(error);
         }
         if block.left.is_empty() {
-            let film = self.film_of(&block);
-            self.film.push(film);
+            let node = self.node_of(&block);
+            self.film.insert(node).ok().expect("a block is begun once");
             self.estimate_error();
         } else {
             self.block = Some(block);
@@ -305,16 +363,16 @@ impl Render {
     pub fn picture(&self) -> Image {
         let Some(block) = &self.block else { return self.film.image(self.settings.size, &self.space) };
         let mut film = self.film.clone();
-        film.push(self.film_of(block));
+        film.insert(self.node_of(block)).ok().expect("a block in progress is not done");
         film.image(self.settings.size, &self.space)
     }
 
     /// Photons, visible points and direct light for the next block.
-    fn begin_block(&mut self) -> Result<Block> {
-        let index = self.done / self.directions_per_block();
-        let blocks = u64::from(self.settings.directions.div_ceil(self.directions_per_block()));
+    fn begin_block(&mut self, index: u32) -> Result<Block> {
+        let blocks = blocks_of(&self.settings);
+        let directions = blocks.directions(index..index + 1);
 
-        let map = u64::from(self.done / DIRECTIONS_PER_PHOTON_MAP);
+        let map = u64::from(directions.start / DIRECTIONS_PER_PHOTON_MAP);
         if map != self.photon_map_number {
             self.trace_photons(map)?;
         }
@@ -341,7 +399,7 @@ impl Render {
 
         // Each block takes its share of one sequence of light samples, so that together they cover the lights evenly.
         let start = Instant::now();
-        let light_samples = u64::from(self.settings.light_samples).div_ceil(blocks);
+        let light_samples = u64::from(self.settings.light_samples).div_ceil(blocks.count().into());
         self.passes.direct_sums.clear();
         let first = u64::from(index) * light_samples;
         let samples = if self.lights.count() > 0 { first..first + light_samples } else { first..first };
@@ -362,8 +420,7 @@ impl Render {
         }
         self.statistics.gather.points = visible.count;
         self.statistics.gather.cut += u64::from(visible.cut);
-        let end = self.settings.directions.min(self.done + self.directions_per_block());
-        let mut left: Vec<u32> = (self.done..end).rev().collect();
+        let mut left: Vec<u32> = directions.rev().collect();
         left.sort_by_key(|&direction| self.passes.interleave.subset(direction, index).index());
         let taken = vec![0; self.passes.interleave.subsets()];
         Ok(Block { index, visible, rough, caustics, left, taken, light_samples: light_samples as u32 })
@@ -442,6 +499,10 @@ impl Render {
         Ok(())
     }
 
+    fn node_of(&self, block: &Block) -> Node<Film> {
+        Node { first: block.index, blocks: 1, sum: self.film_of(block) }
+    }
+
     fn film_of(&self, block: &Block) -> Film {
         let mut gathered = match &self.passes.method {
             Method::Gl { sums, .. } => self.passes.interleave.in_order(sums.read()),
@@ -461,16 +522,10 @@ impl Render {
         Film::of_block(self.settings.size, &block.visible, direct, &block.rough, &block.caustics, (&gathered, directions))
     }
 
-    /// Few enough that a picture has about 32 sub-pixel offsets, and at most 128, so that a long render keeps refining its edges and
-    /// shadows; but at least one for each interleaved subset. A power of two.
-    fn directions_per_block(&self) -> u32 {
-        self.settings.directions.div_ceil(32).next_power_of_two().min(128).max(self.passes.interleave.subsets() as u32)
-    }
-
     /// Once in a while, for the report and to stop a render that is good enough.
     fn estimate_error(&mut self) {
         let blocks = self.film.blocks();
-        if blocks.is_multiple_of(8) || self.done == self.settings.directions {
+        if blocks.is_multiple_of(8) || self.next_block().is_none() {
             self.statistics.error = self.film.error();
             self.reached = self.settings.until > 0.0 && self.statistics.error.is_some_and(|error| error <= self.settings.until);
         }
@@ -482,6 +537,62 @@ impl Render {
         self.gpu.check(stage)?;
         Ok(start.elapsed().as_secs_f64())
     }
+}
+
+/// The name of its tree in a [`Part`].
+const FILM: &str = "film";
+
+/// Parts of one render put together, from their files alone.
+pub struct Merge {
+    job: Value,
+    settings: Settings,
+    space: UnitSpace,
+    film: FilmSum,
+}
+
+impl Merge {
+    /// Of the render that `part`, read from `path`, is of; nothing yet.
+    ///
+    /// # Errors
+    /// [`Error::Input`] when it is damaged.
+    pub fn new(path: &Path, part: &Part) -> Result<Self> {
+        let damaged = || Error::input(path, None, "damaged: it does not say what it is of", "make it again");
+        let mut settings: Settings = serde_json::from_value(part.job["settings"].clone()).map_err(|_| damaged())?;
+        settings.exposure = serde_json::from_value(part.state["exposure"].clone()).map_err(|_| damaged())?;
+        let space = serde_json::from_value(part.state["space"].clone()).map_err(|_| damaged())?;
+        settings.validate().map_err(|_| damaged())?;
+        Ok(Self { job: part.job.clone(), settings, space, film: FilmSum::default() })
+    }
+
+    /// # Errors
+    /// [`Error::Input`] when it is of another render, damaged, or has blocks that are there already.
+    pub fn add(&mut self, path: &Path, part: &Part) -> Result<()> {
+        part.check(path, &self.job)?;
+        let blocks = blocks_of(&self.settings);
+        blocks.merge(path, &mut self.film, film_of_part(path, part, &self.settings, blocks)?)
+    }
+
+    /// # Errors
+    /// [`Error::Usage`] when directions are missing.
+    pub fn picture(&self) -> Result<Image> {
+        blocks_of(&self.settings).check_whole(&self.film)?;
+        Ok(self.film.image(self.settings.size, &self.space))
+    }
+
+    /// What it was rendered by.
+    pub fn settings(&self) -> &Settings {
+        &self.settings
+    }
+}
+
+fn film_of_part(path: &Path, part: &Part, settings: &Settings, blocks: Blocks) -> Result<FilmSum> {
+    let film = |range, planes: Vec<&[f32]>| Film::of_planes(settings.size, blocks.directions(range).len() as u32, &planes);
+    part.tree(path, FILM, blocks, film)
+}
+
+/// The blocks of a render by these settings: each has its own sub-pixel offset, and at least one direction for each interleaved subset.
+pub fn blocks_of(settings: &Settings) -> Blocks {
+    Blocks::new(settings.directions, settings.interleave * settings.interleave)
 }
 
 impl Passes {

@@ -3,8 +3,10 @@
 use std::f32::consts::{PI, TAU};
 
 use glam::{Vec3, Vec4};
+use rayon::prelude::*;
 
 use super::carriers::{Carried, Carriers};
+use crate::blocks::{Planes, Sum};
 use crate::error::Result;
 use crate::gather::{Beyond, Hits};
 use crate::geometry::Geometry;
@@ -38,10 +40,13 @@ impl Wanted {
         (3 * self.order * self.order).div_ceil(4)
     }
 
-    /// Bytes on the GL side for a point and its sums.
-    pub fn bytes(&self) -> usize {
-        let sums = HEMISPHERE + self.targets() * (usize::from(self.sh) + usize::from(self.prt));
-        size_of::<[Vec4; 2]>() + sums * size_of::<Vec4>()
+    fn planes(&self) -> usize {
+        HEMISPHERE + self.targets() * (usize::from(self.sh) + usize::from(self.prt))
+    }
+
+    /// Bytes for a point and so many copies of its sums.
+    pub fn bytes(&self, copies: usize) -> usize {
+        size_of::<[Vec4; 2]>() + copies * self.planes() * size_of::<Vec4>()
     }
 }
 
@@ -85,8 +90,14 @@ pub struct Tile {
     prt: Vec<Sums>,
 }
 
+impl Tile {
+    pub fn clear(&self) {
+        [&self.hemisphere].into_iter().chain(&self.sh).chain(&self.prt).for_each(Sums::clear);
+    }
+}
+
 /// Sums of points, in their order.
-#[derive(Clone, Default)]
+#[derive(Clone, Debug, Default)]
 pub struct Values {
     /// rgb: Σ radiance of surfaces × w; a: Σ w.
     reflected: Vec<Vec4>,
@@ -126,7 +137,7 @@ impl Integrals {
         })
     }
 
-    /// Empty sums for `points`.
+    /// Sums for `points`, to be cleared first.
     pub fn tile(&self, gpu: &Gpu, points: &[GatherPoint]) -> Result<Tile> {
         let list = PointList::upload(gpu, points)?;
         let size = list.points().size();
@@ -134,9 +145,7 @@ impl Integrals {
             let targets = |pass: usize| (self.wanted.targets() - TARGETS * pass).min(TARGETS);
             (0..programs.len()).map(|pass| Sums::several(gpu, size, targets(pass))).collect::<Result<Vec<_>>>()
         };
-        let tile = Tile { hemisphere: Sums::several(gpu, size, HEMISPHERE)?, sh: sums(&self.sh)?, prt: sums(&self.prt)?, list };
-        [&tile.hemisphere].into_iter().chain(&tile.sh).chain(&tile.prt).for_each(Sums::clear);
-        Ok(tile)
+        Ok(Tile { hemisphere: Sums::several(gpu, size, HEMISPHERE)?, sh: sums(&self.sh)?, prt: sums(&self.prt)?, list })
     }
 
     /// Adds what the points of a tile see.
@@ -179,7 +188,51 @@ impl Integrals {
     }
 }
 
+impl Sum for Values {
+    fn add(&mut self, later: &Self) {
+        for (plane, later) in self.all_mut().zip(later.all()) {
+            plane.par_iter_mut().zip(later).for_each(|(sum, later)| *sum += *later);
+        }
+    }
+}
+
+impl Planes for Values {
+    fn planes(&self) -> Vec<&[f32]> {
+        self.all().map(|plane| bytemuck::cast_slice(plane)).collect()
+    }
+}
+
 impl Values {
+    /// Of the floats of [`Planes::planes`] for so many points; `None` where they are others than were wanted.
+    pub fn of_planes(wanted: &Wanted, points: usize, planes: &[&[f32]]) -> Option<Self> {
+        let harmonics = |wanted_so: bool| vec![Vec::new(); if wanted_so { wanted.targets() } else { 0 }];
+        let mut values = Self { sh: harmonics(wanted.sh), prt: harmonics(wanted.prt), ..Self::default() };
+        if planes.len() != wanted.planes() {
+            return None;
+        }
+        for (plane, floats) in values.all_mut().zip(planes) {
+            *plane = bytemuck::try_cast_slice(floats).ok()?.to_vec();
+        }
+        let whole = values.all().all(|plane| plane.len() == points);
+        whole.then_some(values)
+    }
+
+    /// Puts those of further points behind.
+    pub fn append(&mut self, further: &Self) {
+        self.sh.resize(further.sh.len(), Vec::new());
+        self.prt.resize(further.prt.len(), Vec::new());
+        self.all_mut().zip(further.all()).for_each(|(plane, further)| plane.extend(further));
+    }
+
+    fn all(&self) -> impl Iterator<Item = &Vec<Vec4>> {
+        [&self.reflected, &self.sky, &self.open, &self.counts].into_iter().chain(&self.sh).chain(&self.prt)
+    }
+
+    fn all_mut(&mut self) -> impl Iterator<Item = &mut Vec<Vec4>> {
+        let Self { reflected, sky, open, counts, sh, prt } = self;
+        [reflected, sky, open, counts].into_iter().chain(sh).chain(prt)
+    }
+
     /// For each point the share of its hemisphere in which it saw surfaces from behind.
     pub fn inside(&self) -> Vec<f32> {
         let share = |i: usize| self.counts[i].x / self.reflected[i].w.max(f32::MIN_POSITIVE);

@@ -5,20 +5,27 @@
 //! pass over hits adds up whatever is wanted. As many tiles as fit into the memory allowed stay on the GL side together; more points than that
 //! take further rounds along all directions.
 //!
+//! Directions come in blocks, sums of which merge exactly: they may be done on several machines ([`Bake::only`]), and a bake that ends early goes on from
+//! those that were done ([`Bake::save`], [`Bake::resume`]).
+//!
 //! Light by way of other surfaces comes from photons or, without them, from what was gathered at the scene's own vertices before: a round for each
 //! bounce ([`Rough::Gathered`]). So does the transfer of [`Quantity::Prt`].
 
 mod carriers;
 mod integrals;
 
+use std::collections::BTreeMap;
 use std::ops::Range;
+use std::path::Path;
 use std::time::Instant;
 
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
 
 use self::carriers::{Carried, Carriers};
 use self::integrals::{Integrals, Rough as Seen, Seen as Pass, Tile, Values, Wanted};
+use crate::blocks::{Blocks, Node, PairwiseSum, Part, Sum, sha256};
 use crate::direct::Direct;
 use crate::direction::{Direction, Directions};
 use crate::error::{Error, Result};
@@ -31,6 +38,7 @@ use crate::points::{GatherPoint, Sums};
 use crate::prepared::{Photons, Prepared};
 use crate::quantity::Quantity;
 use crate::settings::{DIRECTIONS_PER_PHOTON_MAP, Pipeline, Settings};
+use crate::shaders::BATCH;
 
 /// Points of a tile: few enough that its hits, 16 MB, are still at hand for the passes that read them.
 const TILE: usize = 1 << 18;
@@ -95,28 +103,31 @@ pub struct Bake {
     direct: Direct,
     photons: Option<Photons>,
     carriers: Option<Carriers>,
-    /// Rounds that are left, the next one last.
-    left: Vec<Round>,
+    /// All of them, in order, and what each has summed so far.
+    rounds: Vec<Round>,
+    summed: Vec<Summed>,
+    /// The blocks that it is to do of the last stage, of all there are.
+    shard: Option<Range<u32>>,
     now: Option<Walk>,
-    /// What carriers hold after the bounces so far: irradiance, and transfer.
     carried: Held,
     kept: Option<Kept>,
-    /// Of the points so far.
-    values: Values,
-    irradiance: Vec<Vec3>,
+    /// Checksums of scene and points.
+    digest: Value,
     statistics: Statistics,
 }
 
+/// What carriers hold when a stage begins: irradiance, and transfer.
 #[derive(Default)]
 struct Held {
+    stage: u32,
     irradiance: Option<Carried>,
     transfer: Option<Carried>,
 }
 
 /// What carriers find in every bounce anew, where there is memory to keep it.
 struct Kept {
-    /// Of each batch of directions, for each tile.
-    hits: Vec<Vec<KeptHits>>,
+    /// Of each batch of directions, by its first and their number, for each tile.
+    hits: BTreeMap<(u32, u32), Vec<KeptHits>>,
     /// From the lights.
     irradiance: Vec<Vec3>,
 }
@@ -126,10 +137,18 @@ struct Kept {
 struct Round {
     whose: Whose,
     points: Range<usize>,
-    /// Whether it is the last for all of these.
-    ends: bool,
+    /// Surfaces hand on what was found in the stage before.
+    stage: u32,
     /// Whether it is about what was asked for, and not about what carriers hand on.
     last: bool,
+}
+
+/// What a round has found.
+#[derive(Default)]
+struct Summed {
+    /// From the lights; empty before the round begins.
+    irradiance: Vec<Vec3>,
+    values: PairwiseSum<Values>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -140,10 +159,13 @@ enum Whose {
 
 /// A round in progress.
 struct Walk {
-    round: Round,
+    /// Which it is.
+    round: usize,
     integrals: Integrals,
     tiles: Vec<Tile>,
-    done: u32,
+    /// The block in progress, and its directions that are left.
+    block: u32,
+    left: Range<u32>,
 }
 
 impl Plan {
@@ -219,15 +241,15 @@ impl Bake {
         // Who bakes the vertices themselves need not find their hits again.
         let same = carriers.as_ref().is_some_and(|carriers| carriers.vertices().points() == points);
         let whose = if same { Whose::Carriers } else { Whose::Receivers };
-        let mut left = Vec::new();
-        for _ in 0..bounces {
-            left.extend(rounds(Whose::Carriers, false, count_of_carriers, plan));
+        let copies = 1 + blocks_of(settings).count().ilog2() as usize + 1;
+        let mut all = Vec::new();
+        for stage in 0..bounces {
+            all.extend(rounds(Whose::Carriers, stage, false, count_of_carriers, plan, copies));
         }
-        left.extend(rounds(whose, true, points.len(), plan));
-        let of_carriers = left.iter().filter(|round| round.whose == Whose::Carriers).count();
-        let bytes = plan.wanted(true).bytes() + HIT_BYTES * settings.directions as usize;
+        all.extend(rounds(whose, bounces, true, points.len(), plan, copies));
+        let of_carriers = all.iter().filter(|round| round.whose == Whose::Carriers).count();
+        let bytes = plan.wanted(true).bytes(copies) + HIT_BYTES * settings.directions as usize;
         let keeps = of_carriers > 1 && count_of_carriers * bytes <= plan.memory << 20;
-        left.reverse();
 
         let largest = TILE.min(points.len().max(count_of_carriers));
         let size = crate::points::PointList::size(largest);
@@ -241,12 +263,14 @@ impl Bake {
         };
         let statistics = Statistics {
             points: points.len(),
-            directions_total: left.len() as u64 * u64::from(settings.directions),
-            rounds: left.len(),
+            directions_total: all.len() as u64 * u64::from(settings.directions),
+            rounds: all.len(),
             photons: photons.as_ref().map_or(PhotonCounts::default(), |photons| photons.counts),
             seconds: Seconds { photons: traced, ..Seconds::default() },
             ..Statistics::default()
         };
+        let places: Vec<_> = points.iter().flat_map(|point| [point.position, point.normal, point.surface_normal]).collect();
+        let digest = json!({ "scene": prepared.scene.digest(), "points": sha256(bytemuck::cast_slice(&places)) });
         Ok(Self {
             gpu: gpu.clone(),
             direct: Direct::new(gpu, settings.shadow_size, settings.seed)?,
@@ -258,12 +282,13 @@ impl Bake {
             find,
             photons,
             carriers,
-            left,
+            summed: all.iter().map(|_| Summed::default()).collect(),
+            rounds: all,
+            shard: None,
             now: None,
             carried: Held::default(),
-            kept: keeps.then(|| Kept { hits: Vec::new(), irradiance: Vec::new() }),
-            values: Values::default(),
-            irradiance: Vec::new(),
+            kept: keeps.then(|| Kept { hits: BTreeMap::new(), irradiance: Vec::new() }),
+            digest,
             statistics,
         })
     }
@@ -279,11 +304,124 @@ impl Bake {
     }
 
     pub fn is_done(&self) -> bool {
-        self.left.is_empty() && self.now.is_none()
+        self.now.is_none() && self.next().is_none()
     }
 
     pub fn statistics(&self) -> &Statistics {
         &self.statistics
+    }
+
+    /// Does these blocks alone, of [`blocks_of`] its settings; but bounces, which all blocks need, along all directions.
+    pub fn only(&mut self, blocks: Range<u32>) {
+        self.shard = Some(blocks);
+        self.count();
+    }
+
+    /// What it sums, by all that shapes the bits.
+    pub fn job(&self) -> Value {
+        let settings = Settings { exposure: 0.0, ..self.settings.clone() };
+        json!({
+            "what": "bake",
+            "version": env!("CARGO_PKG_VERSION"),
+            "renderer": self.gpu.info().renderer,
+            "scene": self.digest["scene"],
+            "points": self.digest["points"],
+            "settings": settings,
+            "plan": self.plan,
+        })
+    }
+
+    /// The blocks that are done, of all rounds that are needed to go on.
+    pub fn save(&self) -> Part<'_> {
+        let mut part = Part::new(self.job(), json!({ "stage": self.carried.stage }));
+        for (number, summed) in self.summed.iter().enumerate() {
+            part.put_tree(&tree(number), &summed.values);
+            if !summed.irradiance.is_empty() {
+                part.put(light(number), bytemuck::cast_slice(&summed.irradiance));
+            }
+        }
+        part
+    }
+
+    /// Goes on from the blocks that are done in `part`, read from `path`, in the place of what was gathered here.
+    ///
+    /// # Errors
+    /// [`Error::Input`] when it is of another job, or damaged.
+    pub fn resume(&mut self, path: &Path, part: &Part) -> Result<()> {
+        part.check(path, &self.job())?;
+        self.now = None;
+        self.carried = Held { stage: part.state["stage"].as_u64().unwrap_or(0) as u32, ..Held::default() };
+        self.summed = self.rounds.iter().map(|_| Summed::default()).collect();
+        self.take(path, part, |_| true)
+    }
+
+    /// Adds the blocks of a part of the same job, made by any renderer, to those of the last stage.
+    ///
+    /// # Errors
+    /// [`Error::Input`] when it is of another job or damaged, or has blocks that are there already.
+    pub fn merge(&mut self, path: &Path, part: &Part) -> Result<()> {
+        let mut job = self.job();
+        job["renderer"] = part.job["renderer"].clone();
+        part.check(path, &job)?;
+        self.take(path, part, |round| round.last)
+    }
+
+    fn take(&mut self, path: &Path, part: &Part, wanted: impl Fn(&Round) -> bool) -> Result<()> {
+        let blocks = blocks_of(&self.settings);
+        for (number, (round, summed)) in
+            self.rounds.iter().zip(&mut self.summed).enumerate().filter(|(_, (round, _))| wanted(round))
+        {
+            let points = round.points.len();
+            let planes = self.plan.wanted(round.last);
+            let values = |_, floats: Vec<&[f32]>| Values::of_planes(&planes, points, &floats);
+            blocks.merge(path, &mut summed.values, part.tree(path, &tree(number), blocks, values)?)?;
+            let irradiance = part.get(&light(number)).unwrap_or_default();
+            let irradiance: &[Vec3] = bytemuck::try_cast_slice(irradiance).unwrap_or_default();
+            if irradiance.len() == points {
+                summed.irradiance = irradiance.to_vec();
+            } else if summed.values.blocks() > 0 {
+                return Err(Error::input(path, None, "damaged: direct light is not there", "make it again"));
+            }
+        }
+        self.count();
+        Ok(())
+    }
+
+    /// # Errors
+    /// [`Error::Usage`] that names the directions along which not all points have gathered.
+    pub fn check_whole(&self) -> Result<()> {
+        let last = self.rounds.iter().zip(&self.summed).filter(|(round, _)| round.last);
+        last.map(|(_, summed)| blocks_of(&self.settings).check_whole(&summed.values)).collect()
+    }
+
+    /// The blocks that a round is to do.
+    fn mine(&self, round: &Round) -> Range<u32> {
+        self.shard.clone().filter(|_| round.last).unwrap_or(0..blocks_of(&self.settings).count())
+    }
+
+    /// Of the first round that has some left, the first block.
+    fn next(&self) -> Option<(usize, u32)> {
+        let of_stage = |last: bool| {
+            let rounds = self.rounds.iter().zip(&self.summed).enumerate();
+            // What was handed on and handed on again is there no more.
+            let rounds = rounds.filter(move |(_, (round, _))| round.last == last && round.stage + 1 >= self.carried.stage);
+            rounds.filter_map(|(number, (round, summed))| Some((number, summed.values.missing(self.mine(round)).first()?.start)))
+        };
+        let last = of_stage(true).next()?;
+        Some(of_stage(false).next().unwrap_or(last))
+    }
+
+    /// Counts directions, those done elsewhere among them.
+    fn count(&mut self) {
+        let blocks = blocks_of(&self.settings);
+        let (mut done, mut total) = (0, 0);
+        for (round, summed) in self.rounds.iter().zip(&self.summed) {
+            let mine = blocks.directions(self.mine(round)).len() as u64;
+            total += mine;
+            done += if round.stage + 1 < self.carried.stage { mine } else { blocks.summed(&summed.values).into() };
+        }
+        done += self.now.as_ref().map_or(0, |walk| walk.done(blocks).into());
+        (self.statistics.directions_done, self.statistics.directions_total) = (done, total);
     }
 
     /// Gathers along the next directions, as many as the pipeline takes at once, if any are left.
@@ -291,25 +429,33 @@ impl Bake {
     /// # Errors
     /// [`Error::Gl`] when the device fails.
     pub fn step(&mut self) -> Result<()> {
-        let mut walk = match self.now.take() {
-            Some(walk) => walk,
-            None => match self.left.pop() {
-                Some(round) => self.begin(round)?,
-                None => return Ok(()),
-            },
+        let mut walk = match (self.now.take(), self.next()) {
+            (Some(walk), _) => walk,
+            (None, Some((round, block))) => self.begin(round, block)?,
+            (None, None) => return Ok(()),
         };
         self.gather(&mut walk)?;
-        if walk.done == self.settings.directions {
-            self.end(walk)
-        } else {
-            self.now = Some(walk);
-            Ok(())
-        }
+        self.now = if walk.left.is_empty() { self.end_block(walk) } else { Some(walk) };
+        self.count();
+        Ok(())
+    }
+
+    /// Directions along which every point has gathered, of those asked for.
+    pub fn directions_done(&self) -> u32 {
+        let blocks = blocks_of(&self.settings);
+        let last = self.rounds.iter().zip(&self.summed).enumerate().filter(|(_, (round, _))| round.last);
+        let done = |(number, (_, summed)): (usize, (_, &Summed))| {
+            let walk = self.now.as_ref().filter(|walk| walk.round == number);
+            blocks.summed(&summed.values) + walk.map_or(0, |walk| walk.done(blocks))
+        };
+        last.map(done).min().unwrap_or(0)
     }
 
     /// Whether each point has a value: from the last round on, though of fewer directions than are asked for.
     pub fn has_values(&self) -> bool {
-        self.left.is_empty() && self.now.as_ref().is_none_or(|walk| walk.done > 0)
+        let begun = |number| self.now.as_ref().is_some_and(|walk| walk.round == number);
+        let mut rounds = self.rounds.iter().zip(&self.summed).enumerate();
+        rounds.all(|(number, (round, summed))| !round.last || summed.values.blocks() > 0 || begun(number))
     }
 
     /// A value for each point, in their order, of all quantities so far; `None` where [`Self::has_values`] is false. Beside them, for each point, the
@@ -318,12 +464,30 @@ impl Bake {
         if !self.has_values() {
             return None;
         }
-        let mut values = self.values.clone();
-        if let Some(walk) = &self.now {
-            walk.tiles.iter().for_each(|tile| walk.integrals.read(tile, &mut values));
-        }
-        let columns = |&quantity: &Quantity| values.columns(quantity, self.plan.order, &self.points, &self.irradiance);
+        let (values, irradiance) = self.found(|round| round.last);
+        let columns = |&quantity: &Quantity| values.columns(quantity, self.plan.order, &self.points, &irradiance);
         Some((self.plan.what.iter().flat_map(columns).collect(), values.inside()))
+    }
+
+    /// Sums of some rounds so far, and light straight from the lights, in the order of their points.
+    fn found(&self, wanted: impl Fn(&Round) -> bool) -> (Values, Vec<Vec3>) {
+        let (mut values, mut irradiance) = (Values::default(), Vec::new());
+        for (number, (round, summed)) in self.rounds.iter().zip(&self.summed).enumerate() {
+            if !wanted(round) {
+                continue;
+            }
+            let mut sums = summed.values.total();
+            if let Some(walk) = self.now.as_ref().filter(|walk| walk.round == number) {
+                let latest = walk.values();
+                match &mut sums {
+                    Some(sums) => sums.add(&latest),
+                    None => sums = Some(latest),
+                }
+            }
+            values.append(&sums.unwrap_or_default());
+            irradiance.extend(&summed.irradiance);
+        }
+        (values, irradiance)
     }
 
     fn points_of(&self, round: &Round) -> &[GatherPoint] {
@@ -335,7 +499,9 @@ impl Bake {
     }
 
     /// Empty sums, and light straight from the lights.
-    fn begin(&mut self, round: Round) -> Result<Walk> {
+    fn begin(&mut self, number: usize, block: u32) -> Result<Walk> {
+        let round = self.rounds[number].clone();
+        self.hand_on(round.stage)?;
         let start = Instant::now();
         let (gathered, transfer) = (self.carried.irradiance.is_some(), self.carried.transfer.is_some());
         let mut wanted = self.plan.wanted(round.last);
@@ -345,15 +511,17 @@ impl Bake {
         let textured = self.prepared.geometry.is_textured();
         let integrals = Integrals::new(&self.gpu, wanted, textured, gathered, transfer)?;
         let points = self.points_of(&round);
+        let count = points.len();
         let tiles = points.chunks(TILE).map(|points| integrals.tile(&self.gpu, points)).collect::<Result<Vec<_>>>()?;
-        let known = self.kept.as_ref().filter(|_| round.whose == Whose::Carriers).map(|kept| &kept.irradiance);
-        let known = known.filter(|irradiance| irradiance.len() == points.len());
-        let mut irradiance = match known {
-            Some(irradiance) => irradiance.clone(),
-            None if lit => Vec::with_capacity(points.len()),
-            None => vec![Vec3::ZERO; points.len()],
-        };
-        if irradiance.is_empty() {
+        tiles.iter().for_each(Tile::clear);
+        let of_carriers = round.whose == Whose::Carriers;
+        let known = self.kept.as_ref().filter(|kept| of_carriers && kept.irradiance.len() == count).map(|kept| &kept.irradiance);
+        let summed = &mut self.summed[number].irradiance;
+        if let Some(known) = known {
+            summed.clone_from(known);
+        } else if summed.is_empty() && !lit {
+            *summed = vec![Vec3::ZERO; count];
+        } else if summed.is_empty() {
             for tile in &tiles {
                 let points = tile.list.points();
                 let sums = Sums::new(&self.gpu, points.size())?;
@@ -362,60 +530,59 @@ impl Bake {
                     self.direct.add(&self.prepared.geometry, &self.prepared.lights, sample, points, &sums);
                 }
                 let mean = 1.0 / self.settings.light_samples as f32;
-                irradiance.extend(tile.list.in_order(sums.read()).iter().map(|sum| mean * sum.truncate()));
+                summed.extend(tile.list.in_order(sums.read()).iter().map(|sum| mean * sum.truncate()));
             }
         }
-        if let Some(kept) = self.kept.as_mut().filter(|_| lit && round.whose == Whose::Carriers) {
-            kept.irradiance.clone_from(&irradiance);
+        if let Some(kept) = self.kept.as_mut().filter(|_| lit && of_carriers) {
+            kept.irradiance.clone_from(summed);
         }
-        self.irradiance.extend(irradiance);
         self.gpu.finish();
         self.gpu.check("direct light")?;
         self.statistics.seconds.direct += start.elapsed().as_secs_f64();
-        Ok(Walk { round, integrals, tiles, done: 0 })
+        Ok(Walk { round: number, integrals, tiles, block, left: blocks_of(&self.settings).directions(block..block + 1) })
     }
 
     fn gather(&mut self, walk: &mut Walk) -> Result<()> {
+        let first = walk.left.start;
         if let Some(photons) = &mut self.photons {
             let start = Instant::now();
-            let number = walk.done / DIRECTIONS_PER_PHOTON_MAP;
+            let number = first / DIRECTIONS_PER_PHOTON_MAP;
             photons.renew(&self.gpu, &self.prepared, &self.settings, number.into())?;
             self.statistics.photons = photons.counts;
             self.statistics.seconds.photons += start.elapsed().as_secs_f64();
         }
         let start = Instant::now();
-        let count = (self.find.batch() as u32).min(self.settings.directions - walk.done);
-        let batch: Vec<Direction> = (walk.done..walk.done + count).map(|number| self.directions.get(number)).collect();
+        let count = (self.find.batch() as u32).min(walk.left.len() as u32);
+        let batch: Vec<Direction> = (first..first + count).map(|number| self.directions.get(number)).collect();
         let geometry = &self.prepared.geometry;
-        let mut kept = self.kept.as_mut().filter(|_| walk.round.whose == Whose::Carriers).map(|kept| &mut kept.hits);
-        let number = walk.done as usize / self.find.batch();
-        let known = kept.as_ref().is_some_and(|kept| number < kept.len());
+        let of_carriers = self.rounds[walk.round].whose == Whose::Carriers;
+        let mut kept = self.kept.as_mut().filter(|_| of_carriers).map(|kept| &mut kept.hits);
+        let key = (first, count);
+        let known = kept.as_ref().is_some_and(|kept| kept.contains_key(&key));
         if !known {
             let layers = self.find.begin(geometry, &batch)?;
             self.statistics.layers_max = self.statistics.layers_max.max(layers);
-            if let Some(kept) = &mut kept {
-                kept.push(Vec::new());
-            }
         }
-        let of_carriers = self.carriers.as_ref();
-        let rough = match (of_carriers.zip(self.carried.irradiance.as_ref()), &self.photons) {
+        let carriers = self.carriers.as_ref();
+        let rough = match (carriers.zip(self.carried.irradiance.as_ref()), &self.photons) {
             (Some((carriers, carried)), _) => Seen::Gathered(carriers, carried),
             (None, Some(photons)) => Seen::Photons(&photons.texture),
             (None, None) => Seen::Black,
         };
         let open_distance = self.plan.ao_distance.map_or(f32::MAX, |length| self.prepared.space.length_to_unit(length));
         let beyond = &Beyond::new(&self.prepared.scene, batch.iter().map(|direction| direction.vector));
-        let transfer = of_carriers.zip(self.carried.transfer.as_ref());
+        let transfer = carriers.zip(self.carried.transfer.as_ref());
         for (index, tile) in walk.tiles.iter().enumerate() {
             let points = tile.list.points();
             let hits = match &mut kept {
                 None => self.find.find(geometry, points)?,
                 Some(kept) => {
+                    let kept = kept.entry(key).or_default();
                     if !known {
                         self.find.find(geometry, points)?;
-                        kept[number].push(self.find.keep()?);
+                        kept.push(self.find.keep()?);
                     }
-                    kept[number][index].hits()
+                    kept[index].hits()
                 }
             };
             walk.integrals.add(tile, &Pass { geometry, hits, beyond, points, rough, transfer, open_distance });
@@ -423,39 +590,87 @@ impl Bake {
         self.gpu.finish();
         self.gpu.check("gathering")?;
         self.statistics.seconds.gather += start.elapsed().as_secs_f64();
-        self.statistics.directions_done += u64::from(count);
-        walk.done += count;
+        walk.left.start += count;
         Ok(())
     }
 
-    /// Reads the sums of a round; those of the last round of carriers are handed on.
-    fn end(&mut self, walk: Walk) -> Result<()> {
-        let Walk { round, integrals, tiles, .. } = walk;
-        tiles.iter().for_each(|tile| integrals.read(tile, &mut self.values));
-        drop(tiles);
-        let Some(carriers) = self.carriers.as_ref().filter(|_| round.ends && !round.last) else { return Ok(()) };
-        let values = std::mem::take(&mut self.values);
-        let irradiance = std::mem::take(&mut self.irradiance);
+    /// Adds the sums of a block to those of its round. The next block of the round, if there is one.
+    fn end_block(&mut self, mut walk: Walk) -> Option<Walk> {
+        let node = Node { first: walk.block, blocks: 1, sum: walk.values() };
+        self.summed[walk.round].values.insert(node).ok().expect("a block is begun once");
+        let (round, block) = self.next()?;
+        if round != walk.round {
+            return None;
+        }
+        walk.tiles.iter().for_each(Tile::clear);
+        walk.block = block;
+        walk.left = blocks_of(&self.settings).directions(block..block + 1);
+        Some(walk)
+    }
+
+    /// Gives carriers what was found in the stage before this one.
+    fn hand_on(&mut self, stage: u32) -> Result<()> {
+        let Some(carriers) = self.carriers.as_ref().filter(|_| stage > 0) else { return Ok(()) };
+        if self.carried.stage == stage && (self.carried.irradiance.is_some() || self.carried.transfer.is_some()) {
+            return Ok(());
+        }
+        let (values, irradiance) = self.found(|round| round.stage + 1 == stage);
         let inside = values.inside();
         let points = carriers.vertices().points();
         let columns = |quantity| values.columns(quantity, self.plan.order, points, &irradiance);
+        let mut carried = Held { stage, ..Held::default() };
         if self.plan.wants(Quantity::Prt) {
-            self.carried.transfer = Some(carriers.carry(&self.gpu, columns(Quantity::Prt), &inside)?);
+            carried.transfer = Some(carriers.carry(&self.gpu, columns(Quantity::Prt), &inside)?);
         }
         if self.plan.needs_radiance() && self.plan.rough == Rough::Gathered {
             // In all, which comes first.
             let total = columns(Quantity::Irradiance).into_iter().take(3).collect();
-            self.carried.irradiance = Some(carriers.carry(&self.gpu, total, &inside)?);
+            carried.irradiance = Some(carriers.carry(&self.gpu, total, &inside)?);
+        }
+        self.carried = carried;
+        for (round, summed) in self.rounds.iter().zip(&mut self.summed) {
+            if round.stage + 1 < stage {
+                *summed = Summed::default();
+            }
         }
         Ok(())
     }
 }
 
-/// The rounds that so many points take in the memory there is.
-fn rounds(whose: Whose, last: bool, count: usize, plan: &Plan) -> Vec<Round> {
-    let fit = (plan.memory << 20) / plan.wanted(last).bytes();
+impl Walk {
+    /// Directions of the block in progress that are done.
+    fn done(&self, blocks: Blocks) -> u32 {
+        self.left.start - blocks.directions(self.block..self.block + 1).start
+    }
+
+    /// What the block in progress has summed.
+    fn values(&self) -> Values {
+        let mut values = Values::default();
+        self.tiles.iter().for_each(|tile| self.integrals.read(tile, &mut values));
+        values
+    }
+}
+
+/// The blocks of a bake by these settings: whole batches.
+pub fn blocks_of(settings: &Settings) -> Blocks {
+    Blocks::new(settings.directions, BATCH as u32)
+}
+
+/// The name in a [`Part`] of a round's sums,
+fn tree(round: usize) -> String {
+    format!("round{round}")
+}
+
+/// and of its direct light.
+fn light(round: usize) -> String {
+    format!("light{round}")
+}
+
+/// The rounds that so many points take in the memory there is, which holds their sums on the GL side and so many copies in all.
+fn rounds(whose: Whose, stage: u32, last: bool, count: usize, plan: &Plan, copies: usize) -> Vec<Round> {
+    let fit = (plan.memory << 20) / plan.wanted(last).bytes(copies);
     // Whole tiles, and one at least.
     let most = (fit / TILE * TILE).max(TILE);
-    let round = |first: usize| Round { whose, points: first..count.min(first + most), ends: first + most >= count, last };
+    let round = |first: usize| Round { whose, points: first..count.min(first + most), stage, last };
     (0..count).step_by(most).map(round).collect()
 }

@@ -14,6 +14,7 @@ use crate::settings::Settings;
 
 mod bvh;
 mod camera;
+mod digest;
 mod flat_bvh;
 mod light;
 mod load;

@@ -6,11 +6,12 @@
 use std::collections::HashSet;
 
 use glam::{DVec3, Vec3};
+use serde::{Deserialize, Serialize};
 
 use super::{Camera, Lens, Material, Mesh, Scene, Triangle, has_area};
 
 /// The way back from unit space.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct UnitSpace {
     /// World position of the origin.
     center: DVec3,

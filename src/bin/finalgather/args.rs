@@ -8,6 +8,7 @@ use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Parser, Subcommand};
 use finalgather::bake::Rough;
 use finalgather::bench::CONTESTANTS;
+use finalgather::blocks::Shard;
 use finalgather::environment::Environment;
 use finalgather::error::Result;
 use finalgather::gpu::{Backend, DeviceChoice};
@@ -141,6 +142,17 @@ Exit codes:
   130  stopped by SIGINT (Ctrl-C), 143 by SIGTERM: values so far were written, if each point had
        one; a second signal exits at once";
 
+const MERGE_NOTES: &str = "\
+Examples:
+  for i in 1 2 3 4; do finalgather render scene.toml --shard $i/4 -o box-{shard}.part; done
+  finalgather merge box-*.part -o box.png -o box.exr
+
+Exit codes:
+    0  done
+    2  directions are missing, an output path cannot be written
+   65  a file is no part, or damaged; it is of another job; it has what an earlier one has
+   75  a file could not be written";
+
 const RELIGHT_NOTES: &str = "\
 What is written is irradiance, pi times what a white surface sends back; a picture shows the
 scene's materials.
@@ -181,6 +193,7 @@ pub enum Command {
     Compare(CompareArgs),
     Bake(BakeArgs),
     Relight(RelightArgs),
+    Merge(MergeArgs),
     Bench(BenchArgs),
     Info(InfoArgs),
 }
@@ -204,6 +217,9 @@ pub struct RenderArgs {
 
     #[command(flatten)]
     overrides: Overrides,
+
+    #[command(flatten)]
+    pub job: JobArgs,
 
     /// Where the OpenGL context comes from
     #[arg(long, default_value = "auto", value_parser = named_backend(), help_heading = "OpenGL")]
@@ -279,6 +295,9 @@ pub struct BakeArgs {
     #[command(flatten)]
     pub overrides: Overrides,
 
+    #[command(flatten)]
+    pub job: JobArgs,
+
     /// Where the OpenGL context comes from
     #[arg(long, default_value = "auto", value_parser = named_backend(), help_heading = "OpenGL")]
     pub backend: Backend,
@@ -286,6 +305,47 @@ pub struct BakeArgs {
     /// EGL device: auto, sw (a software renderer) or an index listed by `finalgather info`
     #[arg(long, default_value = "auto", value_name = "auto|sw|INDEX", help_heading = "OpenGL")]
     pub gl_device: DeviceChoice,
+}
+
+/// How a long job is kept, and dealt out.
+#[derive(Clone, Debug, Default, clap::Args)]
+#[command(next_help_heading = "Long jobs")]
+pub struct JobArgs {
+    /// Keep what is summed so far in this file, for --resume [default: the first output's name with .checkpoint, from a minute on; removed at the end]
+    #[arg(long, value_name = "FILE", conflicts_with = "shard")]
+    pub checkpoint: Option<PathBuf>,
+
+    /// Seconds between two writes of the checkpoint; more where writing takes long
+    #[arg(long, value_name = "SECONDS", default_value_t = 30, value_parser = count::<u64>)]
+    pub checkpoint_every: u64,
+
+    /// Go on from the checkpoint, or with --shard from its part, if there is one
+    #[arg(long)]
+    pub resume: bool,
+
+    /// Do share I of N alone, counted from 1, and write it to the one -o, a .part (in whose name {shard} stands for I), for `finalgather merge`; auto: the task's of an
+    /// array job of Slurm or AWS Batch; auto/N: of one that does not tell N, as Kubernetes and PBS
+    #[arg(long, value_name = "I/N|auto|auto/N")]
+    pub shard: Option<Shard>,
+}
+
+/// Put the parts of a job together that ran in shards: the same bits as of one run
+///
+/// A picture needs nothing but the parts. A bake needs its scene and points again, found as its command named them from the folder that it ran in.
+#[derive(Debug, clap::Args)]
+#[command(after_help = MERGE_NOTES, allow_negative_numbers = true)]
+pub struct MergeArgs {
+    /// Parts of all shards, in any order; a finished --checkpoint is one too
+    #[arg(value_name = "PART", required = true)]
+    pub parts: Vec<PathBuf>,
+
+    /// File to write, as the job itself would have; may be given several times
+    #[arg(short, long = "output", value_name = "[RECEIVER:]FILE", required = true)]
+    pub outputs: Vec<String>,
+
+    /// Exposure of .png in stops [default: the job's]
+    #[arg(long, value_name = "EV", value_parser = stops)]
+    pub exposure: Option<f32>,
 }
 
 /// A receiver, as `--to` names it.
@@ -399,7 +459,7 @@ pub struct Overrides {
     until: Option<f64>,
 
     #[arg(long, value_name = "EV", help = setting("Exposure of .png in stops", |s| s.exposure))]
-    exposure: Option<f32>,
+    pub exposure: Option<f32>,
 
     /// Environment, a lat-long .hdr or .exr: what lies beyond the scene and lights it [default: the scene file's, else black]
     #[arg(long, value_name = "FILE")]
@@ -566,6 +626,17 @@ impl RenderArgs {
 
     pub fn override_settings(&self, settings: Settings) -> Settings {
         self.overrides.put_over(settings)
+    }
+}
+
+impl BakeArgs {
+    /// The files to write, without the names of receivers.
+    pub fn paths(&self) -> Vec<PathBuf> {
+        let path = |output: &String| {
+            let of = |to: &To| output.strip_prefix(to.name())?.strip_prefix(':');
+            self.to.iter().find_map(of).unwrap_or(output).into()
+        };
+        self.outputs.iter().map(path).collect()
     }
 }
 

@@ -9,9 +9,11 @@ use finalgather::error::Error;
 mod args;
 mod bake;
 mod bench;
+mod checkpoint;
 mod compare;
 mod info;
 mod interrupt;
+mod merge;
 mod progress;
 mod relight;
 mod render;
@@ -28,8 +30,9 @@ fn main() -> ExitCode {
         #[cfg(feature = "window")]
         Command::View(args) => view::run(&args),
         Command::Compare(args) => compare::run(&args),
-        Command::Bake(args) => bake::run(&args, started),
+        Command::Bake(args) => bake::run(&args, &[], started),
         Command::Relight(args) => relight::run(&args),
+        Command::Merge(args) => merge::run(&args, started),
         Command::Bench(args) => bench::run(&args),
         Command::Info(args) => info::run(&args),
     };

@@ -5,13 +5,14 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use finalgather::error::{Error, Result};
-use finalgather::gpu::{Gpu, GpuInfo};
+use finalgather::gpu::Gpu;
 use finalgather::image::{Image, WriteOptions, check_writable};
-use finalgather::render::Render;
+use finalgather::render::{Render, blocks_of};
 use finalgather::settings::{PointSource, Settings};
 use serde_json::json;
 
 use crate::args::RenderArgs;
+use crate::checkpoint::Checkpoint;
 use crate::interrupt::Interrupt;
 use crate::progress::Progress;
 use crate::report::{self, Gl, Report, Seconds};
@@ -19,15 +20,24 @@ use crate::report::{self, Gl, Report, Seconds};
 /// The exit code, unless the run failed.
 pub fn run(args: &RenderArgs, started: Instant) -> Result<u8> {
     let outputs = args.outputs();
-    outputs.iter().try_for_each(|path| check_writable(path))?;
+    if args.job.shard.is_none() {
+        outputs.iter().try_for_each(|path| check_writable(path))?;
+    }
+    let checkpoint = Checkpoint::new(&args.job, &outputs)?;
 
     let progress = Progress::new("loading");
-    let outcome = render(args, &outputs, &progress, started);
+    let outcome = render(args, &outputs, checkpoint, &progress, started);
     progress.clear();
     outcome
 }
 
-fn render(args: &RenderArgs, outputs: &[PathBuf], progress: &Progress, started: Instant) -> Result<u8> {
+fn render(
+    args: &RenderArgs,
+    outputs: &[PathBuf],
+    mut checkpoint: Checkpoint,
+    progress: &Progress,
+    started: Instant,
+) -> Result<u8> {
     let interrupt = Interrupt::watch(progress.clone()).map_err(|error| {
         Error::usage(format!("signals cannot be caught: {error}"), "run where the system allows signal handlers")
     })?;
@@ -41,45 +51,73 @@ fn render(args: &RenderArgs, outputs: &[PathBuf], progress: &Progress, started: 
         progress.say("warning: mirrors and glass are drawn as diffuse, through a pinhole; --points traced shows what they are");
     }
 
+    let blocks = blocks_of(&settings);
+    let mine = args.job.shard.map(|shard| shard.range(blocks.count())).transpose()?;
+    if mine.is_some() && settings.until > 0.0 {
+        return Err(Error::usage("a shard cannot tell the error of the whole picture", "leave --until out"));
+    }
+    let found = checkpoint.found(progress)?;
+
     progress.stage("starting OpenGL");
     let gpu = Gpu::headless(args.backend, args.gl_device)?;
     progress.stage("tracing photons");
     let mut render = Render::new(&gpu, &scene, &settings)?;
-    progress.begin_directions(settings.directions);
+    let directions = mine.clone().map_or(settings.directions, |mine| blocks.directions(mine).len() as u32);
+    if let Some(mine) = mine {
+        render.only(mine);
+    }
+    if let Some(part) = found {
+        render.resume(checkpoint.path(), &part)?;
+        let (done, path) = (render.directions_done(), checkpoint.path().display());
+        progress.say(&format!("going on from {done} of {directions} directions in {path}"));
+    }
+    progress.begin_directions(directions);
     let mut failure = None;
     while failure.is_none() && !render.is_done() && interrupt.requested().is_none() {
         failure = render.step().err();
         interrupt.picture_begun();
         progress.directions_done(render.directions_done());
+        checkpoint.keep(progress, || render.save());
     }
     // What was gathered before the device failed is worth keeping.
     if let Some(error) = failure.take_if(|_| render.directions_done() == 0) {
         return Err(error);
     }
+    let done = render.directions_done();
     let stopped = interrupt.requested().filter(|_| !render.is_done());
+    let kept = (failure.is_some() || stopped.is_some()) && checkpoint.stop(|| render.save())?;
+    if args.job.shard.is_some() {
+        progress.clear();
+        if failure.is_none() && stopped.is_none() {
+            checkpoint.finish(|| render.save())?;
+        } else {
+            say_stopped(failure.is_some(), done, directions, &format!("kept in {}", checkpoint.path().display()), true);
+        }
+        return failure.map_or(Ok(stopped.unwrap_or(0)), Err);
+    }
     let image = render.picture();
-    if render.directions_done() > 0 && is_black(&image)? {
+    if done > 0 && is_black(&image)? {
         progress.say("warning: the picture is black: the camera sees no surface that light reaches; turn it or the lights");
     }
     progress.clear();
 
     let writing = Instant::now();
-    let metadata = metadata(gpu.info(), &settings, render.directions_done());
+    let metadata = metadata(&gpu.info().renderer, &settings, done);
     write_all(&image, outputs, &WriteOptions { exposure: settings.exposure, metadata: Some(&metadata) })?;
     let write = writing.elapsed().as_secs_f64();
 
     let outputs: Vec<_> = outputs.iter().map(|path| path.display().to_string()).collect();
     let paths = outputs.join(", ");
-    if let Some(error) = failure {
-        let (done, all) = (render.directions_done(), settings.directions);
-        report::say(&format!("failed after {done} of {all} directions; picture so far written to {paths}"));
-        return Err(error);
+    if failure.is_some() || stopped.is_some() {
+        say_stopped(failure.is_some(), done, directions, &format!("picture so far written to {paths}"), kept);
+    } else {
+        checkpoint.finish(|| render.save())?;
+        if io::stderr().is_terminal() {
+            report::say(&format!("written to {paths} after {:.1} s", started.elapsed().as_secs_f64()));
+        }
     }
-    if stopped.is_some() {
-        let (done, all) = (render.directions_done(), settings.directions);
-        report::say(&format!("stopped after {done} of {all} directions; picture so far written to {paths}"));
-    } else if io::stderr().is_terminal() {
-        report::say(&format!("written to {paths} after {:.1} s", started.elapsed().as_secs_f64()));
+    if let Some(error) = failure {
+        return Err(error);
     }
     if args.json {
         let statistics = render.statistics();
@@ -100,16 +138,22 @@ fn render(args: &RenderArgs, outputs: &[PathBuf], progress: &Progress, started: 
     Ok(stopped.unwrap_or(0))
 }
 
+fn say_stopped(failed: bool, done: u32, all: u32, what: &str, kept: bool) {
+    let how = if failed { "failed" } else { "stopped" };
+    let resume = if kept { "; --resume goes on" } else { "" };
+    report::say(&format!("{how} after {done} of {all} directions; {what}{resume}"));
+}
+
 /// Whether nothing is brighter than a millionth of what the brightest light would show.
 fn is_black(image: &Image) -> Result<bool> {
     Ok(image.rgb()?.iter().all(|channel| channel.iter().all(|&sample| sample < 1e-6)))
 }
 
 /// What made the picture. No times and no paths: the same render gives the same file.
-pub fn metadata(gl: &GpuInfo, settings: &Settings, directions_done: u32) -> String {
+pub fn metadata(renderer: &str, settings: &Settings, directions_done: u32) -> String {
     json!({
         "version": env!("CARGO_PKG_VERSION"),
-        "renderer": gl.renderer,
+        "renderer": renderer,
         "settings": settings,
         "directions_done": directions_done,
     })
@@ -117,7 +161,7 @@ pub fn metadata(gl: &GpuInfo, settings: &Settings, directions_done: u32) -> Stri
 }
 
 /// Writes every file that can be written, and only then fails with the first error: a render may have taken long.
-fn write_all(image: &Image, outputs: &[PathBuf], options: &WriteOptions) -> Result<()> {
+pub fn write_all(image: &Image, outputs: &[PathBuf], options: &WriteOptions) -> Result<()> {
     let write = |path: &PathBuf| image.write(Path::new(path), options).err();
     let mut errors = outputs.iter().filter_map(write);
     match errors.next() {

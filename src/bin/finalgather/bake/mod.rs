@@ -6,7 +6,8 @@ use std::io::{self, IsTerminal};
 use std::path::PathBuf;
 use std::time::Instant;
 
-use finalgather::bake::{Bake, Plan, Statistics};
+use finalgather::bake::{Bake, Plan, Statistics, blocks_of};
+use finalgather::blocks::Part;
 use finalgather::environment::Environment;
 use finalgather::error::{Error, Result};
 use finalgather::gpu::Gpu;
@@ -20,7 +21,9 @@ use serde::Serialize;
 
 use self::receiver::{Counts, Receiver};
 use crate::args::{BakeArgs, To};
+use crate::checkpoint::Checkpoint;
 use crate::interrupt::Interrupt;
+use crate::merge::COMMAND;
 use crate::progress::Progress;
 use crate::report::{self, Gl};
 
@@ -57,19 +60,27 @@ struct Baked {
     outputs: Vec<String>,
 }
 
-/// The exit code, unless the run failed.
-pub fn run(args: &BakeArgs, started: Instant) -> Result<u8> {
-    let outputs = outputs_of(args)?;
+/// The exit code, unless the run failed. With `parts`, those of all shards, nothing is gathered but put together.
+pub fn run(args: &BakeArgs, parts: &[PathBuf], started: Instant) -> Result<u8> {
+    let checkpoint = Checkpoint::new(&args.job, &args.paths())?;
+    let outputs = if args.job.shard.is_some() { Vec::new() } else { outputs_of(args)? };
     for (to, outputs) in args.to.iter().zip(&outputs) {
         outputs.iter().try_for_each(|path| receiver::check_writable(to, path, &args.what))?;
     }
     let progress = Progress::new("loading");
-    let outcome = bake(args, &outputs, &progress, started);
+    let outcome = bake(args, &outputs, checkpoint, parts, &progress, started);
     progress.clear();
     outcome
 }
 
-fn bake(args: &BakeArgs, outputs: &[Vec<PathBuf>], progress: &Progress, started: Instant) -> Result<u8> {
+fn bake(
+    args: &BakeArgs,
+    outputs: &[Vec<PathBuf>],
+    mut checkpoint: Checkpoint,
+    parts: &[PathBuf],
+    progress: &Progress,
+    started: Instant,
+) -> Result<u8> {
     let interrupt = Interrupt::watch(progress.clone()).map_err(|error| {
         Error::usage(format!("signals cannot be caught: {error}"), "run where the system allows signal handlers")
     })?;
@@ -96,6 +107,8 @@ fn bake(args: &BakeArgs, outputs: &[Vec<PathBuf>], progress: &Progress, started:
     // Before the device and the receivers, which take their time.
     settings.validate()?;
     plan.validate()?;
+    let mine = args.job.shard.map(|shard| shard.range(blocks_of(&settings).count())).transpose()?;
+    let found = checkpoint.found(progress)?;
     let load = started.elapsed().as_secs_f64();
 
     progress.stage("starting OpenGL");
@@ -109,18 +122,46 @@ fn bake(args: &BakeArgs, outputs: &[Vec<PathBuf>], progress: &Progress, started:
     let placed = placing.elapsed().as_secs_f64();
     progress.stage("tracing photons");
     let mut bake = Bake::new(&gpu, prepared, points, &settings, &plan)?;
+    if let Some(mine) = mine {
+        bake.only(mine);
+    }
+    if let Some(part) = found {
+        bake.resume(checkpoint.path(), &part)?;
+        let (Statistics { directions_done, directions_total, .. }, path) = (bake.statistics(), checkpoint.path().display());
+        progress.say(&format!("going on from {directions_done} of {directions_total} directions in {path}"));
+    }
+    for path in parts {
+        bake.merge(path, &Part::read(path)?)?;
+    }
+    if !parts.is_empty() {
+        bake.check_whole()?;
+    }
     progress.begin_directions(bake.statistics().directions_total);
-    while !bake.is_done() && interrupt.requested().is_none() {
-        bake.step()?;
-        if bake.has_values() {
+    let mut failure = None;
+    while failure.is_none() && !bake.is_done() && interrupt.requested().is_none() {
+        failure = bake.step().err();
+        // Before there is a value for each point there may be a checkpoint.
+        if bake.has_values() || checkpoint.is_kept() {
             interrupt.picture_begun();
         }
         progress.directions_done(bake.statistics().directions_done);
+        checkpoint.keep(progress, || save(&bake));
     }
     let stopped = interrupt.requested().filter(|_| !bake.is_done());
+    let ended = failure.is_some() || stopped.is_some();
+    let resume = if ended && checkpoint.stop(|| save(&bake))? { "; --resume goes on" } else { "" };
     progress.clear();
-    let Some((columns, inside)) = bake.columns() else {
-        return Err(Error::usage("no direction was gathered", "let it run longer"));
+    let Statistics { directions_done, directions_total, .. } = bake.statistics();
+    let how = if failure.is_some() { "failed" } else { "stopped" };
+    let so_far = format!("{how} after {directions_done} of {directions_total} directions");
+    let columns = bake.columns().filter(|_| args.job.shard.is_none());
+    let Some((columns, inside)) = columns else {
+        if ended {
+            report::say(&format!("{so_far}; kept in {}{resume}", checkpoint.path().display()));
+        } else {
+            checkpoint.finish(|| save(&bake))?;
+        }
+        return failure.map_or(Ok(stopped.unwrap_or(0)), Err);
     };
 
     let writing = Instant::now();
@@ -137,17 +178,16 @@ fn bake(args: &BakeArgs, outputs: &[Vec<PathBuf>], progress: &Progress, started:
         baked.push(Baked { to: receiver.name(), points: range.len(), counts, outputs });
     }
     let paths: Vec<_> = baked.iter().flat_map(|baked| baked.outputs.iter().map(String::as_str)).collect();
-    if stopped.is_some() {
-        let Statistics { directions_done, directions_total, .. } = bake.statistics();
-        report::say(&format!(
-            "stopped after {directions_done} of {directions_total} directions; values so far written to {}",
-            paths.join(", ")
-        ));
-    } else if failures.is_empty() && io::stderr().is_terminal() {
-        report::say(&format!("written to {} after {:.1} s", paths.join(", "), started.elapsed().as_secs_f64()));
+    if ended {
+        report::say(&format!("{so_far}; values so far written to {}{resume}", paths.join(", ")));
+    } else if failures.is_empty() {
+        checkpoint.finish(|| save(&bake))?;
+        if io::stderr().is_terminal() {
+            report::say(&format!("written to {} after {:.1} s", paths.join(", "), started.elapsed().as_secs_f64()));
+        }
     }
     // All that can be written is, before one that cannot ends the run.
-    let mut failures = failures.into_iter();
+    let mut failures = failures.into_iter().chain(failure);
     if let Some(error) = failures.next() {
         failures.for_each(|error| report::say(&format!("error: {error}")));
         return Err(error);
@@ -171,6 +211,14 @@ fn bake(args: &BakeArgs, outputs: &[Vec<PathBuf>], progress: &Progress, started:
         })?;
     }
     Ok(stopped.unwrap_or(0))
+}
+
+/// With the arguments of this run, by which `finalgather merge` finds scene and points again.
+fn save(bake: &Bake) -> Part<'_> {
+    let mut part = bake.save();
+    let command: Vec<_> = std::env::args().skip(1).collect();
+    part.state[COMMAND] = command.into();
+    part
 }
 
 /// Openness and transfer need no light.
@@ -206,14 +254,12 @@ fn outputs_of(args: &BakeArgs) -> Result<Vec<Vec<PathBuf>>> {
 
 /// What made the values. No times and no paths: the same bake gives the same files.
 fn metadata(gpu: &Gpu, bake: &Bake, settings: &Settings) -> String {
-    let statistics = bake.statistics();
     serde_json::json!({
         "version": env!("CARGO_PKG_VERSION"),
         "renderer": gpu.info().renderer,
         "settings": settings,
         "plan": bake.plan(),
-        "rounds": statistics.rounds,
-        "directions_done": statistics.directions_done,
+        "directions_done": bake.directions_done(),
     })
     .to_string()
 }

@@ -1,0 +1,145 @@
+//! Checkpoints of a job, and parts of its shards: one kind of file, written whole or not at all.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use finalgather::blocks::{Part, Shard};
+use finalgather::error::{Error, Result};
+
+use crate::args::JobArgs;
+use crate::progress::Progress;
+
+/// A job that takes less is soon done again.
+const MINUTE: Duration = Duration::from_secs(60);
+/// Writing takes no more than this share of the time.
+const SHARE: u32 = 20;
+
+pub struct Checkpoint {
+    path: PathBuf,
+    kind: Kind,
+    resume: bool,
+    every: Duration,
+    begun: Instant,
+    /// From when on it is to be written again.
+    due: Instant,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Kind {
+    /// Asked for, and kept.
+    Named,
+    /// Of a long job, until its end.
+    Automatic,
+    /// What the job is to make.
+    Part,
+}
+
+impl Checkpoint {
+    /// Of a job that writes `outputs`, or of a shard.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] when the file cannot be written, or would be over what an earlier run has summed.
+    pub fn new(args: &JobArgs, outputs: &[PathBuf]) -> Result<Self> {
+        let (path, kind) = match (&args.checkpoint, args.shard) {
+            (_, Some(shard)) => (part_of(shard, outputs)?, Kind::Part),
+            (Some(path), None) => (path.clone(), Kind::Named),
+            (None, None) => {
+                // Appended, because the name has an ending.
+                let mut path = outputs.first().cloned().unwrap_or_default().into_os_string();
+                path.push(".checkpoint");
+                (path.into(), Kind::Automatic)
+            }
+        };
+        Part::check_writable(&path)?;
+        if kind != Kind::Automatic && !args.resume && path.exists() {
+            let problem = format!("{}: is there already, and holds what an earlier run has summed", path.display());
+            return Err(Error::usage(problem, "go on from it with --resume, or remove it"));
+        }
+        let (begun, every) = (Instant::now(), Duration::from_secs(args.checkpoint_every));
+        let first = if kind == Kind::Automatic { every.max(MINUTE) } else { every };
+        Ok(Self { path, kind, resume: args.resume, every, begun, due: begun + first })
+    }
+
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Whether a run that ends now leaves it behind.
+    pub fn is_kept(&self) -> bool {
+        self.kind != Kind::Automatic || self.begun.elapsed() >= MINUTE || self.resume
+    }
+
+    /// What an earlier run has left, if that is to be gone on from and there is something.
+    ///
+    /// # Errors
+    /// [`Error::Input`] when it cannot be read or is damaged.
+    pub fn found(&self, progress: &Progress) -> Result<Option<Part<'static>>> {
+        let there = self.path.exists();
+        let path = self.path.display();
+        if self.resume && !there {
+            progress.say(&format!("nothing to go on from in {path}; beginning"));
+        } else if there && !self.resume {
+            progress.say(&format!(
+                "an earlier run has left {path}; --resume goes on from it, and without this run replaces it in time"
+            ));
+        }
+        (self.resume && there).then(|| Part::read(&self.path)).transpose()
+    }
+
+    /// Writes what `part` gives, if it is time. Where that fails the job goes on, for there may be space again later.
+    pub fn keep<'a>(&mut self, progress: &Progress, part: impl FnOnce() -> Part<'a>) {
+        if Instant::now() >= self.due
+            && let Err(error) = self.write(&part())
+        {
+            progress.say(&format!("warning: no checkpoint: {error}"));
+        }
+    }
+
+    /// Writes it at the end of a run that is not that of the job. Of a short job nothing is kept unless it was asked for. Whether it was.
+    ///
+    /// # Errors
+    /// [`Error::Output`] when it cannot be written.
+    pub fn stop<'a>(&mut self, part: impl FnOnce() -> Part<'a>) -> Result<bool> {
+        let kept = self.is_kept();
+        if kept {
+            self.write(&part())?;
+        }
+        Ok(kept)
+    }
+
+    /// At the end of the job, once its outputs are written.
+    ///
+    /// # Errors
+    /// As [`Self::stop`].
+    pub fn finish<'a>(&mut self, part: impl FnOnce() -> Part<'a>) -> Result<()> {
+        if self.kind != Kind::Automatic {
+            return self.write(&part());
+        }
+        if self.is_kept() {
+            // What cannot be removed does no harm.
+            let _ = fs::remove_file(&self.path);
+        }
+        Ok(())
+    }
+
+    fn write(&mut self, part: &Part) -> Result<()> {
+        let start = Instant::now();
+        let written = part.write(&self.path);
+        self.due = Instant::now() + self.every.max(SHARE * start.elapsed());
+        written
+    }
+}
+
+/// The one output of a shard.
+fn part_of(shard: Shard, outputs: &[PathBuf]) -> Result<PathBuf> {
+    let [output] = outputs else {
+        return Err(Error::usage("a shard makes one part", "give one -o, a file ending in .part"));
+    };
+    if output.extension().is_none_or(|ending| ending != "part") {
+        let problem = format!("{}: a shard makes a part, no result", output.display());
+        return Err(Error::usage(problem, "give -o a file ending in .part; `finalgather merge` makes the result of all parts"));
+    }
+    let name = output.to_str().ok_or_else(|| Error::usage("the part's name is not UTF-8", "give another"))?;
+    Ok(name.replace("{shard}", &shard.number().to_string()).into())
+}

@@ -1,0 +1,62 @@
+//! `finalgather merge`: the parts of a job's shards → what the job itself would have written.
+
+use std::path::PathBuf;
+use std::time::Instant;
+
+use clap::Parser;
+use finalgather::blocks::Part;
+use finalgather::error::{Error, Result};
+use finalgather::image::{WriteOptions, check_writable};
+use finalgather::render::Merge;
+use finalgather::settings::Settings;
+
+use crate::args::{Args, Command, JobArgs, MergeArgs};
+use crate::bake;
+use crate::render::{metadata, write_all};
+
+/// Of the state of a bake's part: the arguments that made it.
+pub const COMMAND: &str = "command";
+
+/// The exit code, unless it failed.
+pub fn run(args: &MergeArgs, started: Instant) -> Result<u8> {
+    let path = &args.parts[0];
+    let first = Part::read(path)?;
+    match first.job["what"].as_str() {
+        Some("render") => merge_renders(args, &first),
+        Some("bake") => {
+            let command = first.state[COMMAND].as_array().into_iter().flatten().filter_map(|argument| argument.as_str());
+            let parsed = Args::try_parse_from(["finalgather"].into_iter().chain(command));
+            let Ok(Args { command: Command::Bake(mut bake) }) = parsed else {
+                return Err(Error::input(path, None, "damaged: it does not say how it was baked", "make it again"));
+            };
+            bake.outputs.clone_from(&args.outputs);
+            bake.overrides.exposure = args.exposure.or(bake.overrides.exposure);
+            bake.job = JobArgs::default();
+            bake.json = false;
+            bake::run(&bake, &args.parts, started)
+        }
+        _ => Err(Error::input(
+            path,
+            None,
+            "a part of no kind of job that this version knows",
+            "merge with the version that made it",
+        )),
+    }
+}
+
+fn merge_renders(args: &MergeArgs, first: &Part) -> Result<u8> {
+    let outputs: Vec<_> = args.outputs.iter().map(PathBuf::from).collect();
+    outputs.iter().try_for_each(|path| check_writable(path))?;
+    let mut merge = Merge::new(&args.parts[0], first)?;
+    for path in &args.parts {
+        // One at a time, for there may be many.
+        merge.add(path, &Part::read(path)?)?;
+    }
+    let image = merge.picture()?;
+    let own = merge.settings();
+    let settings = Settings { exposure: args.exposure.unwrap_or(own.exposure), ..own.clone() };
+    let renderer = first.job["renderer"].as_str().unwrap_or_default();
+    let metadata = metadata(renderer, &settings, settings.directions);
+    write_all(&image, &outputs, &WriteOptions { exposure: settings.exposure, metadata: Some(&metadata) })?;
+    Ok(0)
+}

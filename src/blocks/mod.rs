@@ -1,0 +1,72 @@
+//! A sum over directions as independent pieces of work: blocks of consecutive directions, sums of which merge exactly ([`PairwiseSum`]), lie in files
+//! ([`Part`]) and are dealt out to machines ([`Shard`]).
+
+mod pairwise;
+mod part;
+mod shard;
+
+use std::ops::Range;
+use std::path::Path;
+
+use crate::error::{Error, Result};
+
+pub use pairwise::{Node, PairwiseSum, Sum};
+pub use part::{Part, Planes, sha256};
+pub use shard::Shard;
+
+/// How the directions of a job fall into blocks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Blocks {
+    directions: u32,
+    of: u32,
+}
+
+impl Blocks {
+    /// About 32 blocks, of a power of two directions each: of 128 at most, so that what is done once a block is done often in a long job too, and of
+    /// `least` or more. The last block may have fewer.
+    pub fn new(directions: u32, least: u32) -> Self {
+        Self { directions, of: directions.div_ceil(32).next_power_of_two().min(128).max(least.next_power_of_two()) }
+    }
+
+    pub fn count(self) -> u32 {
+        self.directions.div_ceil(self.of)
+    }
+
+    /// The directions of some consecutive blocks.
+    pub fn directions(self, blocks: Range<u32>) -> Range<u32> {
+        let first = |block: u32| block.saturating_mul(self.of).min(self.directions);
+        first(blocks.start)..first(blocks.end)
+    }
+
+    /// Puts all nodes of `part`, read from `path`, into `sum`.
+    ///
+    /// # Errors
+    /// [`Error::Input`] when some of its blocks are there already.
+    pub fn merge<T: Sum>(self, path: &Path, sum: &mut PairwiseSum<T>, part: PairwiseSum<T>) -> Result<()> {
+        for node in part.into_nodes() {
+            sum.insert(node).map_err(|node| {
+                let Range { start, end } = self.directions(node.range());
+                let problem = format!("its directions {start} to {} are in an earlier part too", end - 1);
+                Error::input(path, None, problem, "name each part once, of one way to deal out the directions")
+            })?;
+        }
+        Ok(())
+    }
+
+    /// # Errors
+    /// [`Error::Usage`] that names the directions that are not there.
+    pub fn check_whole<T: Sum>(self, sum: &PairwiseSum<T>) -> Result<()> {
+        let missing = sum.missing(0..self.count()).into_iter().map(|blocks| self.directions(blocks));
+        let missing: Vec<_> = missing.map(|Range { start, end }| format!("{start} to {}", end - 1)).collect();
+        if missing.is_empty() {
+            return Ok(());
+        }
+        let problem = format!("no part has directions {} of {}", missing.join(", "), self.directions);
+        Err(Error::usage(problem, "name the parts of all shards, and run again with --resume those that are not complete"))
+    }
+
+    /// Number of directions in the blocks that are summed.
+    pub fn summed<T: Sum>(self, sum: &PairwiseSum<T>) -> u32 {
+        sum.nodes().iter().map(|node| self.directions(node.range()).len() as u32).sum()
+    }
+}

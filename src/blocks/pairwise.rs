@@ -1,0 +1,232 @@
+//! Sums over blocks as a pairwise tree over the block index, so that blocks may come in any order and from anywhere.
+//!
+//! Block i is leaf i. A node of 2^k blocks begins at a multiple of 2^k and is its first half plus its second, in this order. Where the number of
+//! blocks is no power of two, what the largest node leaves over is summed likewise and added to it: of seven, (0..4) + ((4..6) + 6). Which bits
+//! come out depends on this tree alone and not on who summed which blocks when, as long as each sums whole nodes; and the error of 32-bit floats grows
+//! with the logarithm of the number of blocks, where that of a running sum grows with the number.
+
+use std::ops::Range;
+
+/// What adds up.
+pub trait Sum: Clone {
+    /// Adds what comes after it.
+    fn add(&mut self, later: &Self);
+}
+
+/// The sum of some consecutive blocks.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Node<T> {
+    pub first: u32,
+    /// A power of two that divides `first`.
+    pub blocks: u32,
+    pub sum: T,
+}
+
+impl<T> Node<T> {
+    /// The blocks.
+    pub fn range(&self) -> Range<u32> {
+        self.first..self.first.saturating_add(self.blocks)
+    }
+
+    /// Whether it can stand in the tree.
+    pub fn is_aligned(&self) -> bool {
+        self.blocks.is_power_of_two() && self.first.is_multiple_of(self.blocks)
+    }
+}
+
+/// The blocks so far, as the largest nodes that they make up. The two halves of everything stay apart, for they tell how far it is to be trusted.
+#[derive(Clone, Debug)]
+pub struct PairwiseSum<T> {
+    /// In order.
+    nodes: Vec<Node<T>>,
+}
+
+impl<T> Default for PairwiseSum<T> {
+    fn default() -> Self {
+        Self { nodes: Vec::new() }
+    }
+}
+
+impl<T: Sum> PairwiseSum<T> {
+    /// Adds a node, or gives it back where it is not aligned or some of its blocks are there already.
+    pub fn insert(&mut self, node: Node<T>) -> Result<(), Node<T>> {
+        let place = self.nodes.partition_point(|earlier| earlier.first < node.first);
+        let after = place == 0 || self.nodes[place - 1].range().end <= node.first;
+        let before = self.nodes.get(place).is_none_or(|later| node.range().end <= later.first);
+        if !(node.is_aligned() && after && before) {
+            return Err(node);
+        }
+        self.nodes.insert(place, node);
+        while let Some(pair) = self.pair() {
+            let later = self.nodes.remove(pair + 1);
+            let earlier = &mut self.nodes[pair];
+            earlier.sum.add(&later.sum);
+            earlier.blocks *= 2;
+        }
+        Ok(())
+    }
+
+    /// Two halves of a node, unless they are all there is.
+    fn pair(&self) -> Option<usize> {
+        let halves = |pair: &[Node<T>]| {
+            let (a, b) = (&pair[0], &pair[1]);
+            a.blocks == b.blocks && a.first.is_multiple_of(2 * a.blocks) && a.range().end == b.first
+        };
+        if self.nodes.len() > 2 { self.nodes.windows(2).position(halves) } else { None }
+    }
+
+    /// The largest nodes so far, in order; two where it could be one.
+    pub fn nodes(&self) -> &[Node<T>] {
+        &self.nodes
+    }
+
+    pub fn into_nodes(self) -> Vec<Node<T>> {
+        self.nodes
+    }
+
+    /// Number of blocks so far.
+    pub fn blocks(&self) -> u32 {
+        self.nodes.iter().map(|node| node.blocks).sum()
+    }
+
+    /// What of `range` is not there.
+    pub fn missing(&self, range: Range<u32>) -> Vec<Range<u32>> {
+        let mut from = range.start;
+        let mut missing = Vec::new();
+        for node in self.nodes.iter().map(Node::range).filter(|node| node.end > range.start && node.start < range.end) {
+            if from < node.start {
+                missing.push(from..node.start);
+            }
+            from = node.end;
+        }
+        if from < range.end {
+            missing.push(from..range.end);
+        }
+        missing
+    }
+
+    /// The sum of all blocks; `None` of none. Of the tree only where none is missing before the last.
+    pub fn total(&self) -> Option<T> {
+        total(&self.nodes)
+    }
+
+    /// Two sums that make up the whole: the halves of a full tree, else its largest node and the rest. `None` before there are two blocks.
+    pub fn halves(&self) -> Option<(T, T)> {
+        let (earlier, rest) = self.nodes.split_first()?;
+        Some((earlier.sum.clone(), total(rest)?))
+    }
+}
+
+fn total<T: Sum>(nodes: &[Node<T>]) -> Option<T> {
+    let later = |later: T, earlier: &Node<T>| {
+        let mut sum = earlier.sum.clone();
+        sum.add(&later);
+        sum
+    };
+    let (last, earlier) = nodes.split_last()?;
+    Some(earlier.iter().rev().fold(last.sum.clone(), later))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::Random;
+
+    impl Sum for f32 {
+        fn add(&mut self, later: &Self) {
+            *self += later;
+        }
+    }
+
+    /// Shows the order of additions.
+    impl Sum for String {
+        fn add(&mut self, later: &Self) {
+            *self = format!("({self}+{later})");
+        }
+    }
+
+    fn block<T>(index: u32, sum: T) -> Node<T> {
+        Node { first: index, blocks: 1, sum }
+    }
+
+    fn in_order(count: u32) -> PairwiseSum<String> {
+        let mut sum = PairwiseSum::default();
+        (0..count).for_each(|index| sum.insert(block(index, index.to_string())).unwrap());
+        sum
+    }
+
+    #[test]
+    fn the_tree_is_as_documented() {
+        assert_eq!(in_order(7).total().unwrap(), "(((0+1)+(2+3))+((4+5)+6))");
+        assert_eq!(in_order(4).total().unwrap(), "((0+1)+(2+3))");
+        assert_eq!(in_order(1).total().unwrap(), "0");
+        assert_eq!(in_order(0).total(), None);
+    }
+
+    #[test]
+    fn halves_are_those_of_the_tree_or_its_largest_node_and_the_rest() {
+        assert_eq!(in_order(1).halves(), None);
+        assert_eq!(in_order(4).halves().unwrap(), ("(0+1)".into(), "(2+3)".into()));
+        assert_eq!(in_order(7).halves().unwrap(), ("((0+1)+(2+3))".into(), "((4+5)+6)".into()));
+    }
+
+    #[test]
+    fn any_order_and_any_grouping_by_nodes_is_the_same_sum() {
+        let mut numbers = Random::new(1, 0);
+        for trial in 0..2000 {
+            let count = 1 + numbers.bits() as u32 % 70;
+            // Each group sums a run of blocks of its own.
+            let mut bounds: Vec<u32> = (0..numbers.bits() % 5).map(|_| numbers.bits() as u32 % (count + 1)).collect();
+            bounds.extend([0, count]);
+            bounds.sort_unstable();
+            let mut nodes = Vec::new();
+            for bounds in bounds.windows(2) {
+                let mut blocks: Vec<u32> = (bounds[0]..bounds[1]).collect();
+                shuffle(&mut blocks, &mut numbers);
+                let mut group = PairwiseSum::default();
+                blocks.iter().for_each(|&index| group.insert(block(index, index.to_string())).unwrap());
+                nodes.extend(group.nodes().to_vec());
+            }
+            shuffle(&mut nodes, &mut numbers);
+            let mut sum = PairwiseSum::default();
+            nodes.into_iter().for_each(|node| sum.insert(node).unwrap());
+            assert_eq!(sum.total(), in_order(count).total(), "trial {trial}");
+            assert_eq!(sum.halves(), in_order(count).halves(), "trial {trial}");
+            assert_eq!(sum.missing(0..count), []);
+        }
+    }
+
+    fn shuffle<T>(list: &mut [T], numbers: &mut Random) {
+        (1..list.len()).for_each(|last| list.swap(last, numbers.bits() as usize % (last + 1)));
+    }
+
+    #[test]
+    fn what_overlaps_or_stands_askew_is_given_back() {
+        let mut sum = PairwiseSum::default();
+        for (first, blocks) in [(4, 4), (0, 2), (12, 1)] {
+            sum.insert(Node { first, blocks, sum: 1.0 }).unwrap();
+        }
+        for (first, blocks) in [(4, 1), (7, 1), (0, 8), (1, 1), (12, 4), (2, 3), (2, 4), (8, 0), (u32::MAX, 1 << 31)] {
+            assert!(sum.insert(Node { first, blocks, sum: 1.0 }).is_err(), "{first}+{blocks}");
+        }
+        assert_eq!(sum.missing(0..16), [2..4, 8..12, 13..16]);
+        assert_eq!(sum.missing(5..9), [8..9]);
+        assert_eq!(sum.blocks(), 7);
+    }
+
+    #[test]
+    fn a_million_blocks_keep_their_digits() {
+        let mut numbers = Random::new(2, 0);
+        let (mut sum, mut exact, mut running) = (PairwiseSum::default(), 0.0, 0.0_f32);
+        for index in 0..1 << 20 {
+            let value = numbers.uniform();
+            sum.insert(block(index, value)).unwrap();
+            exact += f64::from(value);
+            running += value;
+        }
+        let error = |sum: f32| (f64::from(sum) - exact).abs() / exact;
+        assert!(error(sum.total().unwrap()) < 1e-6, "{}", error(sum.total().unwrap()));
+        // Where a running sum is at least ten times as far off, the tree is worth its while.
+        assert!(error(running) > 1e-5, "{}", error(running));
+    }
+}

@@ -1,0 +1,32 @@
+//! What a scene is, in checksums: scenes with equal ones look the same to every stage.
+
+use serde_json::{Value, json};
+
+use super::Scene;
+use crate::blocks::sha256;
+
+impl Scene {
+    /// By part, without the camera and the settings.
+    pub fn digest(&self) -> Value {
+        let mut mesh: Vec<u8> = Vec::new();
+        mesh.extend(bytemuck::cast_slice(&self.mesh.positions));
+        mesh.extend(bytemuck::cast_slice(&self.mesh.normals));
+        mesh.extend(bytemuck::cast_slice(&self.mesh.uvs));
+        for triangle in &self.mesh.triangles {
+            let [a, b, c] = triangle.vertices;
+            mesh.extend(bytemuck::bytes_of(&[a, b, c, triangle.material]));
+        }
+        let mut textures: Vec<u8> = Vec::new();
+        for texture in &self.textures {
+            textures.extend(bytemuck::bytes_of(&[texture.width, texture.height]));
+            textures.extend(texture.texels.as_flattened());
+        }
+        json!({
+            "mesh": sha256(&mesh),
+            // Debug prints floats such that they differ where their bits do.
+            "materials": sha256(format!("{:?}", self.materials).as_bytes()),
+            "textures": sha256(&textures),
+            "environment": self.environment.as_ref().map(|environment| environment.digest()),
+        })
+    }
+}
