@@ -6,6 +6,7 @@ use std::f32::consts::PI;
 
 use common::{Model, directions, gather_fused, gpu, irradiance, points_on, sized};
 use finalgather::bake::{Bake, Plan, Rough};
+use finalgather::environment::Environment;
 use finalgather::gpu::Gpu;
 use finalgather::harmonics::{basis, cosine_lobe};
 use finalgather::image::Channel;
@@ -188,6 +189,44 @@ fn gathered_bounces_are_the_geometric_series() {
         // Near corners few samples of direct light are near.
         assert!((mean / expected - 1.0).abs() < sized(&gpu, 0.02, 0.1), "{bounces} bounces: {mean}, expected {expected}");
     }
+}
+
+/// Under a sky that nine coefficients describe, transfer gives what a gather under that sky does, bounces and all: both are linear in it.
+#[test]
+fn transfer_under_a_smooth_sky_is_a_gather_under_it() {
+    let gpu = gpu();
+    let coefficients = [(0, 3.0), (1, 0.9), (2, -0.7), (3, 0.5), (4, 0.4), (6, -0.6), (8, 0.3)];
+    let radiance = |direction: Vec3| {
+        let basis = basis(direction);
+        Vec3::splat(coefficients.iter().map(|&(k, c): &(usize, f32)| c * basis[k]).sum()) * vec3(1.0, 0.5, 0.25)
+    };
+    let (width, height) = (512, 256);
+    let texel = |i: usize| {
+        let (u, v) = (((i % width) as f32 + 0.5) / width as f32, ((i / width) as f32 + 0.5) / height as f32);
+        let (turn, fall) = (2.0 * PI * (u - 0.5), PI * v);
+        radiance(vec3(fall.sin() * turn.sin(), fall.cos(), -fall.sin() * turn.cos()))
+    };
+    let sky = Environment::from_texels([width, height], (0..width * height).map(texel).collect()).unwrap();
+    let mut scene = cornell();
+    scene.environment = Some(sky);
+    scene.materials.iter_mut().for_each(|material| material.emission = Vec3::ZERO);
+    let points = cornell_points(&gpu, &scene, sized(&gpu, 2048, 128));
+    let plan = Plan { what: vec![Quantity::Prt, Quantity::Irradiance], bounces: 2, rough: Rough::Gathered, ..PLAN };
+    let baked = bake(&gpu, &scene, &points, &settings(sized(&gpu, 256, 16)), &plan).0;
+    let mut most = 0.0f32;
+    for (c, color) in ["R", "G", "B"].into_iter().enumerate() {
+        let gathered = column(&baked, &format!("Irradiance.{color}"));
+        let transfer: Vec<_> = (0..9).map(|k| column(&baked, &format!("PRT.{k:02}.{color}"))).collect();
+        for (i, gathered) in gathered.iter().enumerate() {
+            let scale = [1.0, 0.5, 0.25][c];
+            let relit = PI * scale * coefficients.iter().map(|&(k, value)| value * transfer[k][i]).sum::<f32>();
+            // What is left is the picture of the sky, interpolated between texels.
+            most = most.max((relit - gathered).abs() / scale);
+        }
+    }
+    let mean = column(&baked, "Irradiance.R").iter().sum::<f32>() / points.len() as f32;
+    assert!(mean > 0.1, "it is dark: {mean}");
+    assert!(most < 1e-3 * mean, "up to {most} of {mean}");
 }
 
 /// Above a plane, nothing is between a point and the sky.

@@ -51,6 +51,11 @@ impl<'a> Part<'a> {
         self.tensors.get(name).map(Cow::as_ref)
     }
 
+    /// Of all tensors: parts of one job with the same names have the same sums.
+    pub fn names(&self) -> impl Iterator<Item = &str> {
+        self.tensors.keys().map(String::as_str)
+    }
+
     pub fn put_tree<T: Planes>(&mut self, tree: &str, sum: &'a PairwiseSum<T>) {
         for node in sum.nodes() {
             for (plane, floats) in node.sum.planes().into_iter().enumerate() {

@@ -235,7 +235,7 @@ pub struct RenderArgs {
 /// One gather serves all receivers and all quantities. Settings come from these options, else from the scene file's [settings], else from the
 /// defaults shown here.
 #[derive(Debug, clap::Args)]
-#[command(after_help = BAKE_NOTES, allow_negative_numbers = true)]
+#[command(after_help = BAKE_NOTES, args_override_self = true, allow_negative_numbers = true)]
 pub struct BakeArgs {
     /// Scene file: .toml, or a bare .obj with its .mtl
     pub scene: PathBuf,
@@ -311,12 +311,12 @@ pub struct BakeArgs {
 #[derive(Clone, Debug, Default, clap::Args)]
 #[command(next_help_heading = "Long jobs")]
 pub struct JobArgs {
-    /// Keep what is summed so far in this file, for --resume [default: the first output's name with .checkpoint, from a minute on; removed at the end]
+    /// Keep what is summed so far in this file, for --resume [default: the first output's name with .checkpoint, after two times --checkpoint-every, a minute; removed at the end]
     #[arg(long, value_name = "FILE", conflicts_with = "shard")]
     pub checkpoint: Option<PathBuf>,
 
-    /// Seconds between two writes of the checkpoint; more where writing takes long
-    #[arg(long, value_name = "SECONDS", default_value_t = 30, value_parser = count::<u64>)]
+    /// Seconds between two writes of the checkpoint, the next block of directions awaited; more where writing takes long; 0: after every block
+    #[arg(long, value_name = "SECONDS", default_value_t = 30)]
     pub checkpoint_every: u64,
 
     /// Go on from the checkpoint, or with --shard from its part, if there is one
@@ -333,7 +333,7 @@ pub struct JobArgs {
 ///
 /// A picture needs nothing but the parts. A bake needs its scene and points again, found as its command named them from the folder that it ran in.
 #[derive(Debug, clap::Args)]
-#[command(after_help = MERGE_NOTES, allow_negative_numbers = true)]
+#[command(after_help = MERGE_NOTES, args_override_self = true, allow_negative_numbers = true)]
 pub struct MergeArgs {
     /// Parts of all shards, in any order; a finished --checkpoint is one too
     #[arg(value_name = "PART", required = true)]

@@ -10,8 +10,8 @@ use finalgather::error::{Error, Result};
 use crate::args::JobArgs;
 use crate::progress::Progress;
 
-/// A job that takes less is soon done again.
-const MINUTE: Duration = Duration::from_secs(60);
+/// Unless asked for, from so many times the interval on: a job that takes less is soon done again.
+const PATIENCE: u32 = 2;
 /// Writing takes no more than this share of the time.
 const SHARE: u32 = 20;
 
@@ -21,8 +21,10 @@ pub struct Checkpoint {
     resume: bool,
     every: Duration,
     begun: Instant,
-    /// From when on it is to be written again.
+    /// From when on it is to be written again,
     due: Instant,
+    /// if it has others than these.
+    written: Vec<String>,
 }
 
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -57,8 +59,8 @@ impl Checkpoint {
             return Err(Error::usage(problem, "go on from it with --resume, or remove it"));
         }
         let (begun, every) = (Instant::now(), Duration::from_secs(args.checkpoint_every));
-        let first = if kind == Kind::Automatic { every.max(MINUTE) } else { every };
-        Ok(Self { path, kind, resume: args.resume, every, begun, due: begun + first })
+        let first = if kind == Kind::Automatic { PATIENCE * every } else { every };
+        Ok(Self { path, kind, resume: args.resume, every, begun, due: begun + first, written: Vec::new() })
     }
 
     pub fn path(&self) -> &Path {
@@ -67,7 +69,7 @@ impl Checkpoint {
 
     /// Whether a run that ends now leaves it behind.
     pub fn is_kept(&self) -> bool {
-        self.kind != Kind::Automatic || self.begun.elapsed() >= MINUTE || self.resume
+        self.kind != Kind::Automatic || self.begun.elapsed() >= PATIENCE * self.every || self.resume
     }
 
     /// What an earlier run has left, if that is to be gone on from and there is something.
@@ -89,9 +91,14 @@ impl Checkpoint {
 
     /// Writes what `part` gives, if it is time. Where that fails the job goes on, for there may be space again later.
     pub fn keep<'a>(&mut self, progress: &Progress, part: impl FnOnce() -> Part<'a>) {
-        if Instant::now() >= self.due
-            && let Err(error) = self.write(&part())
-        {
+        if Instant::now() < self.due {
+            return;
+        }
+        let part = part();
+        if part.names().eq(self.written.iter().map(String::as_str)) {
+            return;
+        }
+        if let Err(error) = self.write(&part) {
             progress.say(&format!("warning: no checkpoint: {error}"));
         }
     }
@@ -126,7 +133,10 @@ impl Checkpoint {
     fn write(&mut self, part: &Part) -> Result<()> {
         let start = Instant::now();
         let written = part.write(&self.path);
-        self.due = Instant::now() + self.every.max(SHARE * start.elapsed());
+        self.written = part.names().map(str::to_owned).collect();
+        // Who asks for every block gets it.
+        let pause = if self.every.is_zero() { self.every } else { self.every.max(SHARE * start.elapsed()) };
+        self.due = Instant::now() + pause;
         written
     }
 }

@@ -1,0 +1,235 @@
+//! Long jobs from outside: checkpoints, shards and their merge make the bits of one run, whatever ends a run; what does not belong together is refused.
+#![cfg(unix)]
+
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Output, Stdio};
+use std::thread::sleep;
+use std::time::{Duration, Instant};
+
+use serde_json::Value;
+use tempfile::TempDir;
+
+const SCENE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/cornell.toml");
+const SMALL: [&str; 8] = ["--size", "24", "--directions", "200", "--layer-size", "64", "--photons", "1e4"];
+const VALUES: [&str; 12] = [
+    "--to",
+    "vertices",
+    "--to",
+    "lightmap",
+    "--resolution",
+    "32",
+    "--what",
+    "irradiance,ao,sh,prt",
+    "--order",
+    "2",
+    "--samples-per-texel",
+    "1",
+];
+const RECEIVERS: [&str; 4] = ["-o", "vertices:a.npy", "-o", "lightmap:a.exr"];
+
+fn folder() -> TempDir {
+    tempfile::tempdir().unwrap()
+}
+
+fn tool(folder: &TempDir, args: &[&[&str]]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_finalgather"));
+    command.current_dir(folder).args(args.concat());
+    command
+}
+
+fn render(folder: &TempDir, args: &[&str]) -> Command {
+    tool(folder, &[&["render", SCENE], &SMALL, args])
+}
+
+fn bake(folder: &TempDir, args: &[&str]) -> Command {
+    tool(folder, &[&["bake", SCENE], &SMALL, &VALUES, args])
+}
+
+fn said(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+/// What it said.
+fn success(command: &mut Command) -> String {
+    let output = command.output().unwrap();
+    assert!(output.status.success(), "{command:?}: {:?}: {}", output.status, said(&output));
+    said(&output)
+}
+
+fn refusal(command: &mut Command, code: i32) -> String {
+    let output = command.output().unwrap();
+    assert_eq!(output.status.code(), Some(code), "{command:?}: {}", said(&output));
+    said(&output)
+}
+
+fn bytes(folder: &TempDir, name: &str) -> Vec<u8> {
+    fs::read(folder.path().join(name)).unwrap_or_else(|error| panic!("{name}: {error}"))
+}
+
+#[test]
+fn shards_of_a_render_make_the_bytes_of_one_run() {
+    let folder = folder();
+    let settings = ["--interleave", "2", "--exposure", "0.5"];
+    success(&mut render(&folder, &[&settings[..], &["-o", "one.exr", "-o", "one.png"]].concat()));
+    for shard in ["1/3", "2/3", "3/3"] {
+        success(&mut render(&folder, &[&settings[..], &["--shard", shard, "-o", "{shard}.part"]].concat()));
+    }
+    success(&mut tool(&folder, &[&["merge", "3.part", "1.part", "2.part", "-o", "merged.exr", "-o", "merged.png"]]));
+    for ending in ["exr", "png"] {
+        assert!(bytes(&folder, &format!("one.{ending}")) == bytes(&folder, &format!("merged.{ending}")), "{ending} differs");
+    }
+}
+
+#[test]
+fn shards_of_a_bake_make_the_bytes_of_one_run() {
+    let folder = folder();
+    success(&mut bake(&folder, &RECEIVERS));
+    let one = ["a.npy", "a.json", "a.exr"].map(|name| bytes(&folder, name));
+    ["a.npy", "a.json", "a.exr"].iter().for_each(|name| fs::remove_file(folder.path().join(name)).unwrap());
+    for shard in ["1/2", "2/2"] {
+        success(&mut bake(&folder, &["--shard", shard, "-o", "{shard}.part"]));
+    }
+    success(&mut tool(&folder, &[&["merge", "2.part", "1.part"], &RECEIVERS]));
+    assert!(one == ["a.npy", "a.json", "a.exr"].map(|name| bytes(&folder, name)), "a file differs");
+}
+
+/// Runs `command` until it is done, each time killed once its checkpoint `file` has been written again. How often it was.
+fn killed_again_and_again(mut command: impl FnMut() -> Command, file: &Path) -> u32 {
+    let written = || fs::metadata(file).and_then(|metadata| metadata.modified()).ok();
+    let (mut kills, mut done_before) = (0, 0);
+    loop {
+        let before = written();
+        let mut child = command().stderr(Stdio::piped()).spawn().unwrap();
+        let began = Instant::now();
+        let status = loop {
+            if let Some(status) = child.try_wait().unwrap() {
+                break status;
+            }
+            if kills < 4 && written() != before {
+                // Somewhere in the next interval.
+                sleep(Duration::from_millis(40 * u64::from(kills)));
+                child.kill().unwrap();
+                kills += 1;
+            }
+            assert!(began.elapsed() < Duration::from_secs(300), "neither a checkpoint nor an end");
+            sleep(Duration::from_millis(5));
+        };
+        let said = said(&child.wait_with_output().unwrap());
+        assert!(status.success() || status.code().is_none(), "{status}: {said}");
+        // The first run has nothing to go on from.
+        if before.is_some() {
+            let done = said.strip_prefix("going on from ").and_then(|rest| rest.split_once(' ')?.0.parse::<u32>().ok());
+            let done = done.unwrap_or_else(|| panic!("it began anew: {said}"));
+            assert!(done >= done_before, "{done} directions after {done_before}");
+            done_before = done;
+        }
+        if status.success() {
+            assert!(done_before > 0, "nothing was kept");
+            return kills;
+        }
+    }
+}
+
+#[test]
+fn a_render_that_is_killed_goes_on_to_the_same_bytes() {
+    let folder = folder();
+    let settings = ["--directions", "1000"];
+    let again = || {
+        render(&folder, &[&settings[..], &["-o", "a.exr", "--checkpoint-every", "0", "--checkpoint", "a", "--resume"]].concat())
+    };
+    let kills = killed_again_and_again(again, &folder.path().join("a"));
+    assert!(kills > 1, "killed {kills} times");
+    success(&mut render(&folder, &[&settings[..], &["-o", "one.exr"]].concat()));
+    assert!(bytes(&folder, "a.exr") == bytes(&folder, "one.exr"), "the pictures differ");
+}
+
+#[test]
+fn a_bake_that_is_killed_goes_on_to_the_same_bytes() {
+    let folder = folder();
+    let settings = ["--directions", "400", "--rough", "gathered"];
+    let automatic = folder.path().join("a.npy.checkpoint");
+    let again = || bake(&folder, &[&settings[..], &RECEIVERS, &["--checkpoint-every", "0", "--resume"]].concat());
+    let kills = killed_again_and_again(again, &automatic);
+    assert!(kills > 1, "killed {kills} times");
+    assert!(!automatic.exists(), "a checkpoint that nobody asked for is left");
+    let resumed = ["a.npy", "a.exr"].map(|name| bytes(&folder, name));
+    success(&mut bake(&folder, &[&settings[..], &RECEIVERS].concat()));
+    assert!(resumed == ["a.npy", "a.exr"].map(|name| bytes(&folder, name)), "a file differs");
+}
+
+#[test]
+fn termination_keeps_a_checkpoint_and_what_is_done_is_not_done_again() {
+    let folder = folder();
+    let settings = ["--directions", "1500", "-o", "a.exr", "--checkpoint", "a.checkpoint"];
+    let child = render(&folder, &settings).args(["--checkpoint-every", "0"]).stderr(Stdio::piped()).spawn().unwrap();
+    while !folder.path().join("a.checkpoint").exists() {
+        sleep(Duration::from_millis(10));
+    }
+    let kill = format!("kill -TERM {}", child.id());
+    assert!(Command::new("sh").args(["-c", &kill]).status().unwrap().success());
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(143), "{}", said(&output));
+    assert!(said(&output).ends_with("picture so far written to a.exr; --resume goes on\n"), "{}", said(&output));
+    assert!(!bytes(&folder, "a.exr").is_empty());
+    // Without --resume it would be overwritten.
+    assert!(refusal(&mut render(&folder, &settings), 2).contains("--resume"));
+    success(render(&folder, &settings).arg("--resume"));
+    let first = bytes(&folder, "a.exr");
+    // Finished, and written again from what is there.
+    let output = render(&folder, &settings).args(["--resume", "--json"]).output().unwrap();
+    assert!(output.status.success());
+    let report: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(report["gather"]["directions"], 0);
+    assert!(bytes(&folder, "a.exr") == first);
+}
+
+#[test]
+fn what_does_not_belong_together_is_refused_by_name() {
+    let folder = folder();
+    let shard = |shard: &str, name: &str, args: &[&str]| {
+        success(&mut render(&folder, &[&["--shard", shard, "-o", name][..], args].concat()));
+    };
+    for number in ["1/4", "2/4", "3/4"] {
+        shard(number, "{shard}.part", &[]);
+    }
+    shard("4/4", "seed.part", &["--seed", "1"]);
+    success(&mut bake(&folder, &["--shard", "4/4", "-o", "bake.part"]));
+    let damaged = |name: &str, place: usize| {
+        let mut bytes = bytes(&folder, "3.part");
+        let length = bytes.len();
+        bytes[length - place] ^= 1;
+        fs::write(folder.path().join(name), bytes).unwrap();
+    };
+    damaged("flipped.part", 100);
+    fs::write(folder.path().join("short.part"), &bytes(&folder, "3.part")[..1000]).unwrap();
+    let merge = |parts: &[&str]| tool(&folder, &[&["merge"], parts, &["-o", "x.png"]]);
+    // 200 directions are 25 blocks of 8, of which the last shard has seven.
+    let said = refusal(&mut merge(&["1.part", "2.part", "3.part"]), 2);
+    assert!(said.contains("no part has directions 144 to 199 of 200"), "{said}");
+    for (part, code, what) in [
+        ("1.part", 65, "1.part: its directions 0 to 31 are in an earlier part too"),
+        ("seed.part", 65, "seed.part: of another job: settings.seed is 1 there and 0 here"),
+        ("bake.part", 65, "bake.part: of another job: what is \"bake\" there"),
+        ("flipped.part", 65, "flipped.part: damaged"),
+        ("short.part", 65, "short.part: no part, or cut short"),
+        ("none.part", 65, "none.part: cannot read"),
+    ] {
+        let said = refusal(&mut merge(&["1.part", "2.part", part]), code);
+        assert!(said.contains(what) && said.contains("cure: "), "{part}: {said}");
+    }
+    let resume = |args: &[&str]| render(&folder, &[&["--shard", "1/4", "-o", "1.part", "--resume"][..], args].concat());
+    assert!(refusal(&mut resume(&["--directions", "300"]), 65).contains("settings.directions is 200 there and 300 here"));
+    for (args, what) in [
+        (&["--shard", "1/4", "-o", "x.png"][..], "ending in .part"),
+        (&["--shard", "1/4", "-o", "x.part", "-o", "y.part"], "one part"),
+        (&["--shard", "1/26", "-o", "x.part"], "26 shards, and the directions fall into 25 blocks"),
+        (&["--shard", "1/4", "-o", "x.part", "--until", "0.01"], "--until"),
+        (&["--shard", "5/4", "-o", "x.part"], "5/4"),
+        (&["--shard", "1/4", "-o", "1.part"], "--resume"),
+    ] {
+        let said = refusal(&mut render(&folder, args), 2);
+        assert!(said.contains(what), "{args:?}: {said}");
+    }
+    assert!(!folder.path().join("x.png").exists() && !folder.path().join("x.part").exists(), "a refused job has left a file");
+}
