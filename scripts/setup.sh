@@ -37,6 +37,8 @@ links() {
 software_gl() { compgen -G '/usr/lib*/dri/swrast_dri.so' || compgen -G '/usr/lib*/*/dri/swrast_dri.so' ||
     compgen -G '/usr/lib*/libgallium-*.so' || compgen -G '/usr/lib*/*/libgallium-*.so'; } >/dev/null
 
+# Daemons are where only root's PATH looks.
+at_hand() { PATH=$PATH:/sbin:/usr/sbin command -v "$1" >/dev/null; }
 packaged() { apt-cache show "$1" >/dev/null 2>&1; }
 lists_there() { compgen -G '/var/lib/apt/lists/*Packages*' >/dev/null; }
 
@@ -67,8 +69,28 @@ if [[ $tests ]]; then
     if command -v apt-get >/dev/null && ! library libOSMesa.so && { packaged libosmesa6 || ! lists_there; }; then
         missing libOSMesa libosmesa6 "" ""
     fi
+    # Engines that tests/cluster.rs runs; it says which it goes without.
+    if command -v apt-get >/dev/null; then
+        at_hand munged || missing munge munge "" ""
+        at_hand slurmctld && at_hand slurmd && at_hand srun || missing Slurm "slurmctld slurmd slurm-client" "" ""
+        python3 -c 'import ensurepip, venv' 2>/dev/null || missing "Python's venv" python3-venv "" ""
+    fi
 fi
-[[ ${#words[@]} -eq 0 ]] && exit 0
+
+# Engines that are no system packages, in an environment of Python beside what Cargo builds.
+python_packages() {
+    local folder=${CARGO_TARGET_DIR:-target}/python packages=(openjd-cli==0.8.0 kubernetes-validate==1.37.0)
+    [[ -x $folder/bin/openjd && -x $folder/bin/kubernetes-validate ]] && return
+    echo "installing ${packages[*]}" >&2
+    python3 -m venv "$folder" && "$folder/bin/pip" install --quiet --retries 1 "${packages[@]}" ||
+        echo "warning: not installed; the tests of Open Job Description and of Kubernetes manifests will not run" >&2
+}
+finish() {
+    [[ $tests ]] && python_packages
+    exit 0
+}
+
+[[ ${#words[@]} -eq 0 ]] && finish
 
 if command -v apt-get >/dev/null; then
     as_root=()
@@ -85,7 +107,7 @@ if command -v apt-get >/dev/null; then
     packaged libosmesa6 || debian=("${debian[@]/libosmesa6/}")
     echo "installing" ${debian[*]} >&2
     "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends ${debian[@]} >/dev/null
-    exit 0
+    finish
 fi
 
 printf 'missing: %s\n' "${words[@]}" >&2
