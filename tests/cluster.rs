@@ -7,17 +7,20 @@ use std::fs::{self, File};
 use std::io::{Write, stderr};
 use std::net::TcpListener;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Output};
+use std::process::{Child, Command, Output, Stdio};
+use std::sync::OnceLock;
 use std::thread::sleep;
-use std::time::{Duration, Instant, SystemTime};
+use std::time::{Duration, Instant};
 
 use serde_json::Value;
 use tempfile::TempDir;
 
 /// Of what is waited for; a loaded machine may take a minute.
 const PATIENCE: Duration = Duration::from_secs(300);
-/// After which a shard is no longer starting, and not yet done.
-const MIDWAY: Duration = Duration::from_millis(500);
+/// Side of the picture.
+const SIDE: u32 = 64;
+/// Said by a shard that is begun again and finds what it had.
+const RESUMED: &str = "going on from ";
 
 fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
@@ -35,8 +38,8 @@ fn folder() -> TempDir {
     }
     let scene = fs::read_to_string(root().join("scenes/cornell.toml")).unwrap();
     let (scene, _) = scene.split_once("[settings]").expect("settings come last");
-    let settings = "[settings]\nsize = [64, 64]\ndirections = 1024\nphotons = 10000\n";
-    fs::write(folder.path().join("scene.toml"), scene.to_owned() + settings).unwrap();
+    let settings = format!("[settings]\nsize = [{SIDE}, {SIDE}]\ndirections = 1024\nphotons = 10000\n");
+    fs::write(folder.path().join("scene.toml"), scene.to_owned() + &settings).unwrap();
     folder
 }
 
@@ -85,36 +88,51 @@ fn wait_for<T>(what: &str, mut look: impl FnMut() -> Option<T>) -> T {
     }
 }
 
-/// Kills a process of the tool that gathers a shard of this folder's scene, midway.
-fn kill_a_shard(folder: &Path) {
-    let tool = Path::new(env!("CARGO_BIN_EXE_finalgather")).canonicalize().unwrap();
-    let gathers = |process: &Path| {
-        let arguments = text(&fs::read(process.join("cmdline")).unwrap_or_default());
-        arguments.contains(folder.to_str().unwrap())
-            && arguments.contains("--shard")
-            && fs::read_link(process.join("exe")).is_ok_and(|path| path == tool)
-    };
-    wait_for("a shard to kill", || {
+/// Does something to the tool in the midst of a shard of this folder's scene, with a part that it could go on from. The process is as /proc
+/// shows it; should it end meanwhile, another one is found.
+fn midway<T>(folder: &Path, act: impl Fn(&Path) -> Option<T>) -> T {
+    wait_for("a shard that has begun", || {
         let mut processes = fs::read_dir("/proc").unwrap().map(|entry| entry.unwrap().path());
-        let process = processes.find(|process| gathers(process))?;
-        sleep(MIDWAY);
-        // One that is done meanwhile spares itself; there are others.
-        let id = process.file_name().unwrap();
-        (gathers(&process) && Command::new("kill").arg("-KILL").arg(id).status().unwrap().success()).then_some(())
-    });
+        act(&processes.find(|process| part_of(process).is_some_and(|part| part.starts_with(folder) && has_sums(&part)))?)
+    })
 }
 
-/// The parts in a folder, and when each was written.
-fn parts(folder: &Path) -> Vec<(PathBuf, SystemTime)> {
-    let files = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
-    let parts = files.filter(|path| path.extension().is_some_and(|extension| extension == "part"));
-    parts.map(|path| (path.clone(), path.metadata().unwrap().modified().unwrap())).collect()
+fn kill(process: &Path) -> Option<()> {
+    Command::new("kill").arg("-KILL").arg(process.file_name()?).status().unwrap().success().then_some(())
 }
 
+fn words(file: &Path) -> Option<Vec<String>> {
+    Some(text(&fs::read(file).ok()?).split('\0').map(str::to_owned).collect())
+}
+
+fn variable(process: &Path, name: &str) -> Option<String> {
+    words(&process.join("environ"))?.iter().find_map(|word| Some(word.strip_prefix(name)?.strip_prefix('=')?.to_owned()))
+}
+
+/// What a process writes if it is the tool at a shard.
+fn part_of(process: &Path) -> Option<PathBuf> {
+    let arguments = words(&process.join("cmdline")).filter(|arguments| arguments[0].ends_with("finalgather"))?;
+    let after = |option| arguments.iter().skip_while(|argument| *argument != option).nth(1);
+    let shard = match after("--shard")?.split_once('/') {
+        Some((shard, _)) => shard.to_owned(),
+        None => variable(process, "SLURM_ARRAY_TASK_ID")?,
+    };
+    Some(fs::read_link(process.join("cwd")).ok()?.join(after("-o")?.replace("{shard}", &shard)))
+}
+
+/// Whether a part holds more than its description.
+fn has_sums(part: &Path) -> bool {
+    part.metadata().is_ok_and(|file| file.len() > u64::from(SIDE * SIDE * 4))
+}
+
+/// That one run writes what was merged.
 fn assert_as_of_one_run(folder: &Path, merged: &str) {
-    success(command("finalgather", folder).args(["render", "scene.toml", "-o", "one.exr"]));
-    let [one, merged] = ["one.exr", merged].map(|name| fs::read(folder.join(name)).unwrap());
-    assert!(one == merged, "what was merged is not what one run writes");
+    static ONE: OnceLock<Vec<u8>> = OnceLock::new();
+    let one = ONE.get_or_init(|| {
+        success(command("finalgather", folder).args(["render", "scene.toml", "-o", "one.exr"]));
+        fs::read(folder.join("one.exr")).unwrap()
+    });
+    assert!(*one == fs::read(folder.join(merged)).unwrap(), "{merged} is not what one run writes");
 }
 
 /// A cluster of this machine alone; its daemons end with it, or else with the thread that started it.
@@ -203,39 +221,26 @@ impl Drop for Slurm {
 
 #[test]
 fn slurm() {
-    if !installed("Slurm", &["munged", "slurmctld", "slurmd", "sbatch", "srun"]) {
+    if !installed("Slurm", &["munged", "mungekey", "slurmctld", "slurmd", "sbatch", "srun", "setpriv"]) {
         return;
     }
     let folder = folder();
     let folder = folder.path();
     let slurm = Slurm::start(folder);
-    success(
-        slurm
-            .command(root().join("scripts/cluster/slurm.sh"))
-            .current_dir(folder)
-            .arg("merged.exr")
-            .arg("render")
-            .arg(folder.join("scene.toml")),
-    );
-    kill_a_shard(folder);
-    // As one that gives way to a job of more weight.
-    let preempted = wait_for("a shard to preempt", || {
-        let running = slurm.say("squeue --noheader --array --states=RUNNING --format=%i")?;
-        let task = running.lines().next()?.to_owned();
-        sleep(MIDWAY);
-        slurm.say(&format!("scontrol requeue {task}"))?;
-        Some(task)
+    let mut submit = slurm.command(root().join("scripts/cluster/slurm.sh"));
+    success(submit.current_dir(folder).args(["merged.exr", "render", "scene.toml", "--checkpoint-every", "0"]));
+    midway(folder, kill);
+    // One more gives way, as to a job of more weight.
+    midway(folder, |process| {
+        let (array, task) = (variable(process, "SLURM_ARRAY_JOB_ID")?, variable(process, "SLURM_ARRAY_TASK_ID")?);
+        slurm.say(&format!("scontrol requeue {array}_{task}"))
     });
     slurm.wait();
-    let logs = || {
-        fs::read_dir(folder.join("merged.exr.parts"))
-            .unwrap()
-            .map(|entry| entry.unwrap().path())
-            .filter(|path| path.extension().is_some_and(|extension| extension == "log"))
-    };
-    let logs: Vec<_> = logs().map(|path| fs::read_to_string(path).unwrap()).collect();
-    let count = |what: &str| logs.iter().filter(|log| log.contains(what)).count();
-    assert_eq!((count("ended with 137: requeued"), count("DUE TO JOB REQUEUE")), (1, 1), "{preempted}: {logs:#?}");
+
+    let logs = (1..=16).map(|shard| fs::read_to_string(folder.join(format!("merged.exr.parts/{shard}.log"))).unwrap());
+    let resumed: Vec<_> = logs.filter(|log| log.contains(RESUMED)).collect();
+    let killed = resumed.iter().filter(|log| log.contains("ended with 137: requeued"));
+    assert_eq!((resumed.len(), killed.count()), (2, 1), "{resumed:#?}");
     assert_as_of_one_run(folder, "merged.exr");
 }
 
@@ -247,20 +252,23 @@ fn open_job_description() {
     let folder = folder();
     let folder = folder.path();
     let mut run = command("openjd", folder);
-    run.arg("run").arg(root().join("scripts/cluster/openjd.yaml"));
-    run.args(["--step", "Merge", "--run-dependencies", "-p", "Scene=scene.toml", "-p", "Out=merged.exr"]);
-    let mut first = run.spawn().unwrap();
-    wait_for("two parts", || (parts(folder).len() >= 2).then_some(()));
-    kill_a_shard(folder);
-    assert!(!first.wait().unwrap().success(), "the first run goes on without the shard that was killed");
-    let before = parts(folder);
-    success(&mut run);
-    let after = parts(folder);
-    assert!(before.len() < 16 && before.iter().all(|part| after.contains(part)), "{before:?}, then {after:?}");
+    run.arg("run").arg(root().join("scripts/cluster/openjd.yaml")).args(["--step", "Merge", "--run-dependencies"]);
+    for parameter in ["Scene=scene.toml", "Out=merged.exr", "Options=--checkpoint-every 0"] {
+        run.args(["--job-param", parameter]);
+    }
+    let mut first = run.stdout(Stdio::null()).spawn().unwrap();
+    wait_for("the third shard", || has_sums(&folder.join("merged.exr.3.part")).then_some(()));
+    midway(folder, kill);
+    assert!(!first.wait().unwrap().success(), "the job went on without the shard that was killed");
+    assert!(!folder.join("merged.exr").exists());
+
+    let second = text(&success(run.stdout(Stdio::piped())).stdout);
+    assert!(second.matches("going on from 64 of 64 directions").count() >= 2, "what was complete began anew: {second}");
+    assert!(second.matches(RESUMED).count() >= 3, "what was killed began anew: {second}");
     assert_as_of_one_run(folder, "merged.exr");
 }
 
-/// No cluster here: against the schema of Kubernetes, and by running what the containers would.
+/// There is no cluster here: the manifests are held against Kubernetes' schema, and what their containers would run is run.
 #[test]
 fn kubernetes() {
     if !installed("Kubernetes manifests", &["kubernetes-validate"]) {
@@ -268,36 +276,34 @@ fn kubernetes() {
     }
     let folder = folder();
     let folder = folder.path();
-    let [shards, merge] = ["kubernetes.yaml", "kubernetes_merge.yaml"].map(|name| {
+    let [gather, merge] = ["kubernetes.yaml", "kubernetes_merge.yaml"].map(|name| {
         let path = root().join("scripts/cluster").join(name);
         success(command("kubernetes-validate", folder).args(["--strict", "--kubernetes-version", "1.33"]).arg(&path));
-        let json = "import json, sys, yaml; print(json.dumps(yaml.safe_load(open(sys.argv[1]))))";
-        serde_json::from_slice::<Value>(&success(command("python", folder).args(["-c", json]).arg(&path)).stdout).unwrap()
+        let to_json = "import json, sys, yaml; print(json.dumps(yaml.safe_load(open(sys.argv[1]))))";
+        let json = success(command("python", folder).args(["-c", to_json]).arg(path)).stdout;
+        serde_json::from_slice::<Value>(&json).unwrap()
     });
     let container = |job: &Value| {
         let container = &job["spec"]["template"]["spec"]["containers"][0];
         let mounted = container["volumeMounts"][0]["mountPath"].as_str().unwrap();
-        let words = container["command"]
-            .as_array()
-            .unwrap()
-            .iter()
-            .map(|word| word.as_str().unwrap().replace(mounted, folder.to_str().unwrap()));
-        let words: Vec<_> = words.collect();
-        let mut command = command(&words[0], folder);
-        command.args(&words[1..]);
-        command
+        let words = container["command"].as_array().unwrap().iter().map(|word| word.as_str().unwrap());
+        let words: Vec<_> = words.map(|word| word.replace(mounted, folder.to_str().unwrap())).collect();
+        let mut container = command(&words[0], folder);
+        container.args(&words[1..]);
+        container
     };
-    assert_eq!(shards["spec"]["completionMode"], "Indexed");
-    for index in 0..shards["spec"]["completions"].as_u64().unwrap() {
-        let mut pod = container(&shards);
-        pod.env("JOB_COMPLETION_INDEX", index.to_string());
+    assert_eq!(gather["spec"]["completionMode"], "Indexed");
+    for index in 0..gather["spec"]["completions"].as_u64().unwrap() {
+        let mut pod = container(&gather);
+        pod.args(["--checkpoint-every", "0"]).env("JOB_COMPLETION_INDEX", index.to_string());
         if index == 5 {
-            let mut killed = pod.spawn().unwrap();
-            sleep(MIDWAY);
-            killed.kill().unwrap();
-            assert!(!killed.wait().unwrap().success());
+            let mut first = pod.stderr(Stdio::null()).spawn().unwrap();
+            wait_for("the pod's part", || has_sums(&folder.join(format!("scene.{}.part", index + 1))).then_some(()));
+            first.kill().unwrap();
+            first.wait().unwrap();
         }
-        success(&mut pod);
+        let said = text(&success(pod.stderr(Stdio::piped())).stderr);
+        assert_eq!(said.contains(RESUMED), index == 5, "{said}");
     }
     success(&mut container(&merge));
     assert_as_of_one_run(folder, "scene.exr");
