@@ -97,8 +97,11 @@ fn midway<T>(folder: &Path, act: impl Fn(&Path) -> Option<T>) -> T {
     })
 }
 
+/// Returns once it is gone, so that it is not found again.
 fn kill(process: &Path) -> Option<()> {
-    Command::new("kill").arg("-KILL").arg(process.file_name()?).status().unwrap().success().then_some(())
+    Command::new("kill").arg("-KILL").arg(process.file_name()?).status().unwrap().success().then_some(())?;
+    wait_for("the end of what was killed", || part_of(process).is_none().then_some(()));
+    Some(())
 }
 
 fn words(file: &Path) -> Option<Vec<String>> {
