@@ -6,6 +6,7 @@ use std::ffi::OsStr;
 use std::fs::{self, File};
 use std::io::{Write, stderr};
 use std::net::TcpListener;
+use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 use std::sync::OnceLock;
@@ -135,20 +136,38 @@ fn assert_as_of_one_run(folder: &Path, merged: &str) {
         success(command("finalgather", folder).args(["render", "scene.toml", "-o", "one.exr"]));
         fs::read(folder.join("one.exr")).unwrap()
     });
-    assert!(*one == fs::read(folder.join(merged)).unwrap(), "{merged} is not what one run writes");
+    let merged_bytes = fs::read(folder.join(merged)).unwrap_or_else(|error| panic!("{merged}: {error}"));
+    assert!(*one == merged_bytes, "{merged} is not what one run writes");
 }
 
-/// A cluster of this machine alone; its daemons end with it, or else with the thread that started it.
+/// A cluster of this machine alone. It ends with the value, or else with the thread that made it.
 struct Slurm {
     folder: PathBuf,
-    daemons: Vec<Child>,
+    daemons: Child,
 }
+
+/// What runs must end first, for without its daemons it waits for ever.
+const DAEMONS: &str = "
+    end() {
+        scancel --partition=all
+        timeout 40 bash -c 'while [[ $(squeue --noheader) ]]; do sleep 0.1; done'
+        kill $(jobs -p)
+        wait
+    }
+    trap end EXIT
+    trap exit TERM
+    mungekey --create --keyfile=munge.key
+    munged --foreground --force --key-file=munge.key --socket=munge.socket --pid-file=munge.pid --log-file=munge.log --seed-file=munge.seed &
+    until [[ -S munge.socket ]]; do sleep 0.02; done
+    slurmctld -D &
+    slurmd -D &
+    wait";
 
 impl Slurm {
     fn start(folder: &Path) -> Self {
-        let mut slurm = Self { folder: folder.join("slurm"), daemons: Vec::new() };
+        let own = folder.join("slurm");
         for name in ["state", "spool"] {
-            fs::create_dir_all(slurm.folder.join(name)).unwrap();
+            fs::create_dir_all(own.join(name)).unwrap();
         }
         let said = |program: &str, arg: &str| text(&success(command(program, folder).arg(arg)).stdout).trim().to_owned();
         let (host, user) = (said("uname", "-n"), said("id", "-un"));
@@ -165,17 +184,15 @@ impl Slurm {
              SelectType=select/cons_tres\nSelectTypeParameters=CR_CPU\n\
              SchedulerParameters=batch_sched_delay=0,sched_interval=1\nSlurmdParameters=config_overrides\n\
              NodeName={host} NodeAddr=127.0.0.1 CPUs=4\nPartitionName=all Nodes=ALL Default=YES\n",
-            own = slurm.folder.display(),
+            own = own.display(),
         );
-        fs::write(slurm.folder.join("slurm.conf"), configuration).unwrap();
-        success(slurm.command("mungekey").args(["--create", "--keyfile=munge.key"]));
-        slurm.daemon(&[
-            "munged --foreground --force --key-file=munge.key --socket=munge.socket",
-            "--pid-file=munge.pid --log-file=munge.log --seed-file=munge.seed",
-        ]);
-        wait_for("munged", || slurm.folder.join("munge.socket").exists().then_some(()));
-        slurm.daemon(&["slurmctld -D"]);
-        slurm.daemon(&["slurmd -D"]);
+        fs::write(own.join("slurm.conf"), configuration).unwrap();
+        let log = File::create(own.join("log")).unwrap();
+        let mut daemons = command("setpriv", &own);
+        // Signals of a terminal are not for them.
+        daemons.args(["--pdeathsig", "TERM", "bash", "-c", DAEMONS]).env("SLURM_CONF", own.join("slurm.conf")).process_group(0);
+        let daemons = daemons.stdout(log.try_clone().unwrap()).stderr(log).spawn().unwrap();
+        let slurm = Self { folder: own, daemons };
         wait_for("Slurm", || (slurm.say("sinfo --noheader --format=%T")? == "idle\n").then_some(()));
         slurm
     }
@@ -193,14 +210,6 @@ impl Slurm {
         output.status.success().then(|| text(&output.stdout))
     }
 
-    fn daemon(&mut self, line: &[&str]) {
-        let words: Vec<_> = line.iter().flat_map(|line| line.split(' ')).collect();
-        let log = File::create(self.folder.join(words[0]).with_extension("said")).unwrap();
-        let mut command = self.command("setpriv");
-        command.args(["--pdeathsig", "TERM"]).args(words).stdout(log.try_clone().unwrap()).stderr(log);
-        self.daemons.push(command.spawn().unwrap());
-    }
-
     /// Until the queue is empty.
     fn wait(&self) {
         wait_for("the queue to empty", || self.say("squeue --noheader")?.is_empty().then_some(()));
@@ -209,16 +218,8 @@ impl Slurm {
 
 impl Drop for Slurm {
     fn drop(&mut self) {
-        // First what runs, for daemons leave it running.
-        self.say("scancel --partition=all");
-        let began = Instant::now();
-        while began.elapsed() < Duration::from_secs(20) && self.say("squeue --noheader").is_some_and(|jobs| !jobs.is_empty()) {
-            sleep(Duration::from_millis(100));
-        }
-        for mut daemon in self.daemons.drain(..).rev() {
-            let _ = Command::new("kill").arg(daemon.id().to_string()).status();
-            let _ = daemon.wait();
-        }
+        let _ = Command::new("kill").arg(self.daemons.id().to_string()).status();
+        let _ = self.daemons.wait();
     }
 }
 
