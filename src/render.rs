@@ -335,7 +335,7 @@ impl Render {
     /// Gathers along the next directions, as many as the pipeline takes at once, if any are left.
     ///
     /// # Errors
-    /// [`crate::Error::Gl`] when the device fails; what was done before stays.
+    /// [`crate::Error::Gl`] when the device fails; the blocks that were done before stay.
     pub fn step(&mut self) -> Result<()> {
         if self.is_done() {
             return Ok(());
@@ -345,16 +345,22 @@ impl Render {
             (None, Some(index)) => self.begin_block(index)?,
             (None, None) => return Ok(()),
         };
-        if let Err(error) = self.gather_directions(&mut block) {
-            self.block = Some(block);
-            return Err(error);
-        }
-        if block.left.is_empty() {
-            let node = self.node_of(&block);
-            self.film.insert(node).ok().expect("a block is begun once");
-            self.estimate_error();
-        } else {
-            self.block = Some(block);
+        let gathered = self.gather_directions(&mut block).and_then(|()| {
+            let node = block.left.is_empty().then(|| self.node_of(&block));
+            self.gpu.check("reading sums")?;
+            Ok(node)
+        });
+        match gathered {
+            Ok(None) => self.block = Some(block),
+            Ok(Some(node)) => {
+                self.film.insert(node).ok().expect("a block is begun once");
+                self.estimate_error();
+            }
+            Err(error) => {
+                // What a device did that failed is gone, or not to be trusted.
+                self.done -= block.taken.iter().sum::<u32>();
+                return Err(error);
+            }
         }
         Ok(())
     }

@@ -23,9 +23,9 @@ mod rays;
 
 pub use bundle::Bundle;
 pub use exact::ExactFind;
-pub use hits::{Find, HIT_BYTES, Hits, KeptHits};
+pub use hits::{Begun, Find, HIT_BYTES, Hits, KeptHits};
 pub use kill::Kill;
-pub use layer_store::LayerStore;
+pub use layer_store::{Filled, LayerStore};
 pub use peel::Peel;
 pub use rays::{RayFind, RayGather};
 
@@ -187,11 +187,13 @@ impl Gather for FusedGather {
     fn add(&mut self, work: Work, directions: &[Direction]) -> Result<u32> {
         let size = self.store.layer_size();
         let bundle = |direction| Bundle::new(direction, &work.geometry.positions, size);
-        let mut most = 0;
-        for batch in directions.chunks(self.batch()) {
-            let bundles: Vec<Bundle> = batch.iter().map(bundle).collect();
-            most = most.max(self.gpu.stage("peel", || self.store.fill(work.geometry, &bundles))?);
-            self.gpu.stage("gather", || self.fused.add(work, &bundles, &self.store));
+        let bundles: Vec<Bundle> = directions.iter().map(bundle).collect();
+        let (mut most, mut left) = (0, &bundles[..]);
+        while !left.is_empty() {
+            let filled = self.gpu.stage("peel", || self.store.fill(work.geometry, left))?;
+            let (batch, later) = left.split_at(filled.bundles);
+            self.gpu.stage("gather", || self.fused.add(work, batch, &self.store));
+            (most, left) = (most.max(filled.layers), later);
         }
         Ok(most)
     }
@@ -216,9 +218,9 @@ impl Find for KillFind {
         1
     }
 
-    fn begin(&mut self, _: &Geometry, directions: &[Direction]) -> Result<u32> {
+    fn begin(&mut self, _: &Geometry, directions: &[Direction]) -> Result<Begun> {
         self.direction = directions.first().copied();
-        Ok(0)
+        Ok(Begun { directions: 1, layers: 0 })
     }
 
     fn find(&mut self, geometry: &Geometry, points: Points) -> Result<Hits<'_>> {
@@ -265,11 +267,13 @@ impl Find for FusedFind {
         self.store.tiles() as usize
     }
 
-    fn begin(&mut self, geometry: &Geometry, directions: &[Direction]) -> Result<u32> {
+    fn begin(&mut self, geometry: &Geometry, directions: &[Direction]) -> Result<Begun> {
         let size = self.store.layer_size();
         self.bundles = directions.iter().map(|direction| Bundle::new(direction, &geometry.positions, size)).collect();
-        self.directions = directions.iter().map(|direction| direction.vector.extend(0.0)).collect();
-        self.gpu.stage("peel", || self.store.fill(geometry, &self.bundles))
+        let filled = self.gpu.stage("peel", || self.store.fill(geometry, &self.bundles))?;
+        self.bundles.truncate(filled.bundles);
+        self.directions = self.bundles.iter().map(|bundle| bundle.direction.extend(0.0)).collect();
+        Ok(Begun { directions: filled.bundles, layers: filled.layers })
     }
 
     fn find(&mut self, _: &Geometry, points: Points) -> Result<Hits<'_>> {
