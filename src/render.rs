@@ -174,7 +174,7 @@ impl Render {
         let (camera, digest) = (scene.camera, scene.digest());
         let [all, gathered] = Surfaces::of(gpu, scene)?;
         let scene = &all.scene;
-        let passes = Passes::new(gpu, &gathered.scene, settings)?;
+        let mut passes = Passes::new(gpu, &gathered.scene, settings)?;
 
         // The first photons also tell, for all maps, which surfaces light reaches.
         let start = Instant::now();
@@ -189,7 +189,7 @@ impl Render {
         let tracer = PhotonTracer::new(scene, &all.bvh, &lights, settings.seed, settings.bounces);
         let photon_counts = tracer.trace(0..settings.photons, &mut grid);
         grid.add_area(&gathered.scene.mesh, &gathered.bvh, settings.seed);
-        let photons = PhotonTexture::upload(gpu, &grid)?;
+        let photons = passes.with_room(gpu, || PhotonTexture::upload(gpu, &grid))?;
 
         let mut statistics = Statistics {
             scene: SceneCounts { triangles: scene.mesh.triangles.len(), lights: lights.count() },
@@ -271,6 +271,11 @@ impl Render {
     /// What it is rendered by.
     pub fn settings(&self) -> &Settings {
         &self.settings
+    }
+
+    /// Whether its context is lost, so that it cannot go on.
+    pub fn is_lost(&self) -> bool {
+        self.gpu.is_lost()
     }
 
     /// Directions gathered so far.
@@ -385,17 +390,18 @@ impl Render {
 
         let start = Instant::now();
         let offset = sobol(index, self.settings.seed);
-        let visible = match &mut self.passes.source {
+        let visible = match &self.passes.source {
             Source::Camera(points) => {
                 let mut visible = points.see(&self.all.geometry, &self.camera, offset.into());
                 visible.see_beyond(&self.all.scene, &self.camera, self.settings.size, offset.into());
                 visible
             }
-            Source::Traced(points) => {
+            Source::Traced(_) => {
                 let Surfaces { scene, bvh, .. } = &*self.all;
                 let rays = EyeRays { scene, bvh, camera: &self.camera, size: self.settings.size, seed: self.settings.seed };
                 let visible = rays.see(offset.into(), index);
-                *points = Some(TracedPoints::upload(&self.gpu, self.settings.size, &visible)?);
+                let upload = || TracedPoints::upload(&self.gpu, self.settings.size, &visible);
+                self.passes.source = Source::Traced(Some(self.passes.with_room(&self.gpu, upload)?));
                 visible
             }
         };
@@ -455,7 +461,7 @@ impl Render {
         let Surfaces { scene, bvh, .. } = &*self.all;
         let tracer = PhotonTracer::new(scene, bvh, &self.lights, self.settings.seed, self.settings.bounces);
         self.statistics.photons += tracer.trace(numbers, &mut self.grid);
-        self.photons = PhotonTexture::upload(&self.gpu, &self.grid)?;
+        self.photons = self.passes.with_room(&self.gpu, || PhotonTexture::upload(&self.gpu, &self.grid))?;
         self.photon_map_number = map;
         self.statistics.seconds.photons += self.finish("uploading photons", start)?;
         Ok(())
@@ -612,22 +618,29 @@ impl Passes {
         let direct_sums = Sums::new(gpu, points)?;
         let rough = PhotonMap::new(gpu, points)?;
         let interleave = Interleave::new(settings.interleave, points, settings.seed);
-        let gather: Option<Box<dyn Gather>> = match settings.pipeline {
-            Pipeline::Kill => {
-                Some(Box::new(KillGather::new(gpu, settings.layer_size, interleave.tile(), settings.stop_fraction)?))
-            }
-            Pipeline::EarlyKill => {
-                Some(Box::new(KillGather::early(gpu, settings.layer_size, interleave.tile(), settings.stop_fraction)?))
-            }
-            Pipeline::Fused => Some(Box::new(FusedGather::new(gpu, settings.layer_size)?)),
-            Pipeline::RaycastGl => Some(Box::new(RayGather::new(gpu, scene)?)),
-            Pipeline::Raycast => None,
-        };
-        let method = match gather {
-            Some(gather) => Method::Gl { gather, sums: Sums::new(gpu, interleave.sums_size())? },
-            None => Method::Rays { points: Vec::new(), sums: Vec::new() },
+        let sums = || Sums::new(gpu, interleave.sums_size());
+        // Sums first: what gathers takes what memory is left.
+        let gl = |sums, gather: Box<dyn Gather>| Method::Gl { gather, sums };
+        let (layers, tile, stop) = (settings.layer_size, interleave.tile(), settings.stop_fraction);
+        let method = match settings.pipeline {
+            Pipeline::Kill => gl(sums()?, Box::new(KillGather::new(gpu, layers, tile, stop)?)),
+            Pipeline::EarlyKill => gl(sums()?, Box::new(KillGather::early(gpu, layers, tile, stop)?)),
+            Pipeline::Fused => gl(sums()?, Box::new(FusedGather::new(gpu, layers)?)),
+            Pipeline::RaycastGl => gl(sums()?, Box::new(RayGather::new(gpu, scene)?)),
+            Pipeline::Raycast => Method::Rays { points: Vec::new(), sums: Vec::new() },
         };
         Ok(Self { source, direct, direct_sums, rough, interleave, method, shown: None })
+    }
+
+    /// What `make` makes on the GL side, and where memory ends at the cost of what gathering can do without.
+    fn with_room<T>(&mut self, gpu: &Gpu, make: impl Fn() -> Result<T>) -> Result<T> {
+        loop {
+            let made = make();
+            let can = matches!(made, Err(Error::Gl { .. })) && !gpu.is_lost();
+            if !(can && matches!(&mut self.method, Method::Gl { gather, .. } if gather.shrink())) {
+                return made;
+            }
+        }
     }
 }
 

@@ -83,8 +83,13 @@ pub trait Gather {
     /// Gathers along `directions` and adds to the sums. Returns the most layers that were peeled for one of them, 0 where none were.
     ///
     /// # Errors
-    /// [`crate::Error::Usage`] when the device is too small for the scene.
+    /// [`crate::Error::Gl`] when the device is too small for the scene.
     fn add(&mut self, work: Work, directions: &[Direction]) -> Result<u32>;
+
+    /// Gives memory back that it can do without, if any.
+    fn shrink(&mut self) -> bool {
+        false
+    }
 }
 
 /// The 2004 method, for one layer size and one size of point textures.
@@ -196,6 +201,10 @@ impl Gather for FusedGather {
             (most, left) = (most.max(filled.layers), later);
         }
         Ok(most)
+    }
+
+    fn shrink(&mut self) -> bool {
+        self.store.halve()
     }
 }
 

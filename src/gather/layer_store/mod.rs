@@ -30,9 +30,12 @@ const SLOTS: u32 = 8;
 pub struct LayerStore {
     gpu: Gpu,
     layer_size: u32,
+    tiles: u32,
+    slots: u32,
     /// Whether the device is trusted to sort.
     sorts: bool,
-    kept: Kept,
+    /// Not while there is other use for the memory.
+    kept: Option<Kept>,
     /// Layers of the batch.
     layers: u32,
 }
@@ -85,16 +88,26 @@ impl LayerStore {
 
     fn with(gpu: &Gpu, layer_size: u32, sorts: bool) -> Result<Self> {
         let tiles = (WIDTH.min(gpu.info().limits.max_texture_size) / layer_size).clamp(1, shaders::BATCH as u32);
-        Ok(Self { gpu: gpu.clone(), layer_size, sorts, kept: Kept::fitting(gpu, layer_size, tiles, SLOTS, sorts)?, layers: 0 })
+        let kept = Kept::fitting(gpu, layer_size, tiles, SLOTS, sorts)?;
+        Ok(Self { gpu: gpu.clone(), layer_size, tiles: kept.tiles, slots: SLOTS, sorts, kept: Some(kept), layers: 0 })
     }
 
     /// How many directions it holds; fewer where memory ends before the scene's layers.
     pub fn tiles(&self) -> u32 {
-        self.kept.tiles
+        self.tiles
     }
 
     pub fn layer_size(&self) -> u32 {
         self.layer_size
+    }
+
+    /// Gives its memory back, and takes half as much from now on. Returns whether that is possible.
+    pub fn halve(&mut self) -> bool {
+        let possible = self.tiles > 1;
+        if possible {
+            (self.tiles, self.kept) = (self.tiles / 2, None);
+        }
+        possible
     }
 
     /// Stores all layers of `bundles`, each in a tile, from the first on as many as it holds.
@@ -109,45 +122,46 @@ impl LayerStore {
         assert!(!bundles.is_empty(), "no bundles");
         // To ask whether anything is left, one must wait; most of the layers that were there last time are taken for granted.
         let granted = self.layers.saturating_sub(1 + self.layers / 8);
-        let most = self.gpu.info().limits.max_array_layers;
         loop {
-            let Kept { tiles, slots, filler } = &mut self.kept;
-            let bundles = &bundles[..bundles.len().min(*tiles as usize)];
-            let (layers, sorted) = match filler {
-                Filler::Peel(peel) => (peel.fill(geometry, bundles, granted), false),
-                Filler::Sort(sort) => (sort.fill(geometry, bundles, granted, slots), true),
+            // What is too small or fails goes before there is other.
+            let mut kept = match self.kept.take() {
+                Some(kept) => kept,
+                None => Kept::fitting(&self.gpu, self.layer_size, self.tiles, self.slots, self.sorts)?,
             };
-            let count = slots.count;
+            self.tiles = kept.tiles;
+            let bundles = &bundles[..bundles.len().min(self.tiles as usize)];
+            let (layers, sorted) = match &mut kept.filler {
+                Filler::Peel(peel) => (peel.fill(geometry, bundles, granted), false),
+                Filler::Sort(sort) => (sort.fill(geometry, bundles, granted, &kept.slots), true),
+            };
             match self.gpu.check("storing layers") {
                 // A driver that promises images and fails, or loses all that is written to them: only a scene seen from its edge has no layer.
-                checked if sorted && !self.gpu.is_lost() && (checked.is_err() || layers == 0) => {
-                    self.sorts = false;
-                    self.refit(count)?;
-                }
+                checked if sorted && !self.gpu.is_lost() && (checked.is_err() || layers == 0) => self.sorts = false,
                 Err(error) => return Err(error),
-                Ok(()) if layers > count => self.refit(layers.next_power_of_two().min(most).max(layers))?,
+                Ok(()) if layers > self.slots => {
+                    let most = self.gpu.info().limits.max_array_layers;
+                    self.slots = layers.next_power_of_two().min(most).max(layers);
+                }
                 Ok(()) => {
-                    self.layers = layers;
+                    (self.layers, self.kept) = (layers, Some(kept));
                     return Ok(Filled { bundles: bundles.len(), layers });
                 }
             }
         }
     }
 
-    /// Keeps so many layers from now on; those there are get lost.
-    fn refit(&mut self, slots: u32) -> Result<()> {
-        let tiles = self.kept.tiles;
-        self.kept = Kept::fitting(&self.gpu, self.layer_size, tiles, slots, self.sorts)?;
-        Ok(())
+    /// What was filled last.
+    fn slots(&self) -> &Slots {
+        &self.kept.as_ref().expect("a store is filled before it is read").slots
     }
 
     /// The layers of one tile as [`super::Peel`] has them, far to near, each row by row: (depth, its change to the next texel in x and y, triangle
     /// counted from 1), the last 0 where nothing is.
     pub fn read(&self, tile: u32) -> Vec<Vec<Vec4>> {
-        let (planes, triangles) = (self.kept.slots.planes.read::<[u32; 4]>(), self.kept.slots.triangles.read::<[u32; 4]>());
+        let (planes, triangles) = (self.slots().planes.read::<[u32; 4]>(), self.slots().triangles.read::<[u32; 4]>());
         let size = self.layer_size;
         let surface = |layer: u32, at: u32| {
-            let texel = |element: u32| ((element * size + at / size) * self.kept.tiles * size + tile * size + at % size) as usize;
+            let texel = |element: u32| ((element * size + at / size) * self.tiles * size + tile * size + at % size) as usize;
             let [high, low] = match planes[texel(layer / 2)] {
                 [high, low, _, _] if layer.is_multiple_of(2) => [high, low],
                 [_, _, high, low] => [high, low],
@@ -164,8 +178,8 @@ impl LayerStore {
     /// The uniforms that shaders of `glsl/include/layer_store.glsl` read.
     pub fn uniforms(&self) -> [(&'static str, Uniform<'_>); 3] {
         [
-            ("planes", Uniform::Texture(&self.kept.slots.planes)),
-            ("stored_triangles", Uniform::Texture(&self.kept.slots.triangles)),
+            ("planes", Uniform::Texture(&self.slots().planes)),
+            ("stored_triangles", Uniform::Texture(&self.slots().triangles)),
             ("slot_count", Uniform::Int(self.layers as i32)),
         ]
     }
