@@ -189,7 +189,12 @@ impl Render {
         let tracer = PhotonTracer::new(scene, &all.bvh, &lights, settings.seed, settings.bounces);
         let photon_counts = tracer.trace(0..settings.photons, &mut grid);
         grid.add_area(&gathered.scene.mesh, &gathered.bvh, settings.seed);
-        let photons = passes.with_room(gpu, || PhotonTexture::upload(gpu, &grid))?;
+        let photons = loop {
+            match PhotonTexture::upload(gpu, &grid) {
+                Err(error) if gpu.goes_on(&error) && passes.shrink() => {}
+                uploaded => break uploaded?,
+            }
+        };
 
         let mut statistics = Statistics {
             scene: SceneCounts { triangles: scene.mesh.triangles.len(), lights: lights.count() },
@@ -337,7 +342,8 @@ impl Render {
         &self.statistics
     }
 
-    /// Gathers along the next directions, as many as the pipeline takes at once, if any are left.
+    /// Gathers along the next directions, as many as the pipeline takes at once, if any are left. Where memory ends the block begins again, with fewer
+    /// directions at a time.
     ///
     /// # Errors
     /// [`crate::Error::Gl`] when the device fails; the blocks that were done before stay.
@@ -345,27 +351,28 @@ impl Render {
         if self.is_done() {
             return Ok(());
         }
+        let before = self.done - self.block.as_ref().map_or(0, |block| block.taken.iter().sum());
+        self.gather_some().or_else(|error| {
+            // What a device did that failed is gone, or not to be trusted.
+            self.done = before;
+            if self.gpu.goes_on(&error) && self.passes.shrink() { Ok(()) } else { Err(error) }
+        })
+    }
+
+    fn gather_some(&mut self) -> Result<()> {
         let mut block = match (self.block.take(), self.next_block()) {
             (Some(block), _) => block,
             (None, Some(index)) => self.begin_block(index)?,
             (None, None) => return Ok(()),
         };
-        let gathered = self.gather_directions(&mut block).and_then(|()| {
-            let node = block.left.is_empty().then(|| self.node_of(&block));
+        self.gather_directions(&mut block)?;
+        if block.left.is_empty() {
+            let node = self.node_of(&block);
             self.gpu.check("reading sums")?;
-            Ok(node)
-        });
-        match gathered {
-            Ok(None) => self.block = Some(block),
-            Ok(Some(node)) => {
-                self.film.insert(node).ok().expect("a block is begun once");
-                self.estimate_error();
-            }
-            Err(error) => {
-                // What a device did that failed is gone, or not to be trusted.
-                self.done -= block.taken.iter().sum::<u32>();
-                return Err(error);
-            }
+            self.film.insert(node).ok().expect("a block is begun once");
+            self.estimate_error();
+        } else {
+            self.block = Some(block);
         }
         Ok(())
     }
@@ -390,18 +397,17 @@ impl Render {
 
         let start = Instant::now();
         let offset = sobol(index, self.settings.seed);
-        let visible = match &self.passes.source {
+        let visible = match &mut self.passes.source {
             Source::Camera(points) => {
                 let mut visible = points.see(&self.all.geometry, &self.camera, offset.into());
                 visible.see_beyond(&self.all.scene, &self.camera, self.settings.size, offset.into());
                 visible
             }
-            Source::Traced(_) => {
+            Source::Traced(points) => {
                 let Surfaces { scene, bvh, .. } = &*self.all;
                 let rays = EyeRays { scene, bvh, camera: &self.camera, size: self.settings.size, seed: self.settings.seed };
                 let visible = rays.see(offset.into(), index);
-                let upload = || TracedPoints::upload(&self.gpu, self.settings.size, &visible);
-                self.passes.source = Source::Traced(Some(self.passes.with_room(&self.gpu, upload)?));
+                *points = Some(TracedPoints::upload(&self.gpu, self.settings.size, &visible)?);
                 visible
             }
         };
@@ -460,8 +466,9 @@ impl Render {
         let numbers = map * self.settings.photons..(map + 1) * self.settings.photons;
         let Surfaces { scene, bvh, .. } = &*self.all;
         let tracer = PhotonTracer::new(scene, bvh, &self.lights, self.settings.seed, self.settings.bounces);
-        self.statistics.photons += tracer.trace(numbers, &mut self.grid);
-        self.photons = self.passes.with_room(&self.gpu, || PhotonTexture::upload(&self.gpu, &self.grid))?;
+        let counts = tracer.trace(numbers, &mut self.grid);
+        self.photons = PhotonTexture::upload(&self.gpu, &self.grid)?;
+        self.statistics.photons += counts;
         self.photon_map_number = map;
         self.statistics.seconds.photons += self.finish("uploading photons", start)?;
         Ok(())
@@ -619,7 +626,7 @@ impl Passes {
         let rough = PhotonMap::new(gpu, points)?;
         let interleave = Interleave::new(settings.interleave, points, settings.seed);
         let sums = || Sums::new(gpu, interleave.sums_size());
-        // Sums first: what gathers takes what memory is left.
+        // Sums first: what gathers makes do with the memory that is left.
         let gl = |sums, gather: Box<dyn Gather>| Method::Gl { gather, sums };
         let (layers, tile, stop) = (settings.layer_size, interleave.tile(), settings.stop_fraction);
         let method = match settings.pipeline {
@@ -632,14 +639,11 @@ impl Passes {
         Ok(Self { source, direct, direct_sums, rough, interleave, method, shown: None })
     }
 
-    /// What `make` makes on the GL side, and where memory ends at the cost of what gathering can do without.
-    fn with_room<T>(&mut self, gpu: &Gpu, make: impl Fn() -> Result<T>) -> Result<T> {
-        loop {
-            let made = make();
-            let can = matches!(made, Err(Error::Gl { .. })) && !gpu.is_lost();
-            if !(can && matches!(&mut self.method, Method::Gl { gather, .. } if gather.shrink())) {
-                return made;
-            }
+    /// Gives memory back that gathering can do without, if any.
+    fn shrink(&mut self) -> bool {
+        match &mut self.method {
+            Method::Gl { gather, .. } => gather.shrink(),
+            Method::Rays { .. } => false,
         }
     }
 }

@@ -126,8 +126,8 @@ struct Held {
 
 /// What carriers find in every bounce anew, where there is memory to keep it.
 struct Kept {
-    /// Of each batch of directions, by its first and their number, for each tile.
-    hits: BTreeMap<(u32, u32), Vec<KeptHits>>,
+    /// Of each batch of directions, by its first, for each tile.
+    hits: BTreeMap<u32, Vec<KeptHits>>,
     /// From the lights.
     irradiance: Vec<Vec3>,
 }
@@ -424,19 +424,31 @@ impl Bake {
         (self.statistics.directions_done, self.statistics.directions_total) = (done, total);
     }
 
-    /// Gathers along the next directions, as many as the pipeline takes at once, if any are left.
+    /// Gathers along the next directions, as many as the pipeline takes at once, if any are left. Where memory ends the block begins again, with less
+    /// at a time.
     ///
     /// # Errors
-    /// [`Error::Gl`] when the device fails.
+    /// [`Error::Gl`] when the device fails; the blocks that were done before stay.
     pub fn step(&mut self) -> Result<()> {
+        let stepped = self.gather_some();
+        self.count();
+        // What a device did that failed is gone, or not to be trusted.
+        stepped.or_else(|error| if self.gpu.goes_on(&error) && self.shrink() { Ok(()) } else { Err(error) })
+    }
+
+    /// Gives memory back that it can do without, if any.
+    fn shrink(&mut self) -> bool {
+        self.kept.take().is_some() || self.find.shrink()
+    }
+
+    fn gather_some(&mut self) -> Result<()> {
         let mut walk = match (self.now.take(), self.next()) {
             (Some(walk), _) => walk,
             (None, Some((round, block))) => self.begin(round, block)?,
             (None, None) => return Ok(()),
         };
         self.gather(&mut walk)?;
-        self.now = if walk.left.is_empty() { self.end_block(walk) } else { Some(walk) };
-        self.count();
+        self.now = if walk.left.is_empty() { self.end_block(walk)? } else { Some(walk) };
         Ok(())
     }
 
@@ -516,12 +528,10 @@ impl Bake {
         tiles.iter().for_each(Tile::clear);
         let of_carriers = round.whose == Whose::Carriers;
         let known = self.kept.as_ref().filter(|kept| of_carriers && kept.irradiance.len() == count).map(|kept| &kept.irradiance);
-        let summed = &mut self.summed[number].irradiance;
-        if let Some(known) = known {
-            summed.clone_from(known);
-        } else if summed.is_empty() && !lit {
-            *summed = vec![Vec3::ZERO; count];
-        } else if summed.is_empty() {
+        let mut irradiance = known.unwrap_or(&self.summed[number].irradiance).clone();
+        if irradiance.is_empty() && !lit {
+            irradiance = vec![Vec3::ZERO; count];
+        } else if irradiance.is_empty() {
             for tile in &tiles {
                 let points = tile.list.points();
                 let sums = Sums::new(&self.gpu, points.size())?;
@@ -530,14 +540,15 @@ impl Bake {
                     self.direct.add(&self.prepared.geometry, &self.prepared.lights, sample, points, &sums);
                 }
                 let mean = 1.0 / self.settings.light_samples as f32;
-                summed.extend(tile.list.in_order(sums.read()).iter().map(|sum| mean * sum.truncate()));
+                irradiance.extend(tile.list.in_order(sums.read()).iter().map(|sum| mean * sum.truncate()));
             }
-        }
-        if let Some(kept) = self.kept.as_mut().filter(|_| lit && of_carriers) {
-            kept.irradiance.clone_from(summed);
         }
         self.gpu.finish();
         self.gpu.check("direct light")?;
+        if let Some(kept) = self.kept.as_mut().filter(|_| lit && of_carriers) {
+            kept.irradiance.clone_from(&irradiance);
+        }
+        self.summed[number].irradiance = irradiance;
         self.statistics.seconds.direct += start.elapsed().as_secs_f64();
         Ok(Walk { round: number, integrals, tiles, block, left: blocks_of(&self.settings).directions(block..block + 1) })
     }
@@ -553,16 +564,20 @@ impl Bake {
         }
         let start = Instant::now();
         let count = (self.find.batch() as u32).min(walk.left.len() as u32);
-        let batch: Vec<Direction> = (first..first + count).map(|number| self.directions.get(number)).collect();
+        let mut batch: Vec<Direction> = (first..first + count).map(|number| self.directions.get(number)).collect();
         let geometry = &self.prepared.geometry;
         let of_carriers = self.rounds[walk.round].whose == Whose::Carriers;
         let mut kept = self.kept.as_mut().filter(|_| of_carriers).map(|kept| &mut kept.hits);
-        let key = (first, count);
-        let known = kept.as_ref().is_some_and(|kept| kept.contains_key(&key));
-        if !known {
-            let layers = self.find.begin(geometry, &batch)?;
-            self.statistics.layers_max = self.statistics.layers_max.max(layers);
-        }
+        let known = kept.as_ref().and_then(|kept| kept.get(&first)?.first()).map(KeptHits::directions);
+        let taken = match known {
+            Some(taken) => taken,
+            None => {
+                let begun = self.find.begin(geometry, &batch)?;
+                self.statistics.layers_max = self.statistics.layers_max.max(begun.layers);
+                begun.directions
+            }
+        };
+        batch.truncate(taken);
         let carriers = self.carriers.as_ref();
         let rough = match (carriers.zip(self.carried.irradiance.as_ref()), &self.photons) {
             (Some((carriers, carried)), _) => Seen::Gathered(carriers, carried),
@@ -577,8 +592,8 @@ impl Bake {
             let hits = match &mut kept {
                 None => self.find.find(geometry, points)?,
                 Some(kept) => {
-                    let kept = kept.entry(key).or_default();
-                    if !known {
+                    let kept = kept.entry(first).or_default();
+                    if known.is_none() {
                         self.find.find(geometry, points)?;
                         kept.push(self.find.keep()?);
                     }
@@ -590,22 +605,20 @@ impl Bake {
         self.gpu.finish();
         self.gpu.check("gathering")?;
         self.statistics.seconds.gather += start.elapsed().as_secs_f64();
-        walk.left.start += count;
+        walk.left.start += taken as u32;
         Ok(())
     }
 
     /// Adds the sums of a block to those of its round. The next block of the round, if there is one.
-    fn end_block(&mut self, mut walk: Walk) -> Option<Walk> {
+    fn end_block(&mut self, mut walk: Walk) -> Result<Option<Walk>> {
         let node = Node { first: walk.block, blocks: 1, sum: walk.values() };
+        self.gpu.check("reading sums")?;
         self.summed[walk.round].values.insert(node).ok().expect("a block is begun once");
-        let (round, block) = self.next()?;
-        if round != walk.round {
-            return None;
-        }
+        let Some((_, block)) = self.next().filter(|&(round, _)| round == walk.round) else { return Ok(None) };
         walk.tiles.iter().for_each(Tile::clear);
         walk.block = block;
         walk.left = blocks_of(&self.settings).directions(block..block + 1);
-        Some(walk)
+        Ok(Some(walk))
     }
 
     /// Gives carriers what was found in the stage before this one.

@@ -34,6 +34,11 @@ pub trait Find {
     /// # Errors
     /// When the device has no memory for the next.
     fn keep(&mut self) -> Result<KeptHits>;
+
+    /// Gives memory back that it can do without, if any.
+    fn shrink(&mut self) -> bool {
+        false
+    }
 }
 
 /// What a [`Find`] has begun with.

@@ -293,4 +293,8 @@ impl Find for FusedFind {
     fn keep(&mut self) -> Result<KeptHits> {
         self.fused.keep(&self.gpu, &self.directions)
     }
+
+    fn shrink(&mut self) -> bool {
+        self.store.halve()
+    }
 }

@@ -102,6 +102,11 @@ impl Gpu {
         self.context.is_lost()
     }
 
+    /// Whether after this error of its own, such as that of memory that ended, the device still works.
+    pub fn goes_on(&self, error: &Error) -> bool {
+        matches!(error, Error::Gl { .. }) && !self.is_lost()
+    }
+
     /// Whether shaders can write to any texel ([`super::Uniform::Image`]): from OpenGL 4.2 on.
     pub fn writes_images(&self) -> bool {
         let number = |name| unsafe { self.gl().get_parameter_i32(name) };
