@@ -1,24 +1,14 @@
 //! Two drivers that share little code below OpenGL, Mesa's llvmpipe and its reference rasteriser softpipe, make the same picture.
 
-use std::fs;
-use std::path::{Path, PathBuf};
+mod common;
+
 use std::process::Command;
 
+use common::small_scene;
 use finalgather::image::Image;
 use finalgather::image::compare::{Selection, compare};
 use serde_json::Value;
 use tempfile::TempDir;
-
-/// The Cornell box with settings that the reference rasteriser does in seconds.
-fn small_scene(folder: &TempDir) -> PathBuf {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes");
-    let text = fs::read_to_string(root.join("cornell.toml")).unwrap();
-    let settings = "photons = 10000\nlayer_size = 64\nlight_samples = 32\nshadow_size = 64\n";
-    let path = folder.path().join("small.toml");
-    // The settings are the file's last table.
-    fs::write(&path, text.replace("cornell.obj", root.join("cornell.obj").to_str().unwrap()) + settings).unwrap();
-    path
-}
 
 /// The Cornell box by a driver, and what the driver calls itself; `Err` tells why there is none.
 fn picture(folder: &TempDir, driver: &str) -> Result<(Image, String), String> {
@@ -27,7 +17,7 @@ fn picture(folder: &TempDir, driver: &str) -> Result<(Image, String), String> {
         .current_dir(folder)
         .env("GALLIUM_DRIVER", driver)
         .arg("render")
-        .arg(small_scene(folder))
+        .arg(small_scene(folder.path()))
         .args(["--size", "64", "--directions", "32", "--gl-device", "sw", "--json", "-o", &name])
         .output()
         .unwrap();

@@ -144,7 +144,8 @@ impl Gpu {
             )),
             code => Err(Error::gl(
                 format!("OpenGL error 0x{code:04x} ({stage}) on {}", self.info().renderer),
-                "try another device or driver (--gl-device, --backend), and report this",
+                "use a smaller --size or --layer-size, for limits may be less than a driver says, or another device or driver (--gl-device, \
+                 --backend)",
             )),
         }
     }

@@ -207,11 +207,10 @@ static void glDeleteTextures(int count, const uint *names)
 
 static void glBindImageTexture(uint unit, uint texture, int level, uint8_t layered, int layer, uint access, uint format)
 {
-    const char *images = getenv("FAULTY_IMAGES");
-    if (!images)
-        REAL(void (*)(uint, uint, int, uint8_t, int, uint, uint), "glBindImageTexture")(unit, texture, level, layered, layer, access, format);
-    else if (!strcmp(images, "error"))
+    if (fault("FAULTY_IMAGES_FAIL") > 0.0)
         now.error = INVALID_OPERATION;
+    else if (fault("FAULTY_IMAGES_VANISH") == 0.0)
+        REAL(void (*)(uint, uint, int, uint8_t, int, uint, uint), "glBindImageTexture")(unit, texture, level, layered, layer, access, format);
 }
 
 static void glGetIntegerv(uint name, int *value)
