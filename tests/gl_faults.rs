@@ -117,6 +117,14 @@ impl Job {
         bytes[header..].chunks_exact(4).map(|number| f32::from_le_bytes(number.try_into().unwrap())).collect()
     }
 
+    /// The greatest difference of two such files, as a share of the second's greatest value.
+    fn most_difference(&self, a: &str, b: &str) -> f32 {
+        let [a, b] = [a, b].map(|name| self.floats(name));
+        assert_eq!(a.len(), b.len());
+        let most = b.iter().fold(0.0_f32, |most, value| most.max(value.abs()));
+        a.iter().zip(&b).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max) / most
+    }
+
     /// Relative root mean square difference of two pictures, and the bias of the first.
     fn difference(&self, a: &str, b: &str) -> [f64; 2] {
         let read = |name: &str| Image::read(&self.folder.path().join(name)).unwrap();
@@ -225,23 +233,37 @@ fn a_render_takes_what_memory_there_is_and_else_says_what_would_do() {
 #[test]
 fn a_bake_takes_what_memory_there_is() {
     let job = Job::new("bake", "--to vertices --what prt --order 3 --directions 64 --bounces 2");
-    let whole = job.make("whole.npy", &[]);
-    let (allocations, peak) = (whole.number("allocations") as u32, whole.number("peak"));
+    let allocations = job.make("whole.npy", &[]).number("allocations") as u32;
     let (mut survived, mut same) = (0, 0);
     for at in 1..=allocations {
         let run = job.run(&["-o", "short.npy"], &[("FAULTY_MEMORY_ENDS_AT", at.into())]);
         if run.code == 0 {
             survived += 1;
             same += u32::from(job.bytes("short.npy") == job.bytes("whole.npy"));
-            let [short, whole] = ["short.npy", "whole.npy"].map(|name| job.floats(name));
-            let most = whole.iter().fold(0.0_f32, |most, value| most.max(value.abs()));
-            let difference = short.iter().zip(&whole).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max) / most;
-            assert!(short.len() == whole.len() && difference < LAYER_ROUNDING, "{at} of {allocations}: {difference}");
+            let difference = job.most_difference("short.npy", "whole.npy");
+            assert!(difference < LAYER_ROUNDING, "{at} of {allocations}: {difference}");
         } else {
             run.check_refusal(&["the GL device is out of memory"]);
         }
     }
-    eprintln!("| bake | each of {allocations} allocations fails once | {survived} go on, {same} to the same bits; peak {peak} |");
+    eprintln!("| bake | each of {allocations} allocations fails once | {survived} go on, {same} to the same bits |");
+    assert!(same > 30, "{same} of {allocations}");
+
+    // Most of the memory is for points: they take turns.
+    let job = Job::new("bake", "--to camera --size 128 --what sh --order 5 --directions 16");
+    let peak = job.make("whole.npy", &[]).number("peak");
+    for share in [0.8, 0.6] {
+        let run = job.run(&["-o", "short.npy", "--checkpoint", "short.checkpoint"], &[("FAULTY_MEMORY", share * peak)]);
+        assert_eq!(run.code, 0, "{}", run.said);
+        let difference = job.most_difference("short.npy", "whole.npy");
+        eprintln!("| bake --to camera | {share} of the memory it takes | same within {difference:.1e}; {} refused |", run.number("refused"));
+        assert!(run.number("refused") > 0.0 && difference < LAYER_ROUNDING, "{share}: {difference}");
+        // What was summed a part of the points at a time is gone on from so.
+        let again = job.run(&["-o", "again.npy", "--checkpoint", "short.checkpoint", "--resume"], &[]);
+        assert_eq!(again.code, 0, "{}", again.said);
+        assert!(job.bytes("again.npy") == job.bytes("short.npy"), "{share}: other bits after --resume");
+        fs::remove_file(job.folder.path().join("short.checkpoint")).unwrap();
+    }
 }
 
 #[test]

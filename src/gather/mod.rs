@@ -266,7 +266,9 @@ impl FusedFind {
     /// # Errors
     /// When a size is beyond the device's limits.
     pub fn new(gpu: &Gpu, layer_size: u32, points: [u32; 2]) -> Result<Self> {
-        let (store, fused) = (LayerStore::new(gpu, layer_size)?, fused::FusedFind::new(gpu, points)?);
+        // The store makes do with what memory is left.
+        let fused = fused::FusedFind::new(gpu, points)?;
+        let store = LayerStore::new(gpu, layer_size)?;
         Ok(Self { gpu: gpu.clone(), store, fused, bundles: Vec::new(), directions: Vec::new() })
     }
 }
