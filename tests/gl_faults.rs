@@ -149,12 +149,15 @@ fn a_lost_context_stops_a_render_cleanly_wherever_it_is_lost() {
         for share in [0.0, 0.3, 0.55, 0.999] {
             let at = (share * draws).ceil().max(1.0);
             let kept = format!("{share}.checkpoint");
-            let lost = job.run(&["-o", "lost.exr", "--checkpoint", &kept], &[("FAULTY_LOST_AT_DRAW", at), ("FAULTY_ROBUST", robust)]);
+            let lost =
+                job.run(&["-o", "lost.exr", "--checkpoint", &kept], &[("FAULTY_LOST_AT_DRAW", at), ("FAULTY_ROBUST", robust)]);
             lost.check_refusal(&["the OpenGL context is lost"]);
             assert_eq!(lost.number("lost"), 1.0);
             let done = lost.said.strip_prefix("failed after ").map_or(0, |rest| rest.split(' ').next().unwrap().parse().unwrap());
             let calls = lost.number("calls_after");
-            eprintln!("| {pipeline}, robust {robust} | lost at draw {at} of {draws} | {done} of 128 directions kept, {calls} calls after |");
+            eprintln!(
+                "| {pipeline}, robust {robust} | lost at draw {at} of {draws} | {done} of 128 directions kept, {calls} calls after |"
+            );
             assert!((f64::from(done) - 128.0 * share).abs() < 32.0, "{done} directions of {share} of the work");
             if done >= 32 {
                 // 0.03 and less without; where a lost block counts as black, it falls by that block's share of the picture.
@@ -202,7 +205,10 @@ fn memory_that_ends_at_any_allocation_stops_a_render_or_leaves_the_picture_as_it
                 run.check_refusal(&["the GL device is out of memory"]);
             }
         }
-        eprintln!("| render {args} | each of {allocations} allocations fails once | {survived} go on, {} stop |", allocations - survived);
+        eprintln!(
+            "| render {args} | each of {allocations} allocations fails once | {survived} go on, {} stop |",
+            allocations - survived
+        );
         // The store's own, and what finds the store in its way: the photons.
         assert!(survived >= if args.contains("fused") { 6 } else { 0 }, "{args}: only {survived} of {allocations}");
     }
@@ -215,7 +221,10 @@ fn a_render_takes_what_memory_there_is_and_else_says_what_would_do() {
     for share in [0.7, 0.5, 0.3] {
         let run = job.make("short.exr", &[("FAULTY_MEMORY", share * peak)]);
         let [difference, _] = job.difference("short.exr", "whole.exr");
-        eprintln!("| render | {share} of the memory it takes | same within {difference:.1e}; {} refused |", run.number("refused"));
+        eprintln!(
+            "| render | {share} of the memory it takes | same within {difference:.1e}; {} refused |",
+            run.number("refused")
+        );
         assert!(run.number("refused") > 0.0 && run.number("peak") <= share * peak, "{}", run.log);
         assert!(difference < ROUNDING, "{share}: {difference}");
     }
@@ -256,7 +265,10 @@ fn a_bake_takes_what_memory_there_is() {
         let run = job.run(&["-o", "short.npy", "--checkpoint", "short.checkpoint"], &[("FAULTY_MEMORY", share * peak)]);
         assert_eq!(run.code, 0, "{}", run.said);
         let difference = job.most_difference("short.npy", "whole.npy");
-        eprintln!("| bake --to camera | {share} of the memory it takes | same within {difference:.1e}; {} refused |", run.number("refused"));
+        eprintln!(
+            "| bake --to camera | {share} of the memory it takes | same within {difference:.1e}; {} refused |",
+            run.number("refused")
+        );
         assert!(run.number("refused") > 0.0 && difference < LAYER_ROUNDING, "{share}: {difference}");
         // What was summed a part of the points at a time is gone on from so.
         let again = job.run(&["-o", "again.npy", "--checkpoint", "short.checkpoint", "--resume"], &[]);
@@ -279,7 +291,10 @@ fn limits_that_are_less_than_they_are_said_to_be() {
     assert!(run.said.contains("use --layer-size 1024,"), "{}", run.said);
     let run = job.run(&["-o", "none.exr", "--size", "2000x10"], &[("FAULTY_TEXTURE_SIZE", 1024.0)]);
     run.check_refusal(&["making a texture of 2000x10x1 texels, 0.3 MiB"]);
-    eprintln!("| render | 16384 are promised, 1024 are kept | layers same within {difference:.1e}; --size 2000x10: {} |", run.said.trim());
+    eprintln!(
+        "| render | 16384 are promised, 1024 are kept | layers same within {difference:.1e}; --size 2000x10: {} |",
+        run.said.trim()
+    );
 }
 
 #[test]
@@ -303,7 +318,10 @@ fn no_submission_is_long_enough_for_a_watchdog() {
     job.make("whole.exr", &[]);
     let slow = ("FAULTY_SECONDS_A_TEXEL", 8e-6);
     let run = job.make("slow.exr", &[slow, ("FAULTY_WATCHDOG", 0.5)]);
-    eprintln!("| render | a pass takes 1.05 s, the watchdog waits 0.5 | same bits; longest submission {:.3} s |", run.number("longest"));
+    eprintln!(
+        "| render | a pass takes 1.05 s, the watchdog waits 0.5 | same bits; longest submission {:.3} s |",
+        run.number("longest")
+    );
     assert!(job.bytes("slow.exr") == job.bytes("whole.exr"), "other bits in parts");
     // It does bite.
     job.run(&["-o", "lost.exr"], &[slow, ("FAULTY_WATCHDOG", 0.05)]).check_refusal(&["the OpenGL context is lost"]);

@@ -167,7 +167,9 @@ fn egl(choice: DeviceChoice) -> Result<Created> {
     let mut failures = Vec::new();
     for (info, device) in wanted {
         match egl_on(device) {
-            Ok((context, functions, reset)) => return Ok((Platform::Egl { context, device: info.to_string() }, functions, reset)),
+            Ok((context, functions, reset)) => {
+                return Ok((Platform::Egl { context, device: info.to_string() }, functions, reset));
+            }
             Err(failure) => failures.push(format!("device {info}: {failure}")),
         }
     }

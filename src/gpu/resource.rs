@@ -25,8 +25,9 @@ impl<T: Name> Resource<T> {
         if gpu.is_lost() {
             gpu.check("making a GL object")?;
         }
-        let name = create(gpu.gl())
-            .map_err(|problem| Error::gl(format!("a GL object cannot be made: {problem}"), "free memory or try another device"))?;
+        let name = create(gpu.gl()).map_err(|problem| {
+            Error::gl(format!("a GL object cannot be made: {problem}"), "free memory or try another device")
+        })?;
         Ok(Self { name, context: gpu.context().clone() })
     }
 
