@@ -34,6 +34,11 @@ static DRIVER: LazyLock<PathBuf> = LazyLock::new(|| {
     json
 });
 
+/// Whether it is Mesa's reference rasteriser, which takes its time.
+fn slow() -> bool {
+    std::env::var("GALLIUM_DRIVER").is_ok_and(|driver| driver == "softpipe")
+}
+
 /// How the tool ended.
 struct Run {
     code: i32,
@@ -84,7 +89,7 @@ impl Job {
         let status = loop {
             match child.try_wait().unwrap() {
                 Some(status) => break status,
-                None if begun.elapsed() > Duration::from_secs(300) => {
+                None if begun.elapsed() > Duration::from_secs(120) => {
                     child.kill().unwrap();
                     panic!("{faults:?}: it does not end");
                 }
@@ -142,7 +147,9 @@ const LAYER_ROUNDING: f32 = 1e-4;
 
 #[test]
 fn a_lost_context_stops_a_render_cleanly_wherever_it_is_lost() {
-    for (pipeline, robust) in [("fused", 1.0), ("kill", 0.0), ("early-kill", 1.0), ("raycast-gl", 0.0)] {
+    let pipelines = [("kill", 0.0), ("fused", 1.0), ("early-kill", 1.0), ("raycast-gl", 0.0)];
+    let count = if slow() { 2 } else { 4 };
+    for (pipeline, robust) in &pipelines[..count] {
         // Blocks of four directions, which kill does one by one.
         let job = Job::new("render", &format!("--size 24 --directions 128 --pipeline {pipeline}"));
         let draws = job.make("whole.exr", &[]).number("draws");
@@ -150,9 +157,9 @@ fn a_lost_context_stops_a_render_cleanly_wherever_it_is_lost() {
             let at = (share * draws).ceil().max(1.0);
             let kept = format!("{share}.checkpoint");
             let lost =
-                job.run(&["-o", "lost.exr", "--checkpoint", &kept], &[("FAULTY_LOST_AT_DRAW", at), ("FAULTY_ROBUST", robust)]);
+                job.run(&["-o", "lost.exr", "--checkpoint", &kept], &[("FAULTY_LOST_AT_DRAW", at), ("FAULTY_ROBUST", *robust)]);
             lost.check_refusal(&["the OpenGL context is lost"]);
-            assert_eq!(lost.number("lost"), 1.0);
+            assert_eq!((lost.number("lost"), lost.number("robust")), (1.0, *robust));
             let done = lost.said.strip_prefix("failed after ").map_or(0, |rest| rest.split(' ').next().unwrap().parse().unwrap());
             let calls = lost.number("calls_after");
             eprintln!(

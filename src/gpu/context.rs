@@ -25,6 +25,8 @@ pub(super) struct Context {
     reset: ResetStatus,
     /// Why it is lost, if it is. Drivers may say so once only.
     lost: Cell<Option<&'static str>>,
+    /// The first that [`Gpu::check`] has not told of.
+    error: Cell<u32>,
     /// Seconds of work since it was handed to the device, as far as it is known.
     pub(super) queued: Cell<f64>,
     /// Core profiles draw nothing without a vertex array, not even a triangle that reads no attribute.
@@ -80,8 +82,8 @@ impl Gpu {
         let identity = NEXT.replace(NEXT.get() + 1);
         CURRENT.set(identity);
         let stages = RefCell::default();
-        let (lost, queued) = Default::default();
-        let context = Context { functions, platform, info, reset, lost, queued, no_vertices, identity, stages };
+        let (lost, error, queued) = Default::default();
+        let context = Context { functions, platform, info, reset, lost, error, queued, no_vertices, identity, stages };
         let gpu = Self { context: Rc::new(context) };
         gpu.set_state();
         Ok(gpu)
@@ -120,17 +122,15 @@ impl Gpu {
 
     /// Turns GL errors since the last call into one that names `stage`.
     pub fn check(&self, stage: &str) -> Result<()> {
-        let code = unsafe { self.gl().get_error() };
+        let lost = self.context.lost();
+        let code = self.context.error.take();
         // Errors queue up; the first one is the cause. The bound holds where a lost context reports for ever.
         for _ in 0..64 {
             if unsafe { self.gl().get_error() } == glow::NO_ERROR {
                 break;
             }
         }
-        if !self.is_lost() && code == glow::CONTEXT_LOST {
-            self.context.lose("and says no more");
-        }
-        if let Some(cause) = self.context.lost() {
+        if let Some(cause) = lost {
             return Err(Error::gl(
                 format!("the driver has reset {} {cause}: the OpenGL context is lost ({stage})", self.info().renderer),
                 "start again; if it happens again, use another device or driver (--gl-device, --backend)",
@@ -201,11 +201,18 @@ impl Context {
         self.lost().is_some()
     }
 
-    /// Why it is lost, if it is.
+    /// Why it is lost, if it is. Those that do not tell when they are reset may still say so by errors.
     fn lost(&self) -> Option<&'static str> {
-        self.current();
-        if let (None, Some(cause)) = (self.lost.get(), self.reset.cause()) {
-            self.lose(cause);
+        let gl = self.current();
+        if self.lost.get().is_none() {
+            if let Some(cause) = self.reset.cause() {
+                self.lose(cause);
+            }
+            match unsafe { gl.get_error() } {
+                glow::CONTEXT_LOST => self.lose("and says no more"),
+                error if self.error.get() == glow::NO_ERROR => self.error.set(error),
+                _ => {}
+            }
         }
         self.lost.get()
     }

@@ -15,13 +15,13 @@ enum {
     INVALID_VALUE = 0x0501, INVALID_OPERATION = 0x0502, OUT_OF_MEMORY = 0x0505, CONTEXT_LOST = 0x0507, GUILTY_CONTEXT_RESET = 0x8253,
     QUERY_RESULT = 0x8866, MAX_TEXTURE_SIZE = 0x0d33, MAJOR_VERSION = 0x821b, MINOR_VERSION = 0x821c, NUM_EXTENSIONS = 0x821d,
     EXTENSIONS = 0x1f03, RGBA32F = 0x8814, RGBA32UI = 0x8d70, RG32F = 0x8230,
-    EGL_NONE = 0x3038, EGL_EXTENSIONS = 0x3055, EGL_CONTEXT_LOST = 0x300e, EGL_RESET_STRATEGY = 0x31bd, EGL_CONTEXT_FLAGS = 0x30fc,
+    EGL_NONE = 0x3038, EGL_EXTENSIONS = 0x3055, EGL_CONTEXT_LOST = 0x300e, EGL_BAD_MATCH = 0x3009, EGL_RESET_STRATEGY = 0x31bd, EGL_CONTEXT_FLAGS = 0x30fc,
     EGL_ROBUST_FLAG = 4, NAMES = 1 << 16,
 };
 
 static Address real;
 static struct { long draws, allocations, refused, robust, lost, after; double longest; uint64_t memory, peak; } seen;
-static struct { int area; double queued, pending; uint texture, error; uint64_t size[NAMES]; } now;
+static struct { int area; double queued, pending; uint texture, error, egl_error; uint64_t size[NAMES]; } now;
 
 // A number of the environment's, 0 where it says none.
 static double fault(const char *name)
@@ -133,7 +133,7 @@ static uint glGetError(void)
 
 static uint glGetGraphicsResetStatus(void)
 {
-    return seen.lost ? GUILTY_CONTEXT_RESET : 0;
+    return seen.lost && seen.robust ? GUILTY_CONTEXT_RESET : 0;
 }
 
 // Whether the device has this much left; what is refused is reported by the next glGetError.
@@ -260,27 +260,32 @@ static uint eglMakeCurrent(void *display, void *draw, void *read, void *context)
 
 static int eglGetError(void)
 {
-    int error = REAL(int (*)(void), "eglGetError")();
-    return seen.lost ? EGL_CONTEXT_LOST : error;
+    int error = REAL(int (*)(void), "eglGetError")(), own = now.egl_error;
+    now.egl_error = 0;
+    return seen.lost ? EGL_CONTEXT_LOST : own ? own : error;
 }
 
 static const char *eglQueryString(void *display, int name)
 {
     static char text[1 << 14];
     const char *own = REAL(const char *(*)(void *, int), "eglQueryString")(display, name);
-    if (!own || !display || name != EGL_EXTENSIONS || fault("FAULTY_ROBUST") == 0.0)
+    if (!own || !display || name != EGL_EXTENSIONS)
         return own;
     snprintf(text, sizeof text, "%s EGL_EXT_create_context_robustness", own);
     return text;
 }
 
-// Mesa's software drivers make no robust context: it is made of what they do make.
+// Robust contexts, which not all of Mesa's drivers make, are made of others; or none is, though it is promised.
 static void *eglCreateContext(void *display, void *config, void *share, const int *attributes)
 {
     int own[64], count = 0;
     for (int i = 0; attributes && attributes[i] != EGL_NONE && count < 60; i += 2) {
         int flags = attributes[i] == EGL_CONTEXT_FLAGS;
         if (attributes[i] == EGL_RESET_STRATEGY) {
+            if (fault("FAULTY_ROBUST") == 0.0) {
+                now.egl_error = EGL_BAD_MATCH;
+                return NULL;
+            }
             seen.robust = 1;
             continue;
         }
