@@ -174,7 +174,7 @@ impl Render {
         let (camera, digest) = (scene.camera, scene.digest());
         let [all, gathered] = Surfaces::of(gpu, scene)?;
         let scene = &all.scene;
-        let passes = Passes::new(gpu, &gathered.scene, settings)?;
+        let mut passes = Passes::new(gpu, &gathered.scene, settings)?;
 
         // The first photons also tell, for all maps, which surfaces light reaches.
         let start = Instant::now();
@@ -189,7 +189,12 @@ impl Render {
         let tracer = PhotonTracer::new(scene, &all.bvh, &lights, settings.seed, settings.bounces);
         let photon_counts = tracer.trace(0..settings.photons, &mut grid);
         grid.add_area(&gathered.scene.mesh, &gathered.bvh, settings.seed);
-        let photons = PhotonTexture::upload(gpu, &grid)?;
+        let photons = loop {
+            match PhotonTexture::upload(gpu, &grid) {
+                Err(error) if gpu.goes_on(&error) && passes.shrink() => {}
+                uploaded => break uploaded?,
+            }
+        };
 
         let mut statistics = Statistics {
             scene: SceneCounts { triangles: scene.mesh.triangles.len(), lights: lights.count() },
@@ -273,6 +278,11 @@ impl Render {
         &self.settings
     }
 
+    /// Whether its context is lost, so that it cannot go on.
+    pub fn is_lost(&self) -> bool {
+        self.gpu.is_lost()
+    }
+
     /// Directions gathered so far.
     pub fn directions_done(&self) -> u32 {
         self.done
@@ -332,25 +342,33 @@ impl Render {
         &self.statistics
     }
 
-    /// Gathers along the next directions, as many as the pipeline takes at once, if any are left.
+    /// Gathers along the next directions, as many as the pipeline takes at once, if any are left. Where memory ends the block begins again, with fewer
+    /// directions at a time.
     ///
     /// # Errors
-    /// [`crate::Error::Gl`] when the device fails; what was done before stays.
+    /// [`crate::Error::Gl`] when the device fails; the blocks that were done before stay.
     pub fn step(&mut self) -> Result<()> {
         if self.is_done() {
             return Ok(());
         }
+        let before = self.done - self.block.as_ref().map_or(0, |block| block.taken.iter().sum());
+        self.gather_some().or_else(|error| {
+            // What a device did that failed is gone, or not to be trusted.
+            self.done = before;
+            if self.gpu.goes_on(&error) && self.passes.shrink() { Ok(()) } else { Err(error) }
+        })
+    }
+
+    fn gather_some(&mut self) -> Result<()> {
         let mut block = match (self.block.take(), self.next_block()) {
             (Some(block), _) => block,
             (None, Some(index)) => self.begin_block(index)?,
             (None, None) => return Ok(()),
         };
-        if let Err(error) = self.gather_directions(&mut block) {
-            self.block = Some(block);
-            return Err(error);
-        }
+        self.gather_directions(&mut block)?;
         if block.left.is_empty() {
             let node = self.node_of(&block);
+            self.gpu.check("reading sums")?;
             self.film.insert(node).ok().expect("a block is begun once");
             self.estimate_error();
         } else {
@@ -448,8 +466,9 @@ impl Render {
         let numbers = map * self.settings.photons..(map + 1) * self.settings.photons;
         let Surfaces { scene, bvh, .. } = &*self.all;
         let tracer = PhotonTracer::new(scene, bvh, &self.lights, self.settings.seed, self.settings.bounces);
-        self.statistics.photons += tracer.trace(numbers, &mut self.grid);
+        let counts = tracer.trace(numbers, &mut self.grid);
         self.photons = PhotonTexture::upload(&self.gpu, &self.grid)?;
+        self.statistics.photons += counts;
         self.photon_map_number = map;
         self.statistics.seconds.photons += self.finish("uploading photons", start)?;
         Ok(())
@@ -606,22 +625,26 @@ impl Passes {
         let direct_sums = Sums::new(gpu, points)?;
         let rough = PhotonMap::new(gpu, points)?;
         let interleave = Interleave::new(settings.interleave, points, settings.seed);
-        let gather: Option<Box<dyn Gather>> = match settings.pipeline {
-            Pipeline::Kill => {
-                Some(Box::new(KillGather::new(gpu, settings.layer_size, interleave.tile(), settings.stop_fraction)?))
-            }
-            Pipeline::EarlyKill => {
-                Some(Box::new(KillGather::early(gpu, settings.layer_size, interleave.tile(), settings.stop_fraction)?))
-            }
-            Pipeline::Fused => Some(Box::new(FusedGather::new(gpu, settings.layer_size)?)),
-            Pipeline::RaycastGl => Some(Box::new(RayGather::new(gpu, scene)?)),
-            Pipeline::Raycast => None,
-        };
-        let method = match gather {
-            Some(gather) => Method::Gl { gather, sums: Sums::new(gpu, interleave.sums_size())? },
-            None => Method::Rays { points: Vec::new(), sums: Vec::new() },
+        let sums = || Sums::new(gpu, interleave.sums_size());
+        // Sums first: what gathers makes do with the memory that is left.
+        let gl = |sums, gather: Box<dyn Gather>| Method::Gl { gather, sums };
+        let (layers, tile, stop) = (settings.layer_size, interleave.tile(), settings.stop_fraction);
+        let method = match settings.pipeline {
+            Pipeline::Kill => gl(sums()?, Box::new(KillGather::new(gpu, layers, tile, stop)?)),
+            Pipeline::EarlyKill => gl(sums()?, Box::new(KillGather::early(gpu, layers, tile, stop)?)),
+            Pipeline::Fused => gl(sums()?, Box::new(FusedGather::new(gpu, layers)?)),
+            Pipeline::RaycastGl => gl(sums()?, Box::new(RayGather::new(gpu, scene)?)),
+            Pipeline::Raycast => Method::Rays { points: Vec::new(), sums: Vec::new() },
         };
         Ok(Self { source, direct, direct_sums, rough, interleave, method, shown: None })
+    }
+
+    /// Gives memory back that gathering can do without, if any.
+    fn shrink(&mut self) -> bool {
+        match &mut self.method {
+            Method::Gl { gather, .. } => gather.shrink(),
+            Method::Rays { .. } => false,
+        }
     }
 }
 

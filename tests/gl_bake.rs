@@ -300,10 +300,10 @@ fn rounds_change_nothing() {
     let settings = settings(sized(&gpu, 16, 8));
     let plan = Plan { what: vec![Quantity::Ao], ..PLAN };
     let prepared = Prepared::new(&gpu, &scene).unwrap();
-    let small = Bake::new(&gpu, prepared, points.clone(), &settings, &Plan { memory: 1, ..plan.clone() }).unwrap();
+    let small = Bake::new(&gpu, prepared, points.clone(), &settings, &Plan { memory: 64, ..plan.clone() }).unwrap();
     assert!(small.statistics().rounds > 1, "one round");
     let at_once = bake(&gpu, &scene, &points, &settings, &plan);
-    assert_eq!(bake(&gpu, &scene, &points, &settings, &Plan { memory: 1, ..plan }), at_once);
+    assert_eq!(bake(&gpu, &scene, &points, &settings, &Plan { memory: 64, ..plan }), at_once);
 }
 
 /// Vertices of a box have the three normals of the faces that meet there, those of a ball its own; and what lies in something is filled.

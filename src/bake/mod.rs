@@ -34,7 +34,7 @@ use crate::gpu::Gpu;
 use crate::harmonics::MAX_ORDER;
 use crate::image::Channel;
 use crate::photon::PhotonCounts;
-use crate::points::{GatherPoint, Sums};
+use crate::points::{GatherPoint, PointList, Sums};
 use crate::prepared::{Photons, Prepared};
 use crate::quantity::Quantity;
 use crate::settings::{DIRECTIONS_PER_PHOTON_MAP, Pipeline, Settings};
@@ -42,6 +42,8 @@ use crate::shaders::BATCH;
 
 /// Points of a tile: few enough that its hits, 16 MB, are still at hand for the passes that read them.
 const TILE: usize = 1 << 18;
+/// Fewer points at a time are not worth a walk along all directions.
+const LEAST: usize = 1 << 12;
 
 /// What a bake is to find, beside [`Settings`].
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -126,8 +128,8 @@ struct Held {
 
 /// What carriers find in every bounce anew, where there is memory to keep it.
 struct Kept {
-    /// Of each batch of directions, by its first and their number, for each tile.
-    hits: BTreeMap<(u32, u32), Vec<KeptHits>>,
+    /// Of each batch of directions, by its first, for each tile.
+    hits: BTreeMap<u32, Vec<KeptHits>>,
     /// From the lights.
     irradiance: Vec<Vec3>,
 }
@@ -201,6 +203,13 @@ impl Plan {
         if gathered || self.wants(Quantity::Prt) { self.bounces } else { 0 }
     }
 
+    /// Allows itself half of what the largest of these rounds takes. Returns whether that is possible.
+    fn halve(&mut self, settings: &Settings, rounds: &[Round]) -> bool {
+        let most = largest(rounds);
+        self.memory = self.memory.min((most / 2 * self.wanted(true).bytes(copies(settings))) >> 20);
+        most > LEAST
+    }
+
     /// In a round that is the last or one that carriers hand on.
     fn wanted(&self, last: bool) -> Wanted {
         Wanted {
@@ -241,26 +250,17 @@ impl Bake {
         // Who bakes the vertices themselves need not find their hits again.
         let same = carriers.as_ref().is_some_and(|carriers| carriers.vertices().points() == points);
         let whose = if same { Whose::Carriers } else { Whose::Receivers };
-        let copies = 1 + blocks_of(settings).count().ilog2() as usize + 1;
-        let mut all = Vec::new();
-        for stage in 0..bounces {
-            all.extend(rounds(Whose::Carriers, stage, false, count_of_carriers, plan, copies));
-        }
-        all.extend(rounds(whose, bounces, true, points.len(), plan, copies));
-        let of_carriers = all.iter().filter(|round| round.whose == Whose::Carriers).count();
-        let bytes = plan.wanted(true).bytes(copies) + HIT_BYTES * settings.directions as usize;
-        let keeps = of_carriers > 1 && count_of_carriers * bytes <= plan.memory << 20;
-
-        let largest = TILE.min(points.len().max(count_of_carriers));
-        let size = crate::points::PointList::size(largest);
-        let layers = settings.layer_size;
-        let find: Box<dyn Find> = match settings.pipeline {
-            Pipeline::Fused => Box::new(FusedFind::new(gpu, layers, size)?),
-            Pipeline::Kill => Box::new(KillFind::new(KillGather::new(gpu, layers, size, settings.stop_fraction)?)),
-            Pipeline::EarlyKill => Box::new(KillFind::new(KillGather::early(gpu, layers, size, settings.stop_fraction)?)),
-            Pipeline::RaycastGl => Box::new(RayFind::new(gpu, &prepared.scene, size)?),
-            Pipeline::Raycast => Box::new(ExactFind::new(gpu, &prepared.scene, prepared.bvh.clone())),
+        let mut plan = plan.clone();
+        let (all, find) = loop {
+            let all = all_rounds(&plan, settings, whose, [count_of_carriers, points.len()]);
+            match find_by(gpu, settings, &prepared, largest(&all).min(TILE)) {
+                Err(error) if gpu.goes_on(&error) && plan.halve(settings, &all) => {}
+                find => break (all, find?),
+            }
         };
+        let of_carriers = all.iter().filter(|round| round.whose == Whose::Carriers).count();
+        let bytes = plan.wanted(true).bytes(copies(settings)) + HIT_BYTES * settings.directions as usize;
+        let keeps = of_carriers > 1 && count_of_carriers * bytes <= plan.memory << 20;
         let statistics = Statistics {
             points: points.len(),
             directions_total: all.len() as u64 * u64::from(settings.directions),
@@ -276,7 +276,7 @@ impl Bake {
             direct: Direct::new(gpu, settings.shadow_size, settings.seed)?,
             directions: Directions::new(settings.sequence, settings.seed),
             settings: settings.clone(),
-            plan: plan.clone(),
+            plan,
             prepared,
             points,
             find,
@@ -348,10 +348,12 @@ impl Bake {
     /// # Errors
     /// [`Error::Input`] when it is of another job, or damaged.
     pub fn resume(&mut self, path: &Path, part: &Part) -> Result<()> {
+        // Where memory ended, the part was made with less than was asked for.
+        self.plan.memory = part.job["plan"]["memory"].as_u64().map_or(self.plan.memory, |memory| memory as usize);
         part.check(path, &self.job())?;
         self.now = None;
         self.carried = Held { stage: part.state["stage"].as_u64().unwrap_or(0) as u32, ..Held::default() };
-        self.summed = self.rounds.iter().map(|_| Summed::default()).collect();
+        self.begin_rounds();
         self.take(path, part, |_| true)
     }
 
@@ -424,19 +426,51 @@ impl Bake {
         (self.statistics.directions_done, self.statistics.directions_total) = (done, total);
     }
 
-    /// Gathers along the next directions, as many as the pipeline takes at once, if any are left.
+    /// Gathers along the next directions, as many as the pipeline takes at once, if any are left. Where memory ends the block begins again, with less
+    /// at a time.
     ///
     /// # Errors
-    /// [`Error::Gl`] when the device fails.
+    /// [`Error::Gl`] when the device fails; the blocks that were done before stay.
     pub fn step(&mut self) -> Result<()> {
+        let stepped = self.gather_some();
+        self.count();
+        // What a device did that failed is gone, or not to be trusted.
+        stepped.or_else(|error| if self.gpu.goes_on(&error) && self.shrink() { Ok(()) } else { Err(error) })
+    }
+
+    /// Gives memory back that it can do without, if any.
+    fn shrink(&mut self) -> bool {
+        self.kept.take().is_some() || self.find.shrink() || self.take_fewer_points()
+    }
+
+    /// Half as many at a time. But a block is of all points of a round: where some are done it is too late.
+    fn take_fewer_points(&mut self) -> bool {
+        let begun = self.summed.iter().any(|summed| summed.values.blocks() > 0);
+        let fewer = !begun && self.plan.halve(&self.settings, &self.rounds);
+        if fewer {
+            self.begin_rounds();
+            self.count();
+        }
+        fewer
+    }
+
+    /// Those of the plan, from the first on.
+    fn begin_rounds(&mut self) {
+        let whose = self.rounds.last().map_or(Whose::Receivers, |round| round.whose);
+        let count_of_carriers = self.carriers.as_ref().map_or(0, |carriers| carriers.vertices().points().len());
+        self.rounds = all_rounds(&self.plan, &self.settings, whose, [count_of_carriers, self.points.len()]);
+        self.summed = self.rounds.iter().map(|_| Summed::default()).collect();
+        self.statistics.rounds = self.rounds.len();
+    }
+
+    fn gather_some(&mut self) -> Result<()> {
         let mut walk = match (self.now.take(), self.next()) {
             (Some(walk), _) => walk,
             (None, Some((round, block))) => self.begin(round, block)?,
             (None, None) => return Ok(()),
         };
         self.gather(&mut walk)?;
-        self.now = if walk.left.is_empty() { self.end_block(walk) } else { Some(walk) };
-        self.count();
+        self.now = if walk.left.is_empty() { self.end_block(walk)? } else { Some(walk) };
         Ok(())
     }
 
@@ -516,12 +550,10 @@ impl Bake {
         tiles.iter().for_each(Tile::clear);
         let of_carriers = round.whose == Whose::Carriers;
         let known = self.kept.as_ref().filter(|kept| of_carriers && kept.irradiance.len() == count).map(|kept| &kept.irradiance);
-        let summed = &mut self.summed[number].irradiance;
-        if let Some(known) = known {
-            summed.clone_from(known);
-        } else if summed.is_empty() && !lit {
-            *summed = vec![Vec3::ZERO; count];
-        } else if summed.is_empty() {
+        let mut irradiance = known.unwrap_or(&self.summed[number].irradiance).clone();
+        if irradiance.is_empty() && !lit {
+            irradiance = vec![Vec3::ZERO; count];
+        } else if irradiance.is_empty() {
             for tile in &tiles {
                 let points = tile.list.points();
                 let sums = Sums::new(&self.gpu, points.size())?;
@@ -530,14 +562,15 @@ impl Bake {
                     self.direct.add(&self.prepared.geometry, &self.prepared.lights, sample, points, &sums);
                 }
                 let mean = 1.0 / self.settings.light_samples as f32;
-                summed.extend(tile.list.in_order(sums.read()).iter().map(|sum| mean * sum.truncate()));
+                irradiance.extend(tile.list.in_order(sums.read()).iter().map(|sum| mean * sum.truncate()));
             }
-        }
-        if let Some(kept) = self.kept.as_mut().filter(|_| lit && of_carriers) {
-            kept.irradiance.clone_from(summed);
         }
         self.gpu.finish();
         self.gpu.check("direct light")?;
+        if let Some(kept) = self.kept.as_mut().filter(|_| lit && of_carriers) {
+            kept.irradiance.clone_from(&irradiance);
+        }
+        self.summed[number].irradiance = irradiance;
         self.statistics.seconds.direct += start.elapsed().as_secs_f64();
         Ok(Walk { round: number, integrals, tiles, block, left: blocks_of(&self.settings).directions(block..block + 1) })
     }
@@ -553,16 +586,20 @@ impl Bake {
         }
         let start = Instant::now();
         let count = (self.find.batch() as u32).min(walk.left.len() as u32);
-        let batch: Vec<Direction> = (first..first + count).map(|number| self.directions.get(number)).collect();
+        let mut batch: Vec<Direction> = (first..first + count).map(|number| self.directions.get(number)).collect();
         let geometry = &self.prepared.geometry;
         let of_carriers = self.rounds[walk.round].whose == Whose::Carriers;
         let mut kept = self.kept.as_mut().filter(|_| of_carriers).map(|kept| &mut kept.hits);
-        let key = (first, count);
-        let known = kept.as_ref().is_some_and(|kept| kept.contains_key(&key));
-        if !known {
-            let layers = self.find.begin(geometry, &batch)?;
-            self.statistics.layers_max = self.statistics.layers_max.max(layers);
-        }
+        let known = kept.as_ref().and_then(|kept| kept.get(&first)?.first()).map(KeptHits::directions);
+        let taken = match known {
+            Some(taken) => taken,
+            None => {
+                let begun = self.find.begin(geometry, &batch)?;
+                self.statistics.layers_max = self.statistics.layers_max.max(begun.layers);
+                begun.directions
+            }
+        };
+        batch.truncate(taken);
         let carriers = self.carriers.as_ref();
         let rough = match (carriers.zip(self.carried.irradiance.as_ref()), &self.photons) {
             (Some((carriers, carried)), _) => Seen::Gathered(carriers, carried),
@@ -577,8 +614,8 @@ impl Bake {
             let hits = match &mut kept {
                 None => self.find.find(geometry, points)?,
                 Some(kept) => {
-                    let kept = kept.entry(key).or_default();
-                    if !known {
+                    let kept = kept.entry(first).or_default();
+                    if known.is_none() {
                         self.find.find(geometry, points)?;
                         kept.push(self.find.keep()?);
                     }
@@ -590,22 +627,20 @@ impl Bake {
         self.gpu.finish();
         self.gpu.check("gathering")?;
         self.statistics.seconds.gather += start.elapsed().as_secs_f64();
-        walk.left.start += count;
+        walk.left.start += taken as u32;
         Ok(())
     }
 
     /// Adds the sums of a block to those of its round. The next block of the round, if there is one.
-    fn end_block(&mut self, mut walk: Walk) -> Option<Walk> {
+    fn end_block(&mut self, mut walk: Walk) -> Result<Option<Walk>> {
         let node = Node { first: walk.block, blocks: 1, sum: walk.values() };
+        self.gpu.check("reading sums")?;
         self.summed[walk.round].values.insert(node).ok().expect("a block is begun once");
-        let (round, block) = self.next()?;
-        if round != walk.round {
-            return None;
-        }
+        let Some((_, block)) = self.next().filter(|&(round, _)| round == walk.round) else { return Ok(None) };
         walk.tiles.iter().for_each(Tile::clear);
         walk.block = block;
         walk.left = blocks_of(&self.settings).directions(block..block + 1);
-        Some(walk)
+        Ok(Some(walk))
     }
 
     /// Gives carriers what was found in the stage before this one.
@@ -666,11 +701,40 @@ fn light(round: usize) -> String {
     format!("light{round}")
 }
 
+/// A way to find hits, of so many points at a time.
+fn find_by(gpu: &Gpu, settings: &Settings, prepared: &Prepared, points: usize) -> Result<Box<dyn Find>> {
+    let (layers, size) = (settings.layer_size, PointList::size(points));
+    Ok(match settings.pipeline {
+        Pipeline::Fused => Box::new(FusedFind::new(gpu, layers, size)?),
+        Pipeline::Kill => Box::new(KillFind::new(KillGather::new(gpu, layers, size, settings.stop_fraction)?)),
+        Pipeline::EarlyKill => Box::new(KillFind::new(KillGather::early(gpu, layers, size, settings.stop_fraction)?)),
+        Pipeline::RaycastGl => Box::new(RayFind::new(gpu, &prepared.scene, size)?),
+        Pipeline::Raycast => Box::new(ExactFind::new(gpu, &prepared.scene, prepared.bvh.clone())),
+    })
+}
+
+/// Of a point's sums, all there are at a time: on the GL side, in the tree, and at the end.
+fn copies(settings: &Settings) -> usize {
+    1 + blocks_of(settings).count().ilog2() as usize + 1
+}
+
+/// Those of the bounces and the last, for so many carriers and receivers.
+fn all_rounds(plan: &Plan, settings: &Settings, whose: Whose, [carriers, receivers]: [usize; 2]) -> Vec<Round> {
+    let bounces = plan.bounces_of_carriers();
+    let of_bounces = (0..bounces).flat_map(|stage| rounds(Whose::Carriers, stage, false, carriers, plan, copies(settings)));
+    of_bounces.chain(rounds(whose, bounces, true, receivers, plan, copies(settings))).collect()
+}
+
+/// The most points of one of them.
+fn largest(rounds: &[Round]) -> usize {
+    rounds.iter().map(|round| round.points.len()).max().unwrap_or(0)
+}
+
 /// The rounds that so many points take in the memory there is, which holds their sums on the GL side and so many copies in all.
 fn rounds(whose: Whose, stage: u32, last: bool, count: usize, plan: &Plan, copies: usize) -> Vec<Round> {
     let fit = (plan.memory << 20) / plan.wanted(last).bytes(copies);
-    // Whole tiles, and one at least.
-    let most = (fit / TILE * TILE).max(TILE);
+    // Whole tiles, or less than one.
+    let most = if fit < TILE { fit.max(LEAST) } else { fit / TILE * TILE };
     let round = |first: usize| Round { whose, points: first..count.min(first + most), stage, last };
     (0..count).step_by(most).map(round).collect()
 }

@@ -5,7 +5,7 @@ use std::rc::Rc;
 use glam::{Vec2, Vec4};
 use rayon::prelude::*;
 
-use super::hits::{Find, Hits, KeptHits};
+use super::hits::{Begun, Find, Hits, KeptHits};
 use crate::direction::Direction;
 use crate::error::{Error, Result};
 use crate::geometry::{Geometry, triangle_order};
@@ -39,9 +39,9 @@ impl Find for ExactFind {
         1
     }
 
-    fn begin(&mut self, _: &Geometry, directions: &[Direction]) -> Result<u32> {
+    fn begin(&mut self, _: &Geometry, directions: &[Direction]) -> Result<Begun> {
         self.direction = [directions[0].vector.extend(0.0)];
-        Ok(0)
+        Ok(Begun { directions: 1, layers: 0 })
     }
 
     fn find(&mut self, _: &Geometry, points: Points) -> Result<Hits<'_>> {

@@ -17,11 +17,11 @@ pub trait Find {
     /// The most directions that it takes at once.
     fn batch(&self) -> usize;
 
-    /// Does what is the same for all points. Returns the most layers that were peeled for one of `directions`, 0 where none were.
+    /// Does what is the same for all points, for the first of `directions`: as many as there is memory for.
     ///
     /// # Errors
-    /// [`crate::Error::Usage`] when the device is too small for the scene.
-    fn begin(&mut self, geometry: &Geometry, directions: &[Direction]) -> Result<u32>;
+    /// [`crate::Error::Gl`] when the device is too small for the scene.
+    fn begin(&mut self, geometry: &Geometry, directions: &[Direction]) -> Result<Begun>;
 
     /// What `points` see along the directions begun with.
     ///
@@ -34,6 +34,20 @@ pub trait Find {
     /// # Errors
     /// When the device has no memory for the next.
     fn keep(&mut self) -> Result<KeptHits>;
+
+    /// Gives memory back that it can do without, if any.
+    fn shrink(&mut self) -> bool {
+        false
+    }
+}
+
+/// What a [`Find`] has begun with.
+#[derive(Clone, Copy, Debug)]
+pub struct Begun {
+    /// How many of those given, at least one.
+    pub directions: usize,
+    /// The most layers that were peeled for one of them, 0 where none were.
+    pub layers: u32,
 }
 
 /// Bytes of a hit.
@@ -47,6 +61,11 @@ pub struct KeptHits {
 }
 
 impl KeptHits {
+    /// Along how many directions.
+    pub fn directions(&self) -> usize {
+        self.directions.len()
+    }
+
     pub(super) fn new(texture: impl Into<Rc<Texture>>, directions: &[Vec4], both_ends: bool) -> Self {
         Self { texture: texture.into(), directions: directions.to_vec(), both_ends }
     }

@@ -23,9 +23,9 @@ mod rays;
 
 pub use bundle::Bundle;
 pub use exact::ExactFind;
-pub use hits::{Find, HIT_BYTES, Hits, KeptHits};
+pub use hits::{Begun, Find, HIT_BYTES, Hits, KeptHits};
 pub use kill::Kill;
-pub use layer_store::LayerStore;
+pub use layer_store::{Filled, LayerStore};
 pub use peel::Peel;
 pub use rays::{RayFind, RayGather};
 
@@ -83,8 +83,13 @@ pub trait Gather {
     /// Gathers along `directions` and adds to the sums. Returns the most layers that were peeled for one of them, 0 where none were.
     ///
     /// # Errors
-    /// [`crate::Error::Usage`] when the device is too small for the scene.
+    /// [`crate::Error::Gl`] when the device is too small for the scene.
     fn add(&mut self, work: Work, directions: &[Direction]) -> Result<u32>;
+
+    /// Gives memory back that it can do without, if any.
+    fn shrink(&mut self) -> bool {
+        false
+    }
 }
 
 /// The 2004 method, for one layer size and one size of point textures.
@@ -187,13 +192,19 @@ impl Gather for FusedGather {
     fn add(&mut self, work: Work, directions: &[Direction]) -> Result<u32> {
         let size = self.store.layer_size();
         let bundle = |direction| Bundle::new(direction, &work.geometry.positions, size);
-        let mut most = 0;
-        for batch in directions.chunks(self.batch()) {
-            let bundles: Vec<Bundle> = batch.iter().map(bundle).collect();
-            most = most.max(self.gpu.stage("peel", || self.store.fill(work.geometry, &bundles))?);
-            self.gpu.stage("gather", || self.fused.add(work, &bundles, &self.store));
+        let bundles: Vec<Bundle> = directions.iter().map(bundle).collect();
+        let (mut most, mut left) = (0, &bundles[..]);
+        while !left.is_empty() {
+            let filled = self.gpu.stage("peel", || self.store.fill(work.geometry, left))?;
+            let (batch, later) = left.split_at(filled.bundles);
+            self.gpu.stage("gather", || self.fused.add(work, batch, &self.store));
+            (most, left) = (most.max(filled.layers), later);
         }
         Ok(most)
+    }
+
+    fn shrink(&mut self) -> bool {
+        self.store.halve()
     }
 }
 
@@ -216,9 +227,9 @@ impl Find for KillFind {
         1
     }
 
-    fn begin(&mut self, _: &Geometry, directions: &[Direction]) -> Result<u32> {
+    fn begin(&mut self, _: &Geometry, directions: &[Direction]) -> Result<Begun> {
         self.direction = directions.first().copied();
-        Ok(0)
+        Ok(Begun { directions: 1, layers: 0 })
     }
 
     fn find(&mut self, geometry: &Geometry, points: Points) -> Result<Hits<'_>> {
@@ -255,7 +266,9 @@ impl FusedFind {
     /// # Errors
     /// When a size is beyond the device's limits.
     pub fn new(gpu: &Gpu, layer_size: u32, points: [u32; 2]) -> Result<Self> {
-        let (store, fused) = (LayerStore::new(gpu, layer_size)?, fused::FusedFind::new(gpu, points)?);
+        // The store makes do with what memory is left.
+        let fused = fused::FusedFind::new(gpu, points)?;
+        let store = LayerStore::new(gpu, layer_size)?;
         Ok(Self { gpu: gpu.clone(), store, fused, bundles: Vec::new(), directions: Vec::new() })
     }
 }
@@ -265,11 +278,13 @@ impl Find for FusedFind {
         self.store.tiles() as usize
     }
 
-    fn begin(&mut self, geometry: &Geometry, directions: &[Direction]) -> Result<u32> {
+    fn begin(&mut self, geometry: &Geometry, directions: &[Direction]) -> Result<Begun> {
         let size = self.store.layer_size();
         self.bundles = directions.iter().map(|direction| Bundle::new(direction, &geometry.positions, size)).collect();
-        self.directions = directions.iter().map(|direction| direction.vector.extend(0.0)).collect();
-        self.gpu.stage("peel", || self.store.fill(geometry, &self.bundles))
+        let filled = self.gpu.stage("peel", || self.store.fill(geometry, &self.bundles))?;
+        self.bundles.truncate(filled.bundles);
+        self.directions = self.bundles.iter().map(|bundle| bundle.direction.extend(0.0)).collect();
+        Ok(Begun { directions: filled.bundles, layers: filled.layers })
     }
 
     fn find(&mut self, _: &Geometry, points: Points) -> Result<Hits<'_>> {
@@ -279,5 +294,9 @@ impl Find for FusedFind {
 
     fn keep(&mut self) -> Result<KeptHits> {
         self.fused.keep(&self.gpu, &self.directions)
+    }
+
+    fn shrink(&mut self) -> bool {
+        self.store.halve()
     }
 }

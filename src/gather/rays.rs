@@ -9,7 +9,7 @@
 use glam::{DVec3, Vec3, Vec4};
 
 use super::hit_pass::HitPass;
-use super::hits::{Find, FoundHits, Hits, KeptHits};
+use super::hits::{Begun, Find, FoundHits, Hits, KeptHits};
 use super::{Beyond, Gather, Work};
 use crate::direction::Direction;
 use crate::error::Result;
@@ -111,9 +111,9 @@ impl Find for RayFind {
         shaders::BATCH
     }
 
-    fn begin(&mut self, _: &Geometry, directions: &[Direction]) -> Result<u32> {
+    fn begin(&mut self, _: &Geometry, directions: &[Direction]) -> Result<Begun> {
         self.directions = vectors(directions);
-        Ok(0)
+        Ok(Begun { directions: directions.len(), layers: 0 })
     }
 
     fn find(&mut self, _: &Geometry, points: Points) -> Result<Hits<'_>> {

@@ -8,6 +8,7 @@ use serde::Serialize;
 
 use super::clock::Stages;
 use super::headless::{self, Backend, DeviceChoice, Platform};
+use super::reset::ResetStatus;
 use crate::error::{Error, Result};
 
 /// An OpenGL 3.3 core context. Clones share it; it lives until the last clone and the last object made from it are gone.
@@ -21,6 +22,13 @@ pub(super) struct Context {
     functions: glow::Context,
     platform: Platform,
     info: GpuInfo,
+    reset: ResetStatus,
+    /// Why it is lost, if it is. Drivers may say so once only.
+    lost: Cell<Option<&'static str>>,
+    /// The first that [`Gpu::check`] has not told of.
+    error: Cell<u32>,
+    /// Seconds of work since it was handed to the device, as far as it is known.
+    pub(super) queued: Cell<f64>,
     /// Core profiles draw nothing without a vertex array, not even a triangle that reads no attribute.
     no_vertices: glow::NativeVertexArray,
     /// Distinguishes contexts that one thread uses in turn.
@@ -67,15 +75,17 @@ impl Gpu {
     pub fn headless(backend: Backend, device: DeviceChoice) -> Result<Self> {
         // Whatever comes of it, the context that was current no longer is.
         CURRENT.set(0);
-        let (platform, functions) = headless::create(backend, device)?;
+        let (platform, functions, reset) = headless::create(backend, device)?;
         let info = unsafe { info(&functions, &platform) };
         let no_vertices = unsafe { functions.create_vertex_array() }
             .map_err(|problem| Error::gl(format!("a GL object cannot be made: {problem}"), "try another device or driver"))?;
         let identity = NEXT.replace(NEXT.get() + 1);
         CURRENT.set(identity);
         let stages = RefCell::default();
-        let gpu = Self { context: Rc::new(Context { functions, platform, info, no_vertices, identity, stages }) };
-        gpu.reset();
+        let (lost, error, queued) = Default::default();
+        let context = Context { functions, platform, info, reset, lost, error, queued, no_vertices, identity, stages };
+        let gpu = Self { context: Rc::new(context) };
+        gpu.set_state();
         Ok(gpu)
     }
 
@@ -85,8 +95,18 @@ impl Gpu {
 
     /// Waits until everything queued has run, so that a clock read next to it measures work and not queuing.
     pub fn finish(&self) {
-        let gl = self.gl();
-        self.context.wait(|| unsafe { gl.finish() });
+        self.context.finish();
+    }
+
+    /// Whether the driver has reset the device, or given this context up otherwise: then what it held is gone, what reads it finds nothing, and
+    /// no call does anything.
+    pub fn is_lost(&self) -> bool {
+        self.context.is_lost()
+    }
+
+    /// Whether after this error of its own, such as that of memory that ended, the device still works.
+    pub fn goes_on(&self, error: &Error) -> bool {
+        matches!(error, Error::Gl { .. }) && !self.is_lost()
     }
 
     /// Whether shaders can write to any texel ([`super::Uniform::Image`]): from OpenGL 4.2 on.
@@ -102,22 +122,30 @@ impl Gpu {
 
     /// Turns GL errors since the last call into one that names `stage`.
     pub fn check(&self, stage: &str) -> Result<()> {
-        let code = unsafe { self.gl().get_error() };
+        let lost = self.context.lost();
+        let code = self.context.error.take();
         // Errors queue up; the first one is the cause. The bound holds where a lost context reports for ever.
         for _ in 0..64 {
             if unsafe { self.gl().get_error() } == glow::NO_ERROR {
                 break;
             }
         }
+        if let Some(cause) = lost {
+            return Err(Error::gl(
+                format!("the driver has reset {} {cause}: the OpenGL context is lost ({stage})", self.info().renderer),
+                "start again; if it happens again, use another device or driver (--gl-device, --backend)",
+            ));
+        }
         match code {
             glow::NO_ERROR => Ok(()),
             glow::OUT_OF_MEMORY => Err(Error::gl(
                 format!("the GL device is out of memory ({stage})"),
-                "use a smaller --size or --layer-size, or another device (--gl-device)",
+                "use a smaller --size, --layer-size or (to bake) --memory, or another device (--gl-device)",
             )),
             code => Err(Error::gl(
                 format!("OpenGL error 0x{code:04x} ({stage}) on {}", self.info().renderer),
-                "try another device or driver (--gl-device, --backend), and report this",
+                "use a smaller --size or --layer-size, for limits may be less than a driver says, or another device or driver (--gl-device, \
+                 --backend)",
             )),
         }
     }
@@ -131,7 +159,7 @@ impl Gpu {
     }
 
     /// The state that every draw relies on and none changes.
-    fn reset(&self) {
+    fn set_state(&self) {
         let gl = self.gl();
         unsafe {
             gl.disable(glow::DITHER);
@@ -154,10 +182,44 @@ impl Context {
     /// The functions, with this context current on the calling thread.
     pub(super) fn current(&self) -> &glow::Context {
         if CURRENT.get() != self.identity {
-            self.platform.make_current();
+            if !self.platform.make_current() {
+                self.lose("and does not take it up again");
+            }
             CURRENT.set(self.identity);
         }
         &self.functions
+    }
+
+    /// Waits until the device has nothing left to do.
+    pub(super) fn finish(&self) {
+        let gl = self.current();
+        self.wait(|| unsafe { gl.finish() });
+        self.queued.set(0.0);
+    }
+
+    pub(super) fn is_lost(&self) -> bool {
+        self.lost().is_some()
+    }
+
+    /// Why it is lost, if it is. Those that do not tell when they are reset may still say so by errors.
+    fn lost(&self) -> Option<&'static str> {
+        let gl = self.current();
+        if self.lost.get().is_none() {
+            if let Some(cause) = self.reset.cause() {
+                self.lose(cause);
+            }
+            match unsafe { gl.get_error() } {
+                glow::CONTEXT_LOST => self.lose("and says no more"),
+                error if self.error.get() == glow::NO_ERROR => self.error.set(error),
+                _ => {}
+            }
+        }
+        self.lost.get()
+    }
+
+    /// The first cause is the one that counts.
+    fn lose(&self, cause: &'static str) {
+        self.lost.set(self.lost.get().or(Some(cause)));
     }
 }
 

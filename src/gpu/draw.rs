@@ -50,19 +50,19 @@ pub enum Geometry<'a> {
     FullScreen,
     /// A range of triangles of a vertex array.
     Triangles(&'a VertexArray, Range<u32>),
-    /// All triangles of a vertex array, so many times.
+    /// All triangles of a vertex array, so many times; each time into pixels of its own, for their order is open.
     Instances(&'a VertexArray, u32),
 }
 
 impl Draw<'_> {
-    /// Queues the draw.
+    /// Queues the draw, or where it takes long waits for all but a short rest of it.
     pub fn run(&self) {
         let gl = self.target.bind();
         self.program.bind(self.uniforms);
+        let whole = || [0, 0, self.target.size()[0] as i32, self.target.size()[1] as i32];
+        let [x, y, width, height] = self.region.unwrap_or_else(whole);
         unsafe {
-            if let Some([x, y, width, height]) = self.region {
-                gl.viewport(x, y, width, height);
-            }
+            gl.viewport(x, y, width, height);
             let (function, write, range) = match self.depth {
                 DepthTest::Off => (None, false, [0.0, 1.0]),
                 DepthTest::Less => (Some(glow::LESS), true, [0.0, 1.0]),
@@ -107,20 +107,25 @@ impl Draw<'_> {
                     gl.blend_func(glow::ONE, glow::ONE);
                 }
             }
-            match &self.geometry {
-                Geometry::FullScreen => {
-                    gl.bind_vertex_array(Some(self.target.context().no_vertices()));
-                    gl.draw_arrays(glow::TRIANGLES, 0, 3);
-                }
-                Geometry::Instances(vertices, count) => {
-                    gl.bind_vertex_array(Some(vertices.name()));
-                    gl.draw_arrays_instanced(glow::TRIANGLES, 0, vertices.count() as i32, *count as i32);
-                }
-                Geometry::Triangles(vertices, range) => {
-                    gl.bind_vertex_array(Some(vertices.name()));
-                    gl.draw_arrays(glow::TRIANGLES, 3 * range.start as i32, 3 * (range.end - range.start) as i32);
-                }
-            }
+        }
+        let context = self.target.context();
+        let vertices = match self.geometry {
+            Geometry::FullScreen => context.no_vertices(),
+            Geometry::Triangles(vertices, _) | Geometry::Instances(vertices, _) => vertices.name(),
+        };
+        unsafe { gl.bind_vertex_array(Some(vertices)) };
+        let pace = self.program.pace();
+        match &self.geometry {
+            Geometry::FullScreen => pace.run(context, height as u32, width as u32, |rows| unsafe {
+                gl.viewport(x, y + rows.start as i32, width, rows.len() as i32);
+                gl.draw_arrays(glow::TRIANGLES, 0, 3);
+            }),
+            Geometry::Triangles(_, range) => pace.run(context, range.end - range.start, 1, |part| unsafe {
+                gl.draw_arrays(glow::TRIANGLES, 3 * (range.start + part.start) as i32, 3 * part.len() as i32);
+            }),
+            Geometry::Instances(vertices, count) => pace.run(context, vertices.count() / 3, *count, |part| unsafe {
+                gl.draw_arrays_instanced(glow::TRIANGLES, 3 * part.start as i32, 3 * part.len() as i32, *count as i32);
+            }),
         }
     }
 }

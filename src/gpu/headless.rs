@@ -6,10 +6,11 @@ use std::str::FromStr;
 
 use glutin::api::egl::{context::PossiblyCurrentContext, device::Device, display::Display};
 use glutin::config::{Api, ConfigSurfaceTypes, ConfigTemplateBuilder};
-use glutin::context::{ContextApi, ContextAttributesBuilder, GlProfile, Version};
+use glutin::context::{ContextApi, ContextAttributesBuilder, GlProfile, PossiblyCurrentGlContext, Robustness, Version};
 use glutin::display::GlDisplay;
 
 use super::osmesa::OsMesa;
+use super::reset::ResetStatus;
 use crate::error::{Error, Result};
 
 /// Which library makes the context.
@@ -41,6 +42,9 @@ pub struct DeviceInfo {
     pub name: String,
     pub software: bool,
 }
+
+/// A context, its functions, and how it tells that it is lost.
+pub(super) type Created = (Platform, glow::Context, ResetStatus);
 
 /// What keeps a context alive.
 pub(super) enum Platform {
@@ -94,13 +98,17 @@ impl Platform {
         }
     }
 
-    pub fn make_current(&self) {
-        match self {
-            Self::Egl { context, .. } => {
-                context.make_current_surfaceless().expect("a context that was current can be made current again");
-            }
-            Self::OsMesa(context) => context.make_current().expect("a context that was current can be made current again"),
+    /// Whether it can; else none is current, so that what is meant for this one meets no other.
+    pub fn make_current(&self) -> bool {
+        let made = match self {
+            Self::Egl { context, .. } => context.make_current_surfaceless().is_ok(),
+            Self::OsMesa(context) => context.make_current().is_ok(),
+        };
+        if let (false, Self::Egl { context, .. }) = (made, self) {
+            // Where it cannot even be let go, it is not current either.
+            let _ = context.make_not_current_in_place();
         }
+        made
     }
 }
 
@@ -113,7 +121,7 @@ pub fn list_devices() -> Result<Vec<DeviceInfo>> {
 }
 
 /// Makes a context and leaves it current.
-pub(super) fn create(backend: Backend, device: DeviceChoice) -> Result<(Platform, glow::Context)> {
+pub(super) fn create(backend: Backend, device: DeviceChoice) -> Result<Created> {
     match backend {
         Backend::Egl => egl(device),
         Backend::OsMesa => osmesa(),
@@ -146,7 +154,7 @@ fn devices() -> Result<Vec<(DeviceInfo, Device)>> {
         .collect())
 }
 
-fn egl(choice: DeviceChoice) -> Result<(Platform, glow::Context)> {
+fn egl(choice: DeviceChoice) -> Result<Created> {
     let devices = devices()?;
     let wanted: Vec<_> = devices
         .iter()
@@ -159,7 +167,9 @@ fn egl(choice: DeviceChoice) -> Result<(Platform, glow::Context)> {
     let mut failures = Vec::new();
     for (info, device) in wanted {
         match egl_on(device) {
-            Ok((context, functions)) => return Ok((Platform::Egl { context, device: info.to_string() }, functions)),
+            Ok((context, functions, reset)) => {
+                return Ok((Platform::Egl { context, device: info.to_string() }, functions, reset));
+            }
             Err(failure) => failures.push(format!("device {info}: {failure}")),
         }
     }
@@ -174,7 +184,7 @@ fn egl(choice: DeviceChoice) -> Result<(Platform, glow::Context)> {
     ))
 }
 
-fn egl_on(device: &Device) -> Result<(PossiblyCurrentContext, glow::Context), String> {
+fn egl_on(device: &Device) -> Result<(PossiblyCurrentContext, glow::Context, ResetStatus), String> {
     let text = |error: glutin::error::Error| error.to_string();
     // A surfaceless context needs a config that renders OpenGL and nothing that a window would need.
     let template = ConfigTemplateBuilder::new()
@@ -184,23 +194,28 @@ fn egl_on(device: &Device) -> Result<(PossiblyCurrentContext, glow::Context), St
         .with_depth_size(0)
         .with_stencil_size(0)
         .build();
-    let attributes = ContextAttributesBuilder::new()
-        .with_context_api(ContextApi::OpenGl(Some(Version::new(3, 3))))
-        .with_profile(GlProfile::Core)
-        .build(None);
+    let attributes = |robustness| {
+        ContextAttributesBuilder::new()
+            .with_context_api(ContextApi::OpenGl(Some(Version::new(3, 3))))
+            .with_profile(GlProfile::Core)
+            .with_robustness(robustness)
+            .build(None)
+    };
     unsafe {
         let display = Display::with_device(device, None).map_err(text)?;
         let config = display.find_configs(template).map_err(text)?.next().ok_or("no config renders OpenGL")?;
-        let context = display.create_context(&config, &attributes).map_err(text)?;
+        let create = |robustness| display.create_context(&config, &attributes(robustness));
+        // A robust one tells when it is lost; others may be stale for ever, or end the process.
+        let context = create(Robustness::RobustLoseContextOnReset).or_else(|_| create(Robustness::NotRobust)).map_err(text)?;
         let context = context.make_current_surfaceless().map_err(text)?;
-        let functions = glow::Context::from_loader_function(|name| {
-            CString::new(name).map_or(std::ptr::null(), |name| display.get_proc_address(&name))
-        });
-        Ok((context, functions))
+        let address = |name: &str| CString::new(name).map_or(std::ptr::null(), |name| display.get_proc_address(&name));
+        let functions = glow::Context::from_loader_function(address);
+        let reset = ResetStatus::new(&functions, address);
+        Ok((context, functions, reset))
     }
 }
 
-fn osmesa() -> Result<(Platform, glow::Context)> {
+fn osmesa() -> Result<Created> {
     let context = OsMesa::new().map_err(|problem| {
         Error::gl(
             format!("no OpenGL 3.3 core context through OSMesa: {problem}"),
@@ -208,5 +223,6 @@ fn osmesa() -> Result<(Platform, glow::Context)> {
         )
     })?;
     let functions = unsafe { glow::Context::from_loader_function(|name| context.function(name)) };
-    Ok((Platform::OsMesa(context), functions))
+    let reset = ResetStatus::new(&functions, |name| context.function(name));
+    Ok((Platform::OsMesa(context), functions, reset))
 }

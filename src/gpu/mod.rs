@@ -2,15 +2,18 @@
 //!
 //! [`Gpu::headless`] makes a context. Objects ([`Texture`], [`Target`], [`Program`], [`VertexArray`], [`SampleQuery`]) own their GL
 //! name and delete it when dropped. A draw is one value ([`Draw`]) with
-//! all the state that shapes it, so none is left behind for the next. A [`StageClock`] measures what the device does meanwhile.
+//! all the state that shapes it, so none is left behind for the next, and is cut short where it would keep the device so long that a watchdog
+//! resets it. A context that is lost all the same says so at the next [`Gpu::check`]. A [`StageClock`] measures what the device does meanwhile.
 
 mod clock;
 mod context;
 mod draw;
 mod headless;
 mod osmesa;
+mod pace;
 mod program;
 mod query;
+mod reset;
 mod resource;
 mod target;
 mod texture;

@@ -68,7 +68,10 @@ impl OsMesa {
 
     pub fn make_current(&self) -> Result<(), String> {
         match unsafe { (self.make_current)(self.handle, self.pixel.get().cast(), glow::UNSIGNED_BYTE, 1, 1) } {
-            0 => Err("the context cannot be made current".into()),
+            0 => {
+                unsafe { (self.make_current)(std::ptr::null_mut(), std::ptr::null_mut(), 0, 0, 0) };
+                Err("the context cannot be made current".into())
+            }
             _ => Ok(()),
         }
     }

@@ -9,6 +9,7 @@ use glam::{Mat4, Vec3, Vec4};
 use glow::HasContext;
 
 use super::context::Gpu;
+use super::pace::Pace;
 use super::resource::Resource;
 use super::texture::Texture;
 use crate::error::{Error, Result};
@@ -47,6 +48,7 @@ pub struct Program {
     program: Resource<glow::NativeProgram>,
     name: &'static str,
     uniforms: Vec<(String, glow::NativeUniformLocation)>,
+    pace: Pace,
 }
 
 /// Texts that take the place of embedded ones.
@@ -124,11 +126,11 @@ impl Program {
     pub fn with(gpu: &Gpu, source: &ShaderSource, defines: &[String]) -> Result<Self> {
         let gl = gpu.gl();
         let (vertex, fragment) = source.resolve_with(defines)?;
-        let program = Resource::own(gpu, unsafe { gl.create_program() })?;
+        let program = Resource::own(gpu, |gl| unsafe { gl.create_program() })?;
         let stages = [(glow::VERTEX_SHADER, &vertex), (glow::FRAGMENT_SHADER, &fragment)];
         let mut shaders = Vec::new();
         for (kind, text) in stages {
-            let shader = Resource::own(gpu, unsafe { gl.create_shader(kind) })?;
+            let shader = Resource::own(gpu, |gl| unsafe { gl.create_shader(kind) })?;
             unsafe {
                 gl.shader_source(shader.name(), text);
                 gl.compile_shader(shader.name());
@@ -152,8 +154,13 @@ impl Program {
                 .map(|(location, name)| (name.trim_end_matches("[0]").to_owned(), location))
                 .collect();
             gpu.check("making a shader program")?;
-            Ok(Self { program, name: source.name, uniforms })
+            Ok(Self { program, name: source.name, uniforms, pace: Pace::default() })
         }
+    }
+
+    /// What its draws cost.
+    pub(super) fn pace(&self) -> &Pace {
+        &self.pace
     }
 
     /// Makes it current with all of its uniforms set.
@@ -198,6 +205,9 @@ impl Program {
 }
 
 fn failure(gpu: &Gpu, source: &ShaderSource, verb: &str, log: &str, texts: &[&String]) -> Error {
+    if let (true, Err(lost)) = (gpu.is_lost(), gpu.check("making a shader program")) {
+        return lost;
+    }
     let mut numbered = String::new();
     for text in texts {
         for (number, line) in (1..).zip(text.lines()) {

@@ -15,16 +15,19 @@ impl SampleQuery {
     /// # Errors
     /// [`crate::Error::Gl`] when the device makes no query.
     pub fn new(gpu: &Gpu) -> Result<Self> {
-        Ok(Self { query: Resource::own(gpu, unsafe { gpu.gl().create_query() })? })
+        Ok(Self { query: Resource::own(gpu, |gl| unsafe { gl.create_query() })? })
     }
 
-    /// Runs `draws` and returns how many fragments were neither discarded nor failed a test. Waits for the device.
+    /// Runs `draws` and returns how many fragments were neither discarded nor failed a test; none, once the context is lost. Waits for the device.
     pub fn count(&self, draws: impl FnOnce()) -> u32 {
         let gl = self.query.gl();
         unsafe { gl.begin_query(glow::SAMPLES_PASSED, self.query.name()) };
         draws();
         unsafe { gl.end_query(glow::SAMPLES_PASSED) };
-        self.query.context().wait(|| unsafe { gl.get_query_parameter_u32(self.query.name(), glow::QUERY_RESULT) })
+        let context = self.query.context();
+        let count = context.wait(|| unsafe { gl.get_query_parameter_u32(self.query.name(), glow::QUERY_RESULT) });
+        // A lost one may tell any number, and who peels until none are left would go on for ever.
+        if context.is_lost() { 0 } else { count }
     }
 }
 
@@ -37,7 +40,7 @@ impl TimerQuery {
     /// # Errors
     /// [`crate::Error::Gl`] when the device makes no query.
     pub fn new(gpu: &Gpu) -> Result<Self> {
-        Ok(Self { query: Resource::own(gpu, unsafe { gpu.gl().create_query() })? })
+        Ok(Self { query: Resource::own(gpu, |gl| unsafe { gl.create_query() })? })
     }
 
     pub fn begin(&self) {

@@ -5,6 +5,7 @@ use std::rc::Rc;
 use glow::HasContext;
 
 use super::context::{Context, Gpu};
+use crate::error::{Error, Result};
 
 /// A GL name that is deleted with its owner.
 pub(super) struct Resource<T: Name> {
@@ -18,10 +19,14 @@ pub(super) trait Name: Copy {
 }
 
 impl<T: Name> Resource<T> {
-    /// Takes what a `create_*` call of this context returned.
-    pub fn own(gpu: &Gpu, created: Result<T, String>) -> crate::error::Result<Self> {
-        let name = created.map_err(|problem| {
-            crate::error::Error::gl(format!("a GL object cannot be made: {problem}"), "free memory or try another device")
+    /// Takes what `create`, a `create_*` call of this context, returns.
+    pub fn own(gpu: &Gpu, create: impl FnOnce(&glow::Context) -> Result<T, String>) -> Result<Self> {
+        // A lost one makes names of nothing, on which glow panics.
+        if gpu.is_lost() {
+            gpu.check("making a GL object")?;
+        }
+        let name = create(gpu.gl()).map_err(|problem| {
+            Error::gl(format!("a GL object cannot be made: {problem}"), "free memory or try another device")
         })?;
         Ok(Self { name, context: gpu.context().clone() })
     }
@@ -41,7 +46,10 @@ impl<T: Name> Resource<T> {
 
 impl<T: Name> Drop for Resource<T> {
     fn drop(&mut self) {
-        unsafe { self.name.delete(self.context.current()) }
+        // With a lost context its objects are gone.
+        if !self.context.is_lost() {
+            unsafe { self.name.delete(self.context.current()) }
+        }
     }
 }
 

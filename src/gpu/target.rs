@@ -46,7 +46,7 @@ impl Target {
         let any = colors.first().map(|(color, _)| color).or(depth.as_ref());
         let [width, height] = any.map_or([0; 2], |texture| [texture.width(), texture.height()]);
         let gl = gpu.gl();
-        let framebuffer = Resource::own(gpu, unsafe { gl.create_framebuffer() })?;
+        let framebuffer = Resource::own(gpu, |gl| unsafe { gl.create_framebuffer() })?;
         let mut buffers = Vec::new();
         let status = unsafe {
             gl.bind_framebuffer(glow::FRAMEBUFFER, Some(framebuffer.name()));
@@ -125,8 +125,7 @@ impl Target {
     pub fn settle(&self) {
         let context = self.framebuffer.context();
         if context.is_llvmpipe() {
-            let gl = context.current();
-            context.wait(|| unsafe { gl.finish() });
+            context.finish();
         }
     }
 

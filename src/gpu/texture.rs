@@ -145,7 +145,7 @@ impl Texture {
             );
         }
         let gl = gpu.gl();
-        let resource = Resource::own(gpu, unsafe { gl.create_texture() })?;
+        let resource = Resource::own(gpu, |gl| unsafe { gl.create_texture() })?;
         let (internal, layout, component) = format.gl();
         let data = PixelUnpackData::Slice(texels);
         let (minify, magnify) = match filter {
@@ -180,7 +180,8 @@ impl Texture {
                 gl.tex_parameter_i32(kind, glow::TEXTURE_MAX_LEVEL, 0);
             }
         }
-        gpu.check("making a texture")?;
+        let mebibytes = size.iter().map(|&side| f64::from(side)).product::<f64>() * format.bytes() as f64 / f64::from(1 << 20);
+        gpu.check(&format!("making a texture of {width}x{height}x{depth} texels, {mebibytes:.1} MiB"))?;
         Ok(Self { resource, kind, format, size })
     }
 

@@ -20,7 +20,7 @@ impl VertexArray {
     /// [`crate::Error::Gl`] when the device has no memory for it.
     pub fn new(gpu: &Gpu, attributes: &[(i32, &[u8])]) -> Result<Self> {
         let gl = gpu.gl();
-        let array = Resource::own(gpu, unsafe { gl.create_vertex_array() })?;
+        let array = Resource::own(gpu, |gl| unsafe { gl.create_vertex_array() })?;
         unsafe { gl.bind_vertex_array(Some(array.name())) };
         let mut buffers = Vec::new();
         for (location, &(components, data)) in (0..).zip(attributes) {
@@ -47,7 +47,7 @@ impl VertexArray {
 
 fn buffer(gpu: &Gpu, data: &[u8]) -> Result<Resource<glow::NativeBuffer>> {
     let gl = gpu.gl();
-    let buffer = Resource::own(gpu, unsafe { gl.create_buffer() })?;
+    let buffer = Resource::own(gpu, |gl| unsafe { gl.create_buffer() })?;
     unsafe {
         gl.bind_buffer(glow::ARRAY_BUFFER, Some(buffer.name()));
         gl.buffer_data_u8_slice(glow::ARRAY_BUFFER, data, glow::STATIC_DRAW);

@@ -2,12 +2,11 @@
 //!
 //! It shares nothing with [`super::Gpu`], and its thread has no other context.
 
-use std::ffi::{CString, c_void};
+use std::ffi::CString;
 use std::num::NonZeroU32;
 use std::sync::Arc;
 
 use egui_glow::Painter;
-use glow::HasContext;
 use glutin::config::Config;
 use glutin::context::{
     ContextApi, ContextAttributesBuilder, GlProfile, NotCurrentGlContext, PossiblyCurrentContext, Robustness, Version,
@@ -16,6 +15,7 @@ use glutin::display::{Display, GetGlDisplay, GlDisplay};
 use glutin::surface::{GlSurface, Surface, SurfaceAttributesBuilder, SwapInterval, WindowSurface};
 use raw_window_handle::{HasWindowHandle, RawWindowHandle};
 
+use super::reset::ResetStatus;
 use crate::error::{Error, Result};
 
 /// What a window shows.
@@ -24,8 +24,7 @@ pub struct Screen {
     surface: Surface<WindowSurface>,
     context: PossiblyCurrentContext,
     display: Display,
-    /// `glGetGraphicsResetStatus`, which OpenGL 3.3 knows as an extension.
-    reset_status: Option<extern "system" fn() -> u32>,
+    reset_status: ResetStatus,
     /// Outlives the surface.
     _window: Arc<dyn HasWindowHandle>,
 }
@@ -68,13 +67,7 @@ impl Screen {
 
         let address = |name: &str| CString::new(name).map_or(std::ptr::null(), |name| display.get_proc_address(&name));
         let functions = unsafe { glow::Context::from_loader_function(address) };
-        // GLX has an address for any name; only the extension says whether there is a function.
-        let robust = [("GL_KHR_robustness", "glGetGraphicsResetStatus"), ("GL_ARB_robustness", "glGetGraphicsResetStatusARB")];
-        let known = robust.into_iter().filter(|(extension, _)| functions.supported_extensions().contains(*extension));
-        let reset_status = known
-            .map(|(_, name)| address(name))
-            .find(|address| !address.is_null())
-            .map(|address| unsafe { std::mem::transmute::<*const c_void, extern "system" fn() -> u32>(address) });
+        let reset_status = ResetStatus::new(&functions, address);
         let painter = Painter::new(Arc::new(functions), "", None, false).map_err(|problem| error(problem.to_string()))?;
         Ok(Self { painter, surface, context, display, reset_status, _window: window })
     }
@@ -120,11 +113,10 @@ impl Screen {
     /// [`Error::Gl`] when the context is lost, and all that it held.
     pub fn present(&self) -> Result<()> {
         let swapped = self.surface.swap_buffers(&self.context);
-        let lost = self.reset_status.map_or(0, |status| status());
-        let problem = match swapped {
-            Err(problem) => problem.to_string(),
-            Ok(()) if lost != 0 => format!("graphics reset 0x{lost:04x}"),
-            Ok(()) => return Ok(()),
+        let problem = match (swapped, self.reset_status.cause()) {
+            (Err(problem), _) => problem.to_string(),
+            (Ok(()), Some(cause)) => format!("the driver reset it {cause}"),
+            (Ok(()), None) => return Ok(()),
         };
         Err(Error::gl(format!("the window lost its OpenGL context: {problem}"), "start again"))
     }

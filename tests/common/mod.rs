@@ -2,7 +2,8 @@
 #![allow(dead_code, reason = "each test uses a part")]
 
 use std::f32::consts::{PI, TAU};
-use std::path::Path;
+use std::fs;
+use std::path::{Path, PathBuf};
 
 use finalgather::direction::{Direction, Directions};
 use finalgather::gather::{FusedGather, Gather, KillGather, RayGather, Work};
@@ -23,6 +24,17 @@ pub fn gpu() -> Gpu {
 /// `usual`, or `small` on Mesa's reference rasteriser, which takes about twenty times as long.
 pub fn sized<T>(gpu: &Gpu, usual: T, small: T) -> T {
     if gpu.info().renderer.contains("softpipe") { small } else { usual }
+}
+
+/// A file in `folder`: the Cornell box with settings that the reference rasteriser does in seconds.
+pub fn small_scene(folder: &Path) -> PathBuf {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes");
+    let text = fs::read_to_string(root.join("cornell.toml")).unwrap();
+    let settings = "photons = 10000\nlayer_size = 64\nlight_samples = 32\nshadow_size = 64\n";
+    let path = folder.join("small.toml");
+    // The settings are the file's last table.
+    fs::write(&path, text.replace("cornell.obj", root.join("cornell.obj").to_str().unwrap()) + settings).unwrap();
+    path
 }
 
 /// A scene in the making. Fronts of faces are the sides that wind counter-clockwise, and the sides that points lie on.

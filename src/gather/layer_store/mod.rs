@@ -8,8 +8,10 @@
 mod peel;
 mod sort;
 
-use glam::Vec4;
+use std::iter::successors;
 use std::rc::Rc;
+
+use glam::Vec4;
 
 use self::peel::StorePeel;
 use self::sort::StoreSort;
@@ -29,10 +31,28 @@ pub struct LayerStore {
     gpu: Gpu,
     layer_size: u32,
     tiles: u32,
-    slots: Slots,
-    filler: Filler,
+    slots: u32,
+    /// Whether the device is trusted to sort.
+    sorts: bool,
+    /// Not while there is other use for the memory.
+    kept: Option<Kept>,
     /// Layers of the batch.
     layers: u32,
+}
+
+/// Some of the bundles given to [`LayerStore::fill`], from the first on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Filled {
+    pub bundles: usize,
+    /// How many slots readers need to look at: the most surfaces on a line, or a little fewer than the bundles before had, whichever is more.
+    pub layers: u32,
+}
+
+/// Room for layers, and what fills it.
+struct Kept {
+    tiles: u32,
+    slots: Slots,
+    filler: Filler,
 }
 
 /// Textures of one size.
@@ -53,7 +73,7 @@ impl LayerStore {
     /// Filled in one pass over the geometry where the device can.
     ///
     /// # Errors
-    /// When sizes are beyond the device's limits.
+    /// When sizes are beyond the device's limits, or it has no memory for the layers of one direction.
     pub fn new(gpu: &Gpu, layer_size: u32) -> Result<Self> {
         Self::with(gpu, layer_size, gpu.writes_images())
     }
@@ -68,15 +88,11 @@ impl LayerStore {
 
     fn with(gpu: &Gpu, layer_size: u32, sorts: bool) -> Result<Self> {
         let tiles = (WIDTH.min(gpu.info().limits.max_texture_size) / layer_size).clamp(1, shaders::BATCH as u32);
-        let slots = Slots::new(gpu, [tiles * layer_size, layer_size], SLOTS)?;
-        let filler = match sorts {
-            true => Filler::Sort(StoreSort::new(gpu, layer_size, tiles, &slots)?),
-            false => Filler::Peel(StorePeel::new(gpu, tiles, &slots)?),
-        };
-        Ok(Self { gpu: gpu.clone(), layer_size, tiles, slots, filler, layers: 0 })
+        let kept = Kept::fitting(gpu, layer_size, tiles, SLOTS, sorts)?;
+        Ok(Self { gpu: gpu.clone(), layer_size, tiles: kept.tiles, slots: SLOTS, sorts, kept: Some(kept), layers: 0 })
     }
 
-    /// How many directions it holds.
+    /// How many directions it holds; fewer where memory ends before the scene's layers.
     pub fn tiles(&self) -> u32 {
         self.tiles
     }
@@ -85,63 +101,64 @@ impl LayerStore {
         self.layer_size
     }
 
-    /// Stores all layers of `bundles`, each in a tile, from the first on. Returns how many slots readers need to look at: the most surfaces
-    /// on a line, or a little fewer than the bundles before had, whichever is more.
+    /// Gives its memory back, and takes half as much from now on. Returns whether that is possible.
+    pub fn halve(&mut self) -> bool {
+        let possible = self.tiles > 1;
+        if possible {
+            (self.tiles, self.kept) = (self.tiles / 2, None);
+        }
+        possible
+    }
+
+    /// Stores all layers of `bundles`, each in a tile, from the first on as many as it holds.
     ///
     /// # Errors
     /// When the scene has more layers than the device has memory or array elements for: 12 bytes a texel each, and 4 to 16 more for
     /// sorting.
     ///
     /// # Panics
-    /// With more bundles than tiles, or none.
-    pub fn fill(&mut self, geometry: &Geometry, bundles: &[Bundle]) -> Result<u32> {
-        assert!((1..=self.tiles as usize).contains(&bundles.len()), "{} bundles for {} tiles", bundles.len(), self.tiles);
+    /// Without bundles.
+    pub fn fill(&mut self, geometry: &Geometry, bundles: &[Bundle]) -> Result<Filled> {
+        assert!(!bundles.is_empty(), "no bundles");
         // To ask whether anything is left, one must wait; most of the layers that were there last time are taken for granted.
         let granted = self.layers.saturating_sub(1 + self.layers / 8);
         loop {
-            let layers = match &mut self.filler {
-                Filler::Peel(peel) => peel.fill(geometry, bundles, granted),
-                Filler::Sort(sort) => sort.fill(geometry, bundles, granted, &self.slots),
+            // What is too small or fails goes before there is other.
+            let mut kept = match self.kept.take() {
+                Some(kept) => kept,
+                None => Kept::fitting(&self.gpu, self.layer_size, self.tiles, self.slots, self.sorts)?,
             };
-            if layers <= self.slots.count {
-                self.layers = layers;
-                return Ok(layers);
+            self.tiles = kept.tiles;
+            let bundles = &bundles[..bundles.len().min(self.tiles as usize)];
+            let (layers, sorted) = match &mut kept.filler {
+                Filler::Peel(peel) => (peel.fill(geometry, bundles, granted), false),
+                Filler::Sort(sort) => (sort.fill(geometry, bundles, granted, &kept.slots), true),
+            };
+            match self.gpu.check("storing layers") {
+                // A driver that promises images and fails, or loses all that is written to them: only a scene seen from its edge has no layer.
+                checked if sorted && !self.gpu.is_lost() && (checked.is_err() || layers == 0) => self.sorts = false,
+                Err(error) => return Err(error),
+                Ok(()) if layers > self.slots => {
+                    let most = self.gpu.info().limits.max_array_layers;
+                    self.slots = layers.next_power_of_two().min(most).max(layers);
+                }
+                Ok(()) => {
+                    (self.layers, self.kept) = (layers, Some(kept));
+                    return Ok(Filled { bundles: bundles.len(), layers });
+                }
             }
-            self.grow(layers)?;
         }
     }
 
-    /// Keeps at least so many layers from now on; those there are get lost.
-    fn grow(&mut self, layers: u32) -> Result<()> {
-        let now = self.slots.count;
-        let size = [self.slots.planes.width(), self.slots.planes.height()];
-        let wanted = layers.next_power_of_two().min(self.gpu.info().limits.max_array_layers);
-        let grown = if wanted < layers {
-            None
-        } else {
-            Slots::new(&self.gpu, size, wanted)
-                .and_then(|slots| {
-                    match &mut self.filler {
-                        Filler::Peel(peel) => peel.grow(&slots)?,
-                        Filler::Sort(sort) => sort.grow(&slots)?,
-                    }
-                    Ok(slots)
-                })
-                .ok()
-        };
-        self.slots = grown.ok_or_else(|| {
-            Error::usage(
-                format!("the scene has more than {now} layers along a direction, and this GL device keeps no more"),
-                "use the pipeline kill, which keeps none, or smaller layers (--layer-size)",
-            )
-        })?;
-        Ok(())
+    /// What was filled last.
+    fn slots(&self) -> &Slots {
+        &self.kept.as_ref().expect("a store is filled before it is read").slots
     }
 
     /// The layers of one tile as [`super::Peel`] has them, far to near, each row by row: (depth, its change to the next texel in x and y, triangle
     /// counted from 1), the last 0 where nothing is.
     pub fn read(&self, tile: u32) -> Vec<Vec<Vec4>> {
-        let (planes, triangles) = (self.slots.planes.read::<[u32; 4]>(), self.slots.triangles.read::<[u32; 4]>());
+        let (planes, triangles) = (self.slots().planes.read::<[u32; 4]>(), self.slots().triangles.read::<[u32; 4]>());
         let size = self.layer_size;
         let surface = |layer: u32, at: u32| {
             let texel = |element: u32| ((element * size + at / size) * self.tiles * size + tile * size + at % size) as usize;
@@ -161,11 +178,48 @@ impl LayerStore {
     /// The uniforms that shaders of `glsl/include/layer_store.glsl` read.
     pub fn uniforms(&self) -> [(&'static str, Uniform<'_>); 3] {
         [
-            ("planes", Uniform::Texture(&self.slots.planes)),
-            ("stored_triangles", Uniform::Texture(&self.slots.triangles)),
+            ("planes", Uniform::Texture(&self.slots().planes)),
+            ("stored_triangles", Uniform::Texture(&self.slots().triangles)),
             ("slot_count", Uniform::Int(self.layers as i32)),
         ]
     }
+}
+
+impl Kept {
+    /// For `tiles` directions, or half as many until the device has room; if `sorts`, by sorting where it can.
+    fn fitting(gpu: &Gpu, layer_size: u32, mut tiles: u32, slots: u32, sorts: bool) -> Result<Self> {
+        loop {
+            let sorting = sorts.then(|| Self::new(gpu, layer_size, tiles, slots, true).ok()).flatten();
+            match sorting.map_or_else(|| Self::new(gpu, layer_size, tiles, slots, false), Ok) {
+                Err(_) if tiles > 1 => tiles /= 2,
+                Err(Error::Gl { .. }) if !gpu.is_lost() => return Err(no_room(gpu, layer_size, slots)),
+                made => return made,
+            }
+        }
+    }
+
+    fn new(gpu: &Gpu, layer_size: u32, tiles: u32, slots: u32, sorts: bool) -> Result<Self> {
+        let slots = Slots::new(gpu, [tiles * layer_size, layer_size], slots)?;
+        let filler = match sorts {
+            true => Filler::Sort(StoreSort::new(gpu, layer_size, tiles, &slots)?),
+            false => Filler::Peel(StorePeel::new(gpu, tiles, &slots)?),
+        };
+        Ok(Self { tiles, slots, filler })
+    }
+}
+
+/// For the layers of even one direction.
+fn no_room(gpu: &Gpu, layer_size: u32, slots: u32) -> Error {
+    let mebibytes = 12.0 * f64::from(layer_size).powi(2) * f64::from(slots) / f64::from(1 << 20);
+    let mut smaller = successors(Some(layer_size / 2), |size| Some(size / 2)).take_while(|&size| size > 0);
+    let fits = smaller.find(|&size| Kept::new(gpu, size, 1, slots, false).is_ok());
+    Error::gl(
+        format!("the GL device has no room for {slots} layers of {layer_size}x{layer_size} texels: {mebibytes:.1} MiB"),
+        match fits {
+            Some(size) => format!("use --layer-size {size}, for which it has, or the pipeline kill, which keeps no layers"),
+            None => "use the pipeline kill, which keeps no layers".to_owned(),
+        },
+    )
 }
 
 impl Slots {

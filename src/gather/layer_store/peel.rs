@@ -12,7 +12,6 @@ use crate::gpu::{Blend, DepthTest, Draw, Format, Gpu, Program, SampleQuery, Targ
 use crate::shaders;
 
 pub struct StorePeel {
-    gpu: Gpu,
     tiles: u32,
     /// For the farthest layer, and for the others.
     programs: [Program; 2],
@@ -27,20 +26,17 @@ impl StorePeel {
     pub fn new(gpu: &Gpu, tiles: u32, slots: &Slots) -> Result<Self> {
         let depth = || Texture::empty(gpu, Format::Depth32F, slots.planes.width(), slots.planes.height()).map(Rc::new);
         let depths = [depth()?, depth()?];
+        let target = |slot: u32| {
+            let colors = vec![(slots.planes.clone(), slot / 2), (slots.triangles.clone(), slot / 4)];
+            Target::of(gpu, colors, Some(depths[slot as usize % 2].clone()))
+        };
         Ok(Self {
-            gpu: gpu.clone(),
             tiles,
             programs: [Program::new(gpu, &shaders::STORE_PEEL_FARTHEST)?, Program::new(gpu, &shaders::STORE_PEEL)?],
             any: SampleQuery::new(gpu)?,
-            targets: targets(gpu, slots, &depths)?,
+            targets: (0..slots.count).map(target).collect::<Result<_>>()?,
             depths,
         })
-    }
-
-    /// Draws into other slots from now on.
-    pub fn grow(&mut self, slots: &Slots) -> Result<()> {
-        self.targets = targets(&self.gpu, slots, &self.depths)?;
-        Ok(())
     }
 
     /// Peels as many layers as there are, at least `granted`, and returns how many; or one more than the slots.
@@ -76,12 +72,4 @@ impl StorePeel {
         }
         .run();
     }
-}
-
-fn targets(gpu: &Gpu, slots: &Slots, depths: &[Rc<Texture>; 2]) -> Result<Vec<Target>> {
-    let target = |slot: u32| {
-        let colors = vec![(slots.planes.clone(), slot / 2), (slots.triangles.clone(), slot / 4)];
-        Target::of(gpu, colors, Some(depths[slot as usize % 2].clone()))
-    };
-    (0..slots.count).map(target).collect()
 }

@@ -34,6 +34,7 @@ impl StoreSort {
     pub fn new(gpu: &Gpu, layer_size: u32, tiles: u32, slots: &Slots) -> Result<Self> {
         let tiles = tiles.min(TILES);
         let size = [tiles * layer_size, layer_size];
+        let element = |element| Target::of(gpu, vec![(slots.planes.clone(), element)], None);
         Ok(Self {
             gpu: gpu.clone(),
             layer_size,
@@ -41,20 +42,12 @@ impl StoreSort {
             append: Program::new(gpu, &shaders::STORE_APPEND)?,
             sort: Program::new(gpu, &shaders::STORE_SORT)?,
             counts: Target::new(gpu, size, &[Format::R32Ui], false)?,
-            lists: lists(gpu, size, slots)?,
+            lists: Texture::empty_array(gpu, Format::Rgba32Ui, size, slots.count)?,
             deepest: Target::new(gpu, [1, 1], &[Format::R32Ui], false)?,
             area: Target::new(gpu, size, &[], true)?,
-            elements: elements(gpu, slots)?,
+            elements: (0..slots.count.div_ceil(2)).map(element).collect::<Result<_>>()?,
             dirty: slots.count,
         })
-    }
-
-    /// Fills other slots, with lists as long as these are many, from now on.
-    pub fn grow(&mut self, slots: &Slots) -> Result<()> {
-        self.lists = lists(&self.gpu, self.counts.size(), slots)?;
-        self.elements = elements(&self.gpu, slots)?;
-        self.dirty = slots.count;
-        Ok(())
     }
 
     /// Returns how long the longest list is, at least `granted`; what is in it beyond the slots is lost.
@@ -108,12 +101,4 @@ impl StoreSort {
         self.gpu.settle_images();
         self.area.settle();
     }
-}
-
-fn lists(gpu: &Gpu, size: [u32; 2], slots: &Slots) -> Result<Texture> {
-    Texture::empty_array(gpu, Format::Rgba32Ui, size, slots.count)
-}
-
-fn elements(gpu: &Gpu, slots: &Slots) -> Result<Vec<Target>> {
-    (0..slots.count.div_ceil(2)).map(|element| Target::of(gpu, vec![(slots.planes.clone(), element)], None)).collect()
 }

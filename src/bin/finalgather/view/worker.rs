@@ -341,7 +341,7 @@ impl Job {
         if !self.halted
             && let Err(error) = self.render.step()
         {
-            if matches!(error, Error::Gl { .. }) {
+            if self.render.is_lost() {
                 return Err(error);
             }
             tell(Report::Halted(error));
