@@ -19,7 +19,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 use serde_json::{Value, json};
 
-use crate::blocks::{Blocks, Node, Part};
+use crate::blocks::{Blocks, Part};
 use crate::direct::Direct;
 use crate::direction::{Direction, Directions};
 use crate::error::{Error, Result};
@@ -367,9 +367,9 @@ impl Render {
         };
         self.gather_directions(&mut block)?;
         if block.left.is_empty() {
-            let node = self.node_of(&block);
+            let film = self.film_of(&block);
             self.gpu.check("reading sums")?;
-            self.film.insert(node).ok().expect("a block is begun once");
+            self.film.insert_block(block.index, film);
             self.estimate_error();
         } else {
             self.block = Some(block);
@@ -381,7 +381,7 @@ impl Render {
     pub fn picture(&self) -> Image {
         let Some(block) = &self.block else { return self.film.image(self.settings.size, &self.space) };
         let mut film = self.film.clone();
-        film.insert(self.node_of(block)).ok().expect("a block in progress is not done");
+        film.insert_block(block.index, self.film_of(block));
         film.image(self.settings.size, &self.space)
     }
 
@@ -516,10 +516,6 @@ impl Render {
         self.done += numbers.len() as u32;
         self.statistics.gather.add(points.count, numbers.len() as u32, layers, self.statistics.seconds.gather);
         Ok(())
-    }
-
-    fn node_of(&self, block: &Block) -> Node<Film> {
-        Node { first: block.index, blocks: 1, sum: self.film_of(block) }
     }
 
     fn film_of(&self, block: &Block) -> Film {

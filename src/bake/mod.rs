@@ -25,7 +25,7 @@ use serde_json::{Value, json};
 
 use self::carriers::{Carried, Carriers};
 use self::integrals::{Integrals, Rough as Seen, Seen as Pass, Tile, Values, Wanted};
-use crate::blocks::{Blocks, Node, PairwiseSum, Part, Sum, sha256};
+use crate::blocks::{Blocks, PairwiseSum, Part, Sum, sha256};
 use crate::direct::Direct;
 use crate::direction::{Direction, Directions};
 use crate::error::{Error, Result};
@@ -392,8 +392,8 @@ impl Bake {
     /// # Errors
     /// [`Error::Usage`] that names the directions along which not all points have gathered.
     pub fn check_whole(&self) -> Result<()> {
-        let last = self.rounds.iter().zip(&self.summed).filter(|(round, _)| round.last);
-        last.map(|(_, summed)| blocks_of(&self.settings).check_whole(&summed.values)).collect()
+        let mut last = self.rounds.iter().zip(&self.summed).filter(|(round, _)| round.last);
+        last.try_for_each(|(_, summed)| blocks_of(&self.settings).check_whole(&summed.values))
     }
 
     /// The blocks that a round is to do.
@@ -633,9 +633,9 @@ impl Bake {
 
     /// Adds the sums of a block to those of its round. The next block of the round, if there is one.
     fn end_block(&mut self, mut walk: Walk) -> Result<Option<Walk>> {
-        let node = Node { first: walk.block, blocks: 1, sum: walk.values() };
+        let values = walk.values();
         self.gpu.check("reading sums")?;
-        self.summed[walk.round].values.insert(node).ok().expect("a block is begun once");
+        self.summed[walk.round].values.insert_block(walk.block, values);
         let Some((_, block)) = self.next().filter(|&(round, _)| round == walk.round) else { return Ok(None) };
         walk.tiles.iter().for_each(Tile::clear);
         walk.block = block;

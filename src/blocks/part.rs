@@ -30,6 +30,9 @@ pub trait Planes: Sum {
     fn planes(&self) -> Vec<&[f32]>;
 }
 
+/// Planes by their numbers.
+type Numbered<'a> = BTreeMap<u32, &'a [f32]>;
+
 /// Sums of some of a job's blocks.
 pub struct Part<'a> {
     /// Names and values; two jobs in which all are equal sum the same blocks to the same bits.
@@ -89,8 +92,8 @@ impl<'a> Part<'a> {
     }
 
     /// Of each node, by its first block and number of blocks. `None` where a name is no node's.
-    fn planes_of(&self, tree: &str) -> Option<BTreeMap<(u32, u32), BTreeMap<u32, &[f32]>>> {
-        let mut planes: BTreeMap<_, BTreeMap<_, _>> = BTreeMap::new();
+    fn planes_of(&self, tree: &str) -> Option<BTreeMap<(u32, u32), Numbered<'_>>> {
+        let mut planes: BTreeMap<_, Numbered> = BTreeMap::new();
         for (name, floats) in &self.tensors {
             let Some(name) = name.strip_prefix(tree).and_then(|rest| rest.strip_prefix('/')) else { continue };
             let (range, plane) = name.split_once('/')?;
