@@ -10,18 +10,18 @@
 //! shadows at no such price.
 
 use std::f32::consts::{PI, TAU};
-use std::fs::File;
-use std::io::BufReader;
+use std::io::Cursor;
 use std::path::Path;
 use std::sync::Arc;
 
 use glam::Vec3;
 use image::codecs::hdr::HdrDecoder;
-use image::{DynamicImage, ImageError};
+use image::{DynamicImage, ImageDecoder, ImageError};
 use rayon::prelude::*;
 
 use crate::blocks::sha256;
 use crate::error::{Error, Result};
+use crate::file::{MOST_BYTES, can_hold, read_file};
 use crate::image::Image;
 use crate::math::neighbours;
 use crate::random::Distribution;
@@ -69,11 +69,24 @@ impl Environment {
     /// # Errors
     /// [`Error::Input`] when it cannot be read, is not twice as wide as high or too large, or has a texel that is no radiance.
     pub fn load(path: &Path) -> Result<Self> {
+        let bytes = read_file(path, MOST_BYTES).map_err(|error| {
+            Error::input(
+                path,
+                None,
+                format!("cannot read this environment: {error}"),
+                "name an existing picture that you may read",
+            )
+        })?;
+        Self::decode(path, &bytes)
+    }
+
+    /// The same of a file's `bytes`; `path` is where they came from.
+    pub fn decode(path: &Path, bytes: &[u8]) -> Result<Self> {
         let bad = |(problem, cure): Fault| Error::input(path, None, problem, cure);
         let ending = path.extension().unwrap_or_default().to_ascii_lowercase();
         let (size, texels) = match ending.to_str() {
-            Some("hdr") => read_hdr(path).map_err(bad)?,
-            Some("exr") => read_exr(path)?,
+            Some("hdr") => read_hdr(bytes).map_err(bad)?,
+            Some("exr") => read_exr(path, bytes)?,
             _ => {
                 let problem = "the ending names no kind of environment that can be read".to_owned();
                 return Err(bad((problem, "give a lat-long picture in linear floats, .hdr or .exr")));
@@ -231,24 +244,26 @@ fn check_size([width, height]: [usize; 2]) -> Result<(), Fault> {
     Ok(())
 }
 
-fn read_hdr(path: &Path) -> Result<([usize; 2], Vec<Vec3>), Fault> {
+fn read_hdr(bytes: &[u8]) -> Result<([usize; 2], Vec<Vec3>), Fault> {
     let cure = "save it again as Radiance RGBE, or give an .exr";
     let unreadable = |error: ImageError| (format!("not readable as Radiance RGBE: {error}"), cure);
-    let file = File::open(path).map_err(|error| unreadable(error.into()))?;
-    let decoder = HdrDecoder::new(BufReader::new(file)).map_err(unreadable)?;
+    let decoder = HdrDecoder::new(Cursor::new(bytes)).map_err(unreadable)?;
     let size = [decoder.metadata().width as usize, decoder.metadata().height as usize];
     // Before there is memory for what the header says.
     check_size(size)?;
+    if !can_hold(bytes, decoder.total_bytes()) {
+        return Err((format!("is too short for {} x {} texels", size[0], size[1]), cure));
+    }
     // What radiances were multiplied by.
     let exposure = decoder.metadata().exposure.unwrap_or(1.0);
     let picture = DynamicImage::from_decoder(decoder).map_err(unreadable)?.into_rgb32f();
     Ok((size, picture.pixels().map(|pixel| Vec3::from(pixel.0) / exposure).collect()))
 }
 
-fn read_exr(path: &Path) -> Result<([usize; 2], Vec<Vec3>)> {
+fn read_exr(path: &Path, bytes: &[u8]) -> Result<([usize; 2], Vec<Vec3>)> {
     let bad = |(problem, cure): Fault| Error::input(path, None, problem, cure);
-    check_size(Image::exr_size(path)?).map_err(bad)?;
-    let picture = Image::read(path)?;
+    check_size(Image::exr_size(path, bytes)?).map_err(bad)?;
+    let picture = Image::decode(path, bytes)?;
     let [r, g, b] =
         picture.rgb().map_err(|error| bad((error.to_string(), "give an OpenEXR picture with channels R, G and B")))?;
     let texels = (0..r.len()).map(|texel| Vec3::new(r[texel], g[texel], b[texel])).collect();

@@ -20,7 +20,7 @@ pub enum Error {
 
 impl Error {
     pub fn input(path: &Path, line: Option<usize>, problem: impl Into<String>, cure: impl Into<String>) -> Self {
-        Self::Input { path: path.to_owned(), line, problem: problem.into(), cure: cure.into() }
+        Self::Input { path: path.to_owned(), line, problem: shortened(problem.into()), cure: shortened(cure.into()) }
     }
 
     pub fn usage(problem: impl Into<String>, cure: impl Into<String>) -> Self {
@@ -34,6 +34,16 @@ impl Error {
     pub fn output(path: &Path, problem: impl Into<String>, cure: impl Into<String>) -> Self {
         Self::Output { path: path.to_owned(), problem: problem.into(), cure: cure.into() }
     }
+}
+
+/// Without the middle of what is too long for a message: a file may have anything for a name.
+fn shortened(text: String) -> String {
+    const ENDS: usize = 500;
+    if text.len() <= 3 * ENDS {
+        return text;
+    }
+    let (head, tail) = (text.floor_char_boundary(ENDS), text.ceil_char_boundary(text.len() - ENDS));
+    format!("{} [...] {}", &text[..head], &text[tail..])
 }
 
 impl fmt::Display for Error {

@@ -1,12 +1,42 @@
-//! Files out: whole under their names, or not at all.
+//! Files out: whole under their names, or not at all. Files in: no more than they may be.
 
-use std::fs::{File, Permissions};
-use std::io::{self, ErrorKind, Write};
+use std::fs::{self, File, Permissions};
+use std::io::{self, ErrorKind, Read, Write};
 use std::path::Path;
 
 use tempfile::NamedTempFile;
 
 use crate::error::{Error, Result};
+
+/// The most that is read of any file.
+pub const MOST_BYTES: u64 = 4 << 30;
+
+/// The most of a file whose statements say what else there is: scene files, material libraries, descriptions.
+pub const MOST_WORDS: u64 = 64 << 20;
+
+/// The whole of a file, if it has at most so many bytes.
+pub fn read_file(path: &Path, most: u64) -> io::Result<Vec<u8>> {
+    let refused = |kind, problem: String| Err(io::Error::new(kind, problem));
+    // Before it is opened, for a pipe would wait for its writer.
+    let about = fs::metadata(path)?;
+    if !about.is_file() {
+        return refused(ErrorKind::InvalidInput, "it is no regular file".into());
+    }
+    let mut bytes = Vec::new();
+    bytes.try_reserve_exact(about.len().min(most) as usize)?;
+    // It may have grown since.
+    File::open(path)?.take(most + 1).read_to_end(&mut bytes)?;
+    match bytes.len() as u64 > most {
+        true => refused(ErrorKind::FileTooLarge, format!("it has more than {most} bytes")),
+        false => Ok(bytes),
+    }
+}
+
+/// Whether a picture file can hold what its header says, of `unpacked` bytes: a byte of deflate stands for 1032 at most, one of the other codes in use for
+/// fewer. To be asked before there is memory for that.
+pub fn can_hold(file: &[u8], unpacked: u64) -> bool {
+    unpacked <= 2048 * file.len() as u64
+}
 
 /// Whether [`write_file`] to this path can be expected to work, for asking before the work whose result it is to hold.
 pub fn check_writable(path: &Path) -> Result<()> {
@@ -63,6 +93,7 @@ fn temporary_in(folder: &Path) -> io::Result<NamedTempFile> {
     builder.tempfile_in(folder)
 }
 
-fn folder_of(path: &Path) -> &Path {
+/// The folder that a file is in.
+pub fn folder_of(path: &Path) -> &Path {
     path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }

@@ -63,8 +63,9 @@ impl<'a> Array<'a> {
         let shape: Result<Vec<usize>, _> = shape.split(',').filter(|side| !side.is_empty()).map(str::parse).collect();
         let shape = shape.map_err(|_| garbled())?;
 
-        let expected = shape.iter().try_fold(item.size(), |size, &side| size.checked_mul(side));
-        if expected != Some(data.len()) {
+        // Also of an empty array, whose other sides may be any, the strides must be numbers.
+        let least = shape.iter().try_fold(item.size(), |size, &side| size.checked_mul(side.max(1)));
+        if least.is_none() || data.len() != item.size() * shape.iter().product::<usize>() {
             return Err(refused(format!(
                 "its header says {shape:?} numbers of {} bytes, but {} bytes follow",
                 item.size(),

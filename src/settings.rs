@@ -138,6 +138,9 @@ pub enum Sequence {
     Sobol,
 }
 
+/// As many as 16384 x 16384.
+const MOST_PIXELS: u64 = 1 << 28;
+
 impl Settings {
     /// Checks every number that does not depend on the GL device.
     pub fn validate(&self) -> Result<()> {
@@ -147,6 +150,11 @@ impl Settings {
         };
         at_least_one("size (width)", self.size[0].into())?;
         at_least_one("size (height)", self.size[1].into())?;
+        let pixels = u64::from(self.size[0]) * u64::from(self.size[1]);
+        if pixels > MOST_PIXELS {
+            let problem = format!("size is {} x {}", self.size[0], self.size[1]);
+            return Err(Error::usage(problem, format!("give at most {MOST_PIXELS} pixels")));
+        }
         at_least_one("directions", self.directions.into())?;
         if self.layer_size < 4 {
             return Err(Error::usage(

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use finalgather::environment::Environment;
-use finalgather::scene::{Lens, Mesh, Scene, Surface, Texture, UnitSpace};
+use finalgather::scene::{Lens, LoadOptions, Mesh, Scene, Surface, Texture, UnitSpace};
 use finalgather::settings::{Pipeline, Settings};
 use glam::{Vec2, Vec3, vec2, vec3};
 use tempfile::TempDir;
@@ -369,7 +369,9 @@ fn environments_light_what_does_not_shine() {
     assert_eq!(folder.load("c.toml").beyond(Vec3::Y), vec3(1.0, 2.0, 3.0));
     let own = Environment::load(&folder.path("sky.hdr")).unwrap();
     for name in ["m.obj", "c.toml", "gone.toml"] {
-        let scene = Scene::load_under(&folder.path(name), Some(own.clone())).unwrap();
+        let scene =
+            Scene::load_with(&folder.path(name), LoadOptions { environment: Some(own.clone()), ..LoadOptions::default() })
+                .unwrap();
         assert!((scene.beyond(Vec3::NEG_X) - 2.0 * Vec3::X).length() < 1e-6, "{name}");
     }
 }

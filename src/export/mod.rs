@@ -16,7 +16,7 @@ mod npy;
 mod obj;
 mod ply;
 
-pub use npy::read_prt;
+pub use npy::{parse_prt, read_prt};
 
 /// What was found at points, in world space.
 #[derive(Clone, Copy)]

@@ -3,13 +3,12 @@
 //! One quantity has the shape that research code expects, `[points, coefficients, 3]` for coefficients, `[points, 3]` or
 //! `[points]`; several lie side by side, `[points, columns]`.
 
-use std::fs;
 use std::path::Path;
 
 use serde_json::{Map, Value, json};
 
 use crate::error::{Error, Result};
-use crate::file::write_file;
+use crate::file::{MOST_BYTES, MOST_WORDS, read_file, write_file};
 use crate::image::{Channel, WriteOptions};
 use crate::npy::{self, Array};
 
@@ -73,20 +72,27 @@ fn are_coefficients(quantity: &str, columns: &[Channel]) -> bool {
     order > 0 && 3 * order * order == columns.len() && columns.iter().enumerate().all(|(i, column)| column.name == name(i))
 }
 
+const CURE: &str = "give a .npy file of `finalgather bake --what prt`, with its .json beside it";
+
 /// The columns `PRT.00.R` and on of a file that [`super::Values::write`] made, complete for some order.
 pub fn read_prt(path: &Path) -> Result<Vec<Channel>> {
-    let cure = "give a .npy file of `finalgather bake --what prt`, with its .json beside it";
-    let read = |path: &Path| fs::read(path).map_err(|error| Error::input(path, None, format!("not readable: {error}"), cure));
+    let read = |path: &Path, most: u64| {
+        read_file(path, most).map_err(|error| Error::input(path, None, format!("not readable: {error}"), CURE))
+    };
+    parse_prt(path, &read(path, MOST_BYTES)?, &read(&path.with_extension("json"), MOST_WORDS)?)
+}
+
+/// The same of the `bytes` of the array and of `about`, its JSON; `path` is where the array came from.
+pub fn parse_prt(path: &Path, bytes: &[u8], about: &[u8]) -> Result<Vec<Channel>> {
     let json_path = path.with_extension("json");
-    let (bytes, about) = (read(path)?, read(&json_path)?);
-    let about: Value = serde_json::from_slice(&about)
-        .map_err(|error| Error::input(&json_path, Some(error.line()), format!("not JSON: {error}"), cure))?;
+    let about: Value = serde_json::from_slice(about)
+        .map_err(|error| Error::input(&json_path, Some(error.line()), format!("not JSON: {error}"), CURE))?;
     let names: Vec<&str> = about["columns"].as_array().into_iter().flatten().filter_map(Value::as_str).collect();
-    let array = Array::parse(path, &bytes)?;
+    let array = Array::parse(path, bytes)?;
     let columns: usize = array.shape.iter().skip(1).product();
-    if !(1..=3).contains(&array.shape.len()) || columns != names.len() {
+    if !(1..=3).contains(&array.shape.len()) || columns != names.len() || array.shape[0] == 0 {
         let problem = format!("{} columns are named for an array of the shape {:?}", names.len(), array.shape);
-        return Err(Error::input(&json_path, None, problem, cure));
+        return Err(Error::input(&json_path, None, problem, CURE));
     }
     let of_prt = names.into_iter().enumerate().filter(|(_, name)| name.starts_with("PRT."));
     let at = |row: usize, column: usize| match *array.shape {
@@ -100,13 +106,13 @@ pub fn read_prt(path: &Path) -> Result<Vec<Channel>> {
         })
         .collect();
     if !are_coefficients("PRT", &prt) {
-        return Err(Error::input(&json_path, None, "the columns are not the coefficients of radiance transfer", cure));
+        return Err(Error::input(&json_path, None, "the columns are not the coefficients of radiance transfer", CURE));
     }
     match prt.iter().find_map(|column| column.samples.iter().position(|sample| !sample.is_finite()).map(|point| (point, column)))
     {
         None => Ok(prt),
         Some((point, Channel { name, samples })) => {
-            Err(Error::input(path, None, format!("{name} of point {} is {}", point + 1, samples[point]), cure))
+            Err(Error::input(path, None, format!("{name} of point {} is {}", point + 1, samples[point]), CURE))
         }
     }
 }

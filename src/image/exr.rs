@@ -10,8 +10,9 @@ use ::exr::meta::attribute::{AttributeValue, Chromaticities, Text};
 use ::exr::meta::header::LayerAttributes;
 use ::exr::prelude::{ReadChannels, ReadLayers, WritableImage};
 
-use super::{Channel, Image};
+use super::{Channel, Image, MOST_SAMPLES};
 use crate::error::{Error, Result};
+use crate::file::can_hold;
 
 /// Rec. 709 primaries and the D65 white, which sRGB shares.
 const CHROMATICITIES: Chromaticities =
@@ -20,6 +21,13 @@ const CHROMATICITIES: Chromaticities =
 /// The name of the one attribute that OpenEXR does not define itself. The crate keeps such attributes in a hash map and
 /// writes them in its order, so that with a second one the bytes would vary between runs.
 const METADATA: &str = "finalgather";
+
+const CURE: &str = "give a flat OpenEXR picture";
+
+fn metadata(path: &Path, bytes: &[u8]) -> Result<MetaData> {
+    MetaData::read_from_buffered(Cursor::new(bytes), false)
+        .map_err(|error| Error::input(path, None, format!("not readable as OpenEXR: {error}"), CURE))
+}
 
 impl Image {
     /// One flat part with 32-bit float channels, ZIP-compressed in blocks of 16 lines; `metadata` is JSON.
@@ -50,15 +58,12 @@ impl Image {
         Ok(bytes.into_inner())
     }
 
-    /// Width and height that the file's header states.
+    /// Width and height that the header of the file's `bytes` states.
     ///
     /// # Errors
     /// [`Error::Input`] when it is no OpenEXR file.
-    pub fn exr_size(path: &Path) -> Result<[usize; 2]> {
-        let bad = |error: ::exr::error::Error| {
-            Error::input(path, None, format!("not readable as OpenEXR: {error}"), "give a flat OpenEXR picture")
-        };
-        let meta = MetaData::read_from_file(path, false).map_err(bad)?;
+    pub(crate) fn exr_size(path: &Path, bytes: &[u8]) -> Result<[usize; 2]> {
+        let meta = metadata(path, bytes)?;
         // There is no file without a part.
         let largest = meta.headers.iter().map(|header| header.layer_size).max_by_key(|size| size.area());
         Ok(largest.map_or([0; 2], |size| [size.x(), size.y()]))
@@ -67,7 +72,19 @@ impl Image {
     /// The first flat part, at full resolution, whatever its sample types, channels in the file's (alphabetical) order.
     /// `path` is where `bytes` came from.
     pub(super) fn from_exr(path: &Path, bytes: &[u8]) -> Result<Self> {
-        let bad = |problem: String| Error::input(path, None, problem, "give a flat OpenEXR picture");
+        let bad = |problem: String| Error::input(path, None, problem, CURE);
+        // Before there is memory for what the header says.
+        for header in metadata(path, bytes)?.headers {
+            let [width, height] = [header.layer_size.x(), header.layer_size.y()];
+            let samples = width.checked_mul(height).and_then(|area| area.checked_mul(header.channels.list.len()));
+            // Of half precision at least.
+            if samples.is_none_or(|samples| samples as u64 > MOST_SAMPLES || !can_hold(bytes, 2 * samples as u64)) {
+                let count = header.channels.list.len();
+                return Err(bad(format!(
+                    "{width} x {height} pixels of {count} channels are too many, or too many for a file of its length"
+                )));
+            }
+        }
         let layer = image::read::read()
             .no_deep_data()
             .largest_resolution_level()

@@ -1,11 +1,10 @@
 //! Picture files: the format by the path's ending.
 
-use std::fs;
 use std::path::Path;
 
 use super::Image;
 use crate::error::{Error, Result};
-use crate::file::{self, write_file};
+use crate::file::{self, MOST_BYTES, read_file, write_file};
 
 /// What a file says beside the picture's own samples.
 #[derive(Clone, Copy, Debug, Default)]
@@ -49,12 +48,16 @@ impl Image {
 
     /// Reads an EXR or a PNG into linear samples.
     pub fn read(path: &Path) -> Result<Self> {
-        let format = Format::of(path)?;
-        let bytes = fs::read(path)
+        let bytes = read_file(path, MOST_BYTES)
             .map_err(|error| Error::input(path, None, format!("not readable: {error}"), "give the path of a picture"))?;
-        match format {
-            Format::Exr => Self::from_exr(path, &bytes),
-            Format::Png => Self::from_png(path, &bytes),
+        Self::decode(path, &bytes)
+    }
+
+    /// The same of a file's `bytes`; `path` is where they came from.
+    pub fn decode(path: &Path, bytes: &[u8]) -> Result<Self> {
+        match Format::of(path)? {
+            Format::Exr => Self::from_exr(path, bytes),
+            Format::Png => Self::from_png(path, bytes),
         }
     }
 }

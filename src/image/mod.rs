@@ -8,6 +8,9 @@ mod file;
 mod flip;
 mod png;
 
+/// The most samples of a picture that is read, 4 GiB of them.
+const MOST_SAMPLES: u64 = 1 << 30;
+
 pub use file::{WriteOptions, check_writable};
 pub(crate) use png::encode as encode_png;
 pub use png::{encode_srgb, tone, write_srgb8};

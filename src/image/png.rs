@@ -3,12 +3,12 @@
 use std::io::Cursor;
 use std::path::Path;
 
-use ::image::codecs::png::PngEncoder;
-use ::image::{ExtendedColorType, ImageEncoder, ImageFormat};
+use ::image::codecs::png::{PngDecoder, PngEncoder};
+use ::image::{DynamicImage, ExtendedColorType, ImageDecoder, ImageEncoder, Limits};
 
-use super::{Channel, Image};
+use super::{Channel, Image, MOST_SAMPLES};
 use crate::error::{Error, Result};
-use crate::file::write_file;
+use crate::file::{can_hold, write_file};
 
 /// Where the tone curve's shoulder begins.
 const KNEE: f32 = 0.8;
@@ -37,9 +37,14 @@ impl Image {
 
     /// R, G and B made linear; alpha, if any, is ignored, and so is the tone curve. `path` is where `bytes` came from.
     pub(super) fn from_png(path: &Path, bytes: &[u8]) -> Result<Self> {
-        let picture = ::image::load_from_memory_with_format(bytes, ImageFormat::Png)
-            .map_err(|error| Error::input(path, None, format!("not readable as PNG: {error}"), "give a PNG picture"))?
-            .into_rgb32f();
+        let bad = |problem: String| Error::input(path, None, problem, "give a PNG picture");
+        let unreadable = |error| bad(format!("not readable as PNG: {error}"));
+        let decoder = PngDecoder::with_limits(Cursor::new(bytes), Limits::no_limits()).map_err(unreadable)?;
+        let (width, height) = decoder.dimensions();
+        if 3 * u64::from(width) * u64::from(height) > MOST_SAMPLES || !can_hold(bytes, decoder.total_bytes()) {
+            return Err(bad(format!("{width} x {height} pixels are too many, or too many for a file of its length")));
+        }
+        let picture = DynamicImage::from_decoder(decoder).map_err(unreadable)?.into_rgb32f();
         let channels = ["R", "G", "B"].into_iter().enumerate().map(|(index, name)| Channel {
             name: name.into(),
             samples: picture.pixels().map(|pixel| decode_srgb(pixel[index])).collect(),

@@ -3,7 +3,6 @@
 //! or says what is wrong and where. CSV is read without a crate: lines of numbers need no quoting, and `csv` misplaces a record
 //! behind blank lines.
 
-use std::fs;
 use std::path::Path;
 
 use glam::{DVec3, Vec3};
@@ -11,6 +10,7 @@ use ply_rs_bw::parser::{ParseError, Parser, Reader};
 use ply_rs_bw::ply::{ElementDef, Encoding, Property, PropertyAccess, PropertyAccessResult, PropertyType, ScalarType};
 
 use crate::error::{Error, Result};
+use crate::file::{MOST_BYTES, read_file};
 use crate::npy;
 
 /// Positions and normals, in the order in which a CSV without names has them.
@@ -29,6 +29,14 @@ pub struct OrientedPoint {
 
 /// All points of a `.ply`, `.npy` or `.csv` file, in its order: at least one, every number finite, every normal of unit length.
 pub fn read(path: &Path) -> Result<Vec<OrientedPoint>> {
+    let bytes = read_file(path, MOST_BYTES).map_err(|error| {
+        Error::input(path, None, format!("cannot read these points: {error}"), "name an existing file that you may read")
+    })?;
+    parse(path, &bytes)
+}
+
+/// The same of a file's `bytes`; `path` is where they came from.
+pub fn parse(path: &Path, bytes: &[u8]) -> Result<Vec<OrientedPoint>> {
     let parse = match path.extension().unwrap_or_default().to_ascii_lowercase().to_str() {
         Some("ply") => read_ply,
         Some("npy") => read_npy,
@@ -38,14 +46,11 @@ pub fn read(path: &Path) -> Result<Vec<OrientedPoint>> {
             return Err(Error::usage(problem, "give a .ply, .npy or .csv file"));
         }
     };
-    let bytes = fs::read(path).map_err(|error| {
-        Error::input(path, None, format!("cannot read these points: {error}"), "name an existing file that you may read")
-    })?;
     let mut rows = Rows { path, points: Vec::new(), without_normal: 0, first_without_normal: (0, None) };
     if bytes.is_empty() {
         return Err(rows.refused(None, "the file is empty"));
     }
-    parse(&bytes, &mut rows)?;
+    parse(bytes, &mut rows)?;
     rows.finish()
 }
 

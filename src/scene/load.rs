@@ -3,7 +3,7 @@
 //! A scene file names the model and overrides what the model says or cannot say:
 //!
 //! ```toml
-//! mesh = "room.obj"            # beside this file, as all file names here
+//! mesh = "room.obj"            # beside this file or in folders there, as all file names here
 //!
 //! [camera]                     # without it: the whole model from the front
 //! eye = [278, 273, -800]
@@ -28,8 +28,7 @@
 //! surface = "mirror"           # or "diffuse", or { glass = { index = 1.5, filter = [1, 1, 1] } }; a mirror reflects its albedo
 //! ```
 
-use std::collections::BTreeMap;
-use std::fs;
+use std::collections::{BTreeMap, HashMap};
 use std::ops::{Range, RangeInclusive};
 use std::path::Path;
 
@@ -38,25 +37,40 @@ use serde::Deserialize;
 use toml::Spanned;
 
 use super::camera::DEFAULT_FOV_Y;
+use super::files::{Files, Reader};
 use super::mtl::{GLASS_INDEX, beside};
 use super::obj::{self, names};
 use super::texture::Textures;
 use super::{Camera, Lens, Material, Scene, Surface};
 use crate::environment::Environment;
 use crate::error::{Error, Result};
+use crate::file::{MOST_BYTES, MOST_WORDS};
 use crate::settings::Settings;
 
+/// That many are read by a person.
+const MOST_WARNINGS: usize = 50;
+
+/// How a scene is loaded.
+#[derive(Clone, Debug, Default)]
+pub struct LoadOptions {
+    /// In the place of the scene's own.
+    pub environment: Option<Environment>,
+    /// Takes a scene without light, for what needs none, as openness does.
+    pub unlit: bool,
+    pub files: Files,
+}
+
 impl Scene {
-    /// Reads a scene file (`.toml`) or a model (`.obj`), with everything that it names.
+    /// Reads a scene file (`.toml`) or a model (`.obj`), with everything that it names, which has to lie in its folder.
     pub fn load(path: &Path) -> Result<Self> {
-        Self::load_under(path, None)
+        Self::load_with(path, LoadOptions::default())
     }
 
-    /// The same under this environment, if it is one, in the place of the scene's own.
-    pub fn load_under(path: &Path, environment: Option<Environment>) -> Result<Self> {
-        let scene = Self::load_unlit(path, environment)?;
+    /// The same as these options have it.
+    pub fn load_with(path: &Path, options: LoadOptions) -> Result<Self> {
+        let scene = load(&Reader::new(path, &options.files), path, options.environment)?;
         let is_emissive = |triangle| scene.material(triangle).is_emissive();
-        if scene.has_sky() || (0..scene.mesh.triangles.len()).any(is_emissive) {
+        if options.unlit || scene.has_sky() || (0..scene.mesh.triangles.len()).any(is_emissive) {
             return Ok(scene);
         }
         let problem = "no light: no material in use has Ke above 0, and there is no environment that is not black";
@@ -64,18 +78,17 @@ impl Scene {
                     environment, as [environment] in a scene file or by --env";
         Err(Error::input(path, None, problem, cure))
     }
+}
 
-    /// The same, lit or not: for what needs no light, as openness does.
-    pub fn load_unlit(path: &Path, environment: Option<Environment>) -> Result<Self> {
-        let extension = path.extension().unwrap_or_default();
-        if extension.eq_ignore_ascii_case("toml") {
-            return load_toml(path, environment);
-        }
-        if extension.eq_ignore_ascii_case("obj") {
-            return build(path, Settings::default(), None, environment, |_, _| Ok(()));
-        }
-        Err(Error::input(path, None, "not a kind of scene that can be read", "give a scene file (.toml) or a model (.obj)"))
+fn load(reader: &Reader, path: &Path, environment: Option<Environment>) -> Result<Scene> {
+    let extension = path.extension().unwrap_or_default();
+    if extension.eq_ignore_ascii_case("toml") {
+        return load_toml(reader, path, environment);
     }
+    if extension.eq_ignore_ascii_case("obj") {
+        return build(reader, path, Settings::default(), None, environment, |_, _| Ok(()));
+    }
+    Err(Error::input(path, None, "not a kind of scene that can be read", "give a scene file (.toml) or a model (.obj)"))
 }
 
 #[derive(Deserialize)]
@@ -151,13 +164,14 @@ fn clear() -> [f32; 3] {
     [1.0; 3]
 }
 
-fn load_toml(path: &Path, environment: Option<Environment>) -> Result<Scene> {
-    let text = fs::read_to_string(path).map_err(|error| {
-        Error::input(path, None, format!("cannot read this scene file: {error}"), "name an existing TOML file, in UTF-8")
-    })?;
+fn load_toml(reader: &Reader, path: &Path, environment: Option<Environment>) -> Result<Scene> {
+    let cure = "name an existing TOML file, in UTF-8";
+    let bytes = reader.read_named(path, MOST_WORDS).map_err(|unread| unread.error(path, None, "this scene file", cure))?;
+    let text = std::str::from_utf8(&bytes)
+        .map_err(|error| Error::input(path, None, format!("this scene file is not UTF-8: {error}"), cure))?;
     let line = |span: Range<usize>| text.bytes().take(span.start).filter(|&byte| byte == b'\n').count() + 1;
     let error = |span, problem: String, cure: &str| Error::input(path, Some(line(span)), problem, cure);
-    let file: SceneFile = toml::from_str(&text).map_err(|fault| {
+    let file: SceneFile = toml::from_str(text).map_err(|fault| {
         let cure = "a scene file has mesh, [camera], [environment], [settings] and [materials.NAME]; see the examples in scenes/";
         Error::input(path, fault.span().map(line), fault.message().trim_end(), cure)
     })?;
@@ -186,7 +200,13 @@ fn load_toml(path: &Path, environment: Option<Environment>) -> Result<Scene> {
         let span = table.span();
         let table = table.into_inner();
         let environment = match (table.file, table.radiance) {
-            (Some(file), None) => Environment::load(&beside(path, &file))?,
+            (Some(file), None) => {
+                let file = beside(path, &file);
+                let cure = "put the picture there, or correct its name";
+                let read = reader.read_named(&file, MOST_BYTES);
+                let bytes = read.map_err(|unread| unread.error(&file, None, "this environment", cure))?;
+                Environment::decode(&file, &bytes)?
+            }
             (None, Some(radiance)) => {
                 let value = Vec3::from(*radiance.get_ref());
                 Environment::constant(value).map_err(|_| {
@@ -210,13 +230,14 @@ fn load_toml(path: &Path, environment: Option<Environment>) -> Result<Scene> {
         given => given,
     };
 
-    build(&beside(path, &file.mesh), file.settings, camera.transpose()?, environment, |materials, textures| {
+    build(reader, &beside(path, &file.mesh), file.settings, camera.transpose()?, environment, |materials, textures| {
+        let indices: HashMap<_, _> = materials.iter().enumerate().map(|(i, material)| (material.name.clone(), i)).collect();
         for (name, table) in file.materials {
-            let known = names(materials);
-            let Some(material) = materials.iter_mut().find(|material| material.name == *name.get_ref()) else {
+            let Some(&index) = indices.get(name.get_ref()) else {
                 let problem = format!("the model has no material \"{}\"", name.get_ref());
-                return Err(error(name.span(), problem, &format!("name one that it has: {known}")));
+                return Err(error(name.span(), problem, &format!("name one that it has: {}", names(materials))));
             };
+            let material = &mut materials[index];
             if let Some(albedo) = table.albedo {
                 material.albedo = Vec3::from(*albedo.get_ref());
                 if !albedo.get_ref().iter().all(|value| (0.0..=1.0).contains(value)) {
@@ -251,15 +272,16 @@ fn load_toml(path: &Path, environment: Option<Environment>) -> Result<Scene> {
 
 /// Loads a model, has `adjust` change its materials, and completes the scene.
 fn build(
+    reader: &Reader,
     model: &Path,
     settings: Settings,
     camera: Option<Camera>,
     environment: Option<Environment>,
     adjust: impl FnOnce(&mut [Material], &mut Textures) -> Result<()>,
 ) -> Result<Scene> {
-    let mut textures = Textures::default();
+    let mut textures = Textures::new(reader);
     let mut warnings = Vec::new();
-    let (mesh, mut materials) = obj::load(model, &mut textures, &mut warnings)?;
+    let (mesh, mut materials) = obj::load(reader, model, &mut textures, &mut warnings)?;
     adjust(&mut materials, &mut textures)?;
     warnings.extend(environment.as_ref().and_then(Environment::warning).map(str::to_owned));
     let untextured = mesh.triangles.iter().filter(|triangle| {
@@ -270,6 +292,11 @@ fn build(
         0 => {}
         1 => warnings.push("1 triangle with a texture has no texture coordinates and shows one colour".to_owned()),
         count => warnings.push(format!("{count} triangles with a texture have no texture coordinates and show one colour")),
+    }
+    if warnings.len() > MOST_WARNINGS {
+        let more = warnings.len() - MOST_WARNINGS;
+        warnings.truncate(MOST_WARNINGS);
+        warnings.push(format!("and {more} more of that kind"));
     }
     let framed = camera.is_none();
     let camera = camera.unwrap_or_else(|| Camera::framing(mesh.bounds(), settings.size));

@@ -15,6 +15,7 @@ use crate::settings::Settings;
 mod bvh;
 mod camera;
 mod digest;
+mod files;
 mod flat_bvh;
 mod light;
 mod load;
@@ -27,8 +28,10 @@ mod texture;
 mod unit_space;
 
 pub use bvh::{Bvh, Hit, RAY_OFFSET};
+pub use files::Files;
 pub use flat_bvh::FlatBvh;
 pub use light::{LightPoint, Lights};
+pub use load::LoadOptions;
 pub use specular::{MOST_SPECULAR, Path, Split, fresnel};
 pub use unit_space::UnitSpace;
 

@@ -24,7 +24,7 @@ pub const GLASS_INDEX: f32 = 1.5;
 /// The least `Ns` of mirrors and glass: a lobe cos^Ns of this exponent is half as high 3 degrees off its axis.
 const SHARP: f32 = 500.0;
 
-pub fn load(path: &Path, bytes: &[u8], textures: &mut Textures, warnings: &mut Vec<String>) -> Result<Vec<Material>> {
+pub fn load(path: &Path, bytes: &[u8], textures: &mut Textures<'_>, warnings: &mut Vec<String>) -> Result<Vec<Material>> {
     let mut scanner = Scanner { path, line: 0, text: String::new(), texture_lines: Vec::new(), optics: Vec::new(), warnings };
     let text = String::from_utf8_lossy(bytes);
     for (index, statement) in text.trim_start_matches('\u{feff}').lines().enumerate() {

@@ -3,43 +3,49 @@
 //! Polygons become triangles, corners with the same position, normal and texture coordinate share a vertex, and triangles
 //! without an area are left out. Shading is smooth only where the file has normals (`vn`); smoothing groups are not read.
 
+use std::collections::hash_map::Entry;
 use std::collections::{HashMap, HashSet};
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use glam::{Vec2, Vec3};
 
+use super::files::{Reader, Unread};
 use super::mtl::{self, beside};
 use super::polygon::triangulate;
 use super::scan::{Named, scan};
 use super::texture::Textures;
 use super::{Material, Mesh, Surface, Triangle};
 use crate::error::{Error, Result};
+use crate::file::{MOST_BYTES, MOST_WORDS};
 
-pub fn load(path: &Path, textures: &mut Textures, warnings: &mut Vec<String>) -> Result<(Mesh, Vec<Material>)> {
-    let bytes = fs::read(path).map_err(|error| {
-        Error::input(path, None, format!("cannot read this model: {error}"), "name an existing OBJ file that you may read")
-    })?;
+pub fn load(reader: &Reader, path: &Path, textures: &mut Textures, warnings: &mut Vec<String>) -> Result<(Mesh, Vec<Material>)> {
+    let cure = "name an existing OBJ file that you may read";
+    let bytes = reader.read_named(path, MOST_BYTES).map_err(|unread| unread.error(path, None, "this model", cure))?;
     let scan = scan(path, &bytes)?;
-    let mut materials = Vec::new();
+    let mut materials: Vec<Material> = Vec::new();
+    let mut by_name: HashMap<String, usize> = HashMap::new();
     let mut read = HashSet::new();
-    for (library, line) in scan.libraries.iter().flat_map(|statement| library_files(path, statement)) {
-        if !read.insert(library.clone()) {
+    for (library, line) in scan.libraries.iter().flat_map(|statement| library_files(reader, path, statement)) {
+        let unread = |unread: Unread| {
+            let what = format!("material library {}", library.display());
+            unread.error(path, Some(line), &what, "put it there, or correct or remove the mtllib line")
+        };
+        let file = reader.find(&library).map_err(unread)?;
+        if !read.insert(file.clone()) {
             continue;
         }
-        let bytes = fs::read(&library).map_err(|error| {
-            let problem = format!("cannot read material library {}: {error}", library.display());
-            Error::input(path, Some(line), problem, "put it there, or correct or remove the mtllib line")
-        })?;
+        let bytes = reader.read(&file, MOST_WORDS).map_err(unread)?;
         // A name defined again means the later definition.
         for material in mtl::load(&library, &bytes, textures, warnings)? {
-            match materials.iter_mut().find(|known: &&mut Material| known.name == material.name) {
-                Some(known) => *known = material,
-                None => materials.push(material),
+            match by_name.entry(material.name.clone()) {
+                Entry::Occupied(known) => materials[*known.get()] = material,
+                Entry::Vacant(new) => {
+                    new.insert(materials.len());
+                    materials.push(material);
+                }
             }
         }
     }
-    let by_name: HashMap<_, _> = materials.iter().enumerate().map(|(index, m)| (m.name.clone(), index)).collect();
     if let Some(unknown) = scan.materials.iter().find(|used| !by_name.contains_key(&used.name)) {
         let problem = format!("no material library defines material \"{}\"", unknown.name);
         let known = names(&materials);
@@ -54,19 +60,21 @@ pub fn load(path: &Path, textures: &mut Textures, warnings: &mut Vec<String>) ->
     Ok((mesh, materials))
 }
 
-/// For messages: the names of all materials.
+/// For messages: the names of materials, not all of very many.
 pub fn names(materials: &[Material]) -> String {
-    match materials {
-        [] => "(there are none)".to_owned(),
-        _ => materials.iter().map(|material| material.name.as_str()).collect::<Vec<_>>().join(", "),
+    let names: Vec<_> = materials.iter().take(20).map(|material| material.name.as_str()).collect();
+    match materials.len() - names.len() {
+        _ if materials.is_empty() => "(there are none)".to_owned(),
+        0 => names.join(", "),
+        more => format!("{} and {more} more", names.join(", ")),
     }
 }
 
 /// The files that a `mtllib` names, each with the statement's line.
-fn library_files(obj: &Path, statement: &Named) -> Vec<(PathBuf, usize)> {
+fn library_files(reader: &Reader, obj: &Path, statement: &Named) -> Vec<(PathBuf, usize)> {
     // The statement lists files, but exporters also write single names with spaces.
     let whole = beside(obj, &statement.name);
-    if whole.is_file() {
+    if reader.has(&whole) {
         return vec![(whole, statement.line)];
     }
     statement.name.split_whitespace().map(|name| (beside(obj, name), statement.line)).collect()

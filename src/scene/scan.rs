@@ -15,6 +15,9 @@ use crate::error::{Error, Result};
 /// The fourth power of a triangle's edge, which the length of its normal needs, stays finite in f32 up to here.
 const FARTHEST: f32 = 1e9;
 
+/// A polygon whose fan does not serve takes a time that may grow as the square of its corners.
+const MOST_CORNERS: usize = 10_000;
+
 /// What [`scan`] found. `text` refers to all material libraries by one `mtllib` line at its top.
 pub struct Scan {
     pub text: String,
@@ -132,8 +135,9 @@ impl<'a> Scanner<'a> {
 
     fn face(&mut self, corners: &str) -> Result<()> {
         let count = corners.split_whitespace().count();
-        if count < 3 {
-            return self.error(format!("a face with {count} corners"), "give 3 or more, or remove the line");
+        if !(3..=MOST_CORNERS).contains(&count) {
+            let cure = format!("give 3 or more, at most {MOST_CORNERS}, or remove the line");
+            return self.error(format!("a face with {count} corners"), cure);
         }
         self.faces.push('f');
         for corner in corners.split_whitespace() {

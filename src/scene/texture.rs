@@ -3,61 +3,88 @@
 //! [`Textures::load`] reads each file once; [`Texture::sample_linear`] samples as the GPU does.
 
 use std::collections::HashMap;
-use std::fs;
+use std::io::{Cursor, ErrorKind};
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 
 use glam::{DVec3, Vec2, Vec3};
-use image::{ImageError, ImageReader, Limits};
+use image::{DynamicImage, ImageDecoder, ImageError, ImageFormat, ImageReader, Limits};
 
 use super::Texture;
+use super::files::{Reader, Unread};
 use crate::error::{Error, Result};
+use crate::file::{MOST_BYTES, can_hold};
 use crate::math::neighbours;
 
 /// OpenGL 3.3 devices of today sample up to here.
 const LARGEST_SIDE: u32 = 16384;
 const MOST_MEMORY: u64 = 1 << 30;
 
+/// The most texels of all textures together.
+const MOST_TEXELS: usize = 1 << 30;
+
 /// The textures loaded so far.
-#[derive(Default)]
-pub struct Textures {
+pub struct Textures<'a> {
     pub list: Vec<Texture>,
     by_file: HashMap<PathBuf, usize>,
+    texels: usize,
+    reader: &'a Reader<'a>,
 }
 
-impl Textures {
+impl<'a> Textures<'a> {
+    pub fn new(reader: &'a Reader<'a>) -> Self {
+        Self { list: Vec::new(), by_file: HashMap::new(), texels: 0, reader }
+    }
+
     /// The index of the texture in `path`, a file that the statement at `named_at` asks for.
     pub fn load(&mut self, path: &Path, named_at: &str) -> Result<usize> {
-        let file = fs::canonicalize(path).map_err(|error| {
-            let cure = format!("put the picture there, or correct its name at {named_at}");
-            Error::input(path, None, format!("cannot read this texture: {error}"), cure)
-        })?;
+        let unread = |unread: Unread| {
+            let what = format!("this texture, named at {named_at}");
+            unread.error(path, None, &what, "put the picture there, or correct its name")
+        };
+        let file = self.reader.find(path).map_err(unread)?;
         if let Some(&index) = self.by_file.get(&file) {
             return Ok(index);
         }
-        let texture = decode(&file).map_err(|error| {
-            let (problem, cure) = match error {
-                ImageError::Limits(_) => {
-                    ("is too large", format!("shrink it to at most {LARGEST_SIDE} pixels on a side and 1 GiB"))
-                }
-                _ => ("cannot be decoded", "save it again as 8-bit PNG, JPEG, TGA or BMP".to_owned()),
-            };
-            Error::input(path, None, format!("this texture, named at {named_at}, {problem}: {error}"), cure)
+        let bytes = self.reader.read(&file, MOST_BYTES).map_err(unread)?;
+        let refused = |problem: String, cure: String| {
+            Error::input(path, None, format!("this texture, named at {named_at}, {problem}"), cure)
+        };
+        let texture = decode(path, &bytes).map_err(|error| match error {
+            ImageError::Limits(_) => {
+                let cure = format!("shrink it to at most {LARGEST_SIDE} pixels on a side and 1 GiB");
+                refused(format!("is too large: {error}"), cure)
+            }
+            _ => refused(format!("cannot be decoded: {error}"), "save it again as 8-bit PNG, JPEG, TGA or BMP".into()),
         })?;
+        self.texels += texture.texels.len();
+        if self.texels > MOST_TEXELS {
+            return Err(refused(format!("makes more than {MOST_TEXELS} texels of them all"), "shrink some of them".into()));
+        }
         self.by_file.insert(file, self.list.len());
         self.list.push(texture);
         Ok(self.list.len() - 1)
     }
 }
 
-fn decode(path: &Path) -> Result<Texture, ImageError> {
-    let mut reader = ImageReader::open(path)?.with_guessed_format()?;
+fn decode(path: &Path, bytes: &[u8]) -> Result<Texture, ImageError> {
+    let mut reader = ImageReader::new(Cursor::new(bytes));
+    // TGA is known by nothing else.
+    if let Ok(format) = ImageFormat::from_path(path) {
+        reader.set_format(format);
+    }
+    let mut reader = reader.with_guessed_format()?;
     let mut limits = Limits::default();
     limits.max_image_width = Some(LARGEST_SIDE);
     limits.max_image_height = Some(LARGEST_SIDE);
     limits.max_alloc = Some(MOST_MEMORY);
-    reader.limits(limits);
-    let picture = reader.decode()?.into_rgba8();
+    reader.limits(limits.clone());
+    let decoder = reader.into_decoder()?;
+    limits.reserve(decoder.total_bytes())?;
+    if !can_hold(bytes, decoder.total_bytes()) {
+        return Err(ImageError::IoError(ErrorKind::UnexpectedEof.into()));
+    }
+    let picture = DynamicImage::from_decoder(decoder)?.into_rgba8();
     let (width, height) = picture.dimensions();
     Ok(Texture { width, height, texels: picture.into_raw().as_chunks().0.to_vec() })
 }

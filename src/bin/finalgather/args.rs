@@ -15,7 +15,7 @@ use finalgather::gpu::{Backend, DeviceChoice};
 use finalgather::harmonics::MAX_ORDER;
 use finalgather::points::UvSource;
 use finalgather::quantity::Quantity;
-use finalgather::scene::Scene;
+use finalgather::scene::{Files, LoadOptions, Scene};
 use finalgather::settings::{Estimator, Pipeline, PointSource, Sequence, Settings};
 use serde::Deserialize;
 use serde::de::IntoDeserializer;
@@ -406,6 +406,9 @@ pub struct RelightArgs {
     #[arg(long, value_name = "SCENE")]
     pub scene: Option<PathBuf>,
 
+    #[command(flatten)]
+    pub files: FilesArg,
+
     /// Picture size in pixels; N is N by N [default: the scene's]
     #[arg(long, value_name = "WxH|N", value_parser = size)]
     pub size: Option<[u32; 2]>,
@@ -464,6 +467,17 @@ pub struct Overrides {
     /// Environment, a lat-long .hdr or .exr: what lies beyond the scene and lights it [default: the scene file's, else black]
     #[arg(long, value_name = "FILE")]
     pub env: Option<PathBuf>,
+
+    #[command(flatten)]
+    files: FilesArg,
+}
+
+/// What a scene may read.
+#[derive(Clone, Copy, Debug, clap::Args)]
+pub struct FilesArg {
+    /// Read what the scene names also outside its folder; without, that is refused
+    #[arg(long)]
+    allow_outside: bool,
 }
 
 /// Open a window on a scene: the picture as it gathers, a camera to move, the layers of a direction to look at
@@ -561,6 +575,9 @@ pub struct BenchArgs {
     /// Scene file: .toml, or a bare .obj with its .mtl [default: scenes/cornell.toml, where there is one]
     pub scene: Option<PathBuf>,
 
+    #[command(flatten)]
+    pub files: FilesArg,
+
     /// Picture size in pixels; N is N by N
     #[arg(long, value_name = "WxH|N", default_value = "512", value_parser = size)]
     pub size: [u32; 2],
@@ -640,10 +657,21 @@ impl BakeArgs {
     }
 }
 
+impl FilesArg {
+    pub fn files(self) -> Files {
+        if self.allow_outside { Files::Anywhere } else { Files::Folder }
+    }
+}
+
 impl Overrides {
     /// Under the environment that was asked for here, or its own.
     pub fn load_scene(&self, path: &Path) -> Result<Scene> {
-        Scene::load_under(path, self.env.as_deref().map(Environment::load).transpose()?)
+        Scene::load_with(path, self.load_options()?)
+    }
+
+    pub fn load_options(&self) -> Result<LoadOptions> {
+        let environment = self.env.as_deref().map(Environment::load).transpose()?;
+        Ok(LoadOptions { environment, files: self.files.files(), ..LoadOptions::default() })
     }
 
     /// `settings` with what was asked for here put over it.

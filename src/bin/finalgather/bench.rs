@@ -6,7 +6,7 @@ use std::thread::available_parallelism;
 use finalgather::bench::{Bench, CONTESTANTS, Contestant, FUSED, Plan, Row, Where};
 use finalgather::error::{Error, Result};
 use finalgather::gpu::Gpu;
-use finalgather::scene::{Camera, Scene, UnitSpace};
+use finalgather::scene::{Camera, LoadOptions, Scene, UnitSpace};
 use finalgather::settings::Settings;
 use serde::Serialize;
 
@@ -56,7 +56,7 @@ pub fn run(args: &BenchArgs) -> Result<u8> {
 
 fn bench(args: &BenchArgs, progress: &Progress) -> Result<()> {
     let file = args.scene.clone().map_or_else(default_scene, Ok)?;
-    let scene = Scene::load(&file)?;
+    let scene = Scene::load_with(&file, LoadOptions { files: args.files.files(), ..LoadOptions::default() })?;
     scene.warnings.iter().for_each(|warning| progress.say(&format!("warning: {warning}")));
     let from_scene = &scene.settings;
     let settings = Settings {

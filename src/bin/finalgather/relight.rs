@@ -9,7 +9,7 @@ use finalgather::export::{self, Surface, Values, read_prt};
 use finalgather::harmonics::project;
 use finalgather::image::{self, Channel, Image, WriteOptions};
 use finalgather::points::Vertices;
-use finalgather::scene::{Bvh, Camera, Mesh, Scene, UnitSpace};
+use finalgather::scene::{Bvh, Camera, Files, LoadOptions, Mesh, Scene, UnitSpace};
 use finalgather::settings::Settings;
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
@@ -47,7 +47,7 @@ pub fn run(args: &RelightArgs) -> Result<u8> {
     }
     let transfer = read_prt(&args.transfer)?;
     let environment = Environment::load(&args.env)?;
-    let model = args.scene.as_deref().map(Model::load).transpose()?;
+    let model = args.scene.as_deref().map(|path| Model::load(path, args.files.files())).transpose()?;
     let irradiance = relit(&transfer, &environment);
     let columns = columns_of(&irradiance);
     if let Some(model) = &model
@@ -106,8 +106,8 @@ fn columns_of(irradiance: &[Vec3]) -> Vec<Channel> {
 }
 
 impl Model {
-    fn load(path: &Path) -> Result<Self> {
-        let scene = Scene::load_unlit(path, None)?;
+    fn load(path: &Path, files: Files) -> Result<Self> {
+        let scene = Scene::load_with(path, LoadOptions { unlit: true, files, ..LoadOptions::default() })?;
         let (unit, space) = UnitSpace::enter(&scene);
         // As bakes have it.
         let unit = unit.without_glass().unwrap_or(unit);

@@ -43,8 +43,9 @@ pub struct Seconds<'a> {
     pub total: f64,
 }
 
-/// A line on stderr; there is nowhere left to complain to when that fails.
+/// A line on stderr; there is nowhere left to complain to when that fails. Names in files are not to command a terminal.
 pub fn say(line: &str) {
+    let line = line.replace(|c: char| c.is_control() && c != '\n', "\u{fffd}");
     let _ = writeln!(io::stderr().lock(), "{line}");
 }
 

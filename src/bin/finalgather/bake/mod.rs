@@ -8,14 +8,13 @@ use std::time::Instant;
 
 use finalgather::bake::{Bake, Plan, Statistics, blocks_of};
 use finalgather::blocks::Part;
-use finalgather::environment::Environment;
 use finalgather::error::{Error, Result};
 use finalgather::gpu::Gpu;
 use finalgather::image::{Channel, WriteOptions};
 use finalgather::points::GatherPoint;
 use finalgather::prepared::Prepared;
 use finalgather::quantity::Quantity;
-use finalgather::scene::Scene;
+use finalgather::scene::{LoadOptions, Scene};
 use finalgather::settings::Settings;
 use serde::Serialize;
 
@@ -223,9 +222,8 @@ fn save(bake: &Bake) -> Part<'_> {
 
 /// Openness and transfer need no light.
 fn load(args: &BakeArgs) -> Result<Scene> {
-    let environment = args.overrides.env.as_deref().map(Environment::load).transpose()?;
     let needs_light = args.what.iter().any(|quantity| matches!(quantity, Quantity::Irradiance | Quantity::Sh));
-    if needs_light { Scene::load_under(&args.scene, environment) } else { Scene::load_unlit(&args.scene, environment) }
+    Scene::load_with(&args.scene, LoadOptions { unlit: !needs_light, ..args.overrides.load_options()? })
 }
 
 /// The paths of each receiver.

@@ -1,0 +1,7 @@
+//! Environments: Radiance and OpenEXR.
+#![no_main]
+
+use finalgather::Environment;
+use finalgather_fuzz::check;
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| ["e.hdr", "e.exr"].map(|name| check(Environment::decode(name.as_ref(), bytes))));

@@ -1,0 +1,4 @@
+//! Material libraries.
+#![no_main]
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| finalgather_fuzz::load("m.mtl", bytes));

@@ -1,0 +1,7 @@
+//! Pictures to compare: OpenEXR and PNG.
+#![no_main]
+
+use finalgather::Image;
+use finalgather_fuzz::check;
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| ["a.exr", "a.png"].map(|name| check(Image::decode(name.as_ref(), bytes))));

@@ -1,0 +1,7 @@
+//! Points: PLY, NumPy and CSV.
+#![no_main]
+
+use finalgather::points::file::parse;
+use finalgather_fuzz::check;
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| ["p.ply", "p.npy", "p.csv"].map(|name| check(parse(name.as_ref(), bytes))));

@@ -1,0 +1,30 @@
+//! What all targets hold readers to: whatever the bytes are, sound data come back, or an error that says where, what is wrong and what to do.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use finalgather::error::{Error, Result};
+use finalgather::scene::{Files, LoadOptions, Scene};
+
+/// A sound scene of one file of each kind. The texture's name says TGA, which is known by nothing else; what another format's first bytes say counts more.
+const SCENE: [(&str, &[u8]); 5] = [
+    ("s.toml", include_bytes!("../seeds/scene/all.toml")),
+    ("m.obj", include_bytes!("../seeds/obj/room.obj")),
+    ("m.mtl", include_bytes!("../seeds/mtl/all.mtl")),
+    ("t.tga", include_bytes!("../seeds/texture/rgb.png")),
+    ("e.hdr", include_bytes!("../seeds/environment/sky.hdr")),
+];
+
+pub fn check<T>(read: Result<T>) {
+    if let Err(error) = read {
+        let Error::Input { problem, cure, .. } = &error else { panic!("blames no file: {error}") };
+        assert!(!problem.is_empty() && !cure.is_empty(), "{error}");
+    }
+}
+
+/// Loads the scene with `bytes` in the place of the file of this name.
+pub fn load(name: &str, bytes: &[u8]) {
+    let mut files = BTreeMap::from(SCENE.map(|(name, bytes)| (name.into(), bytes.to_vec())));
+    files.insert(name.into(), bytes.to_vec());
+    check(Scene::load_with(Path::new("s.toml"), LoadOptions { files: Files::Memory(files), ..LoadOptions::default() }));
+}

@@ -1,0 +1,482 @@
+//! Malformed inputs by the thousand. Each is read, or refused with what is wrong and a cure; none makes a reader panic, or hang, or allocate what a header
+//! only claims. The seeds are those of the fuzz targets, and so are the readers. Then what a scene may read, and the tool from outside.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+use std::sync::mpsc;
+use std::thread;
+use std::time::Duration;
+
+use finalgather::environment::Environment;
+use finalgather::error::{Error, Result};
+use finalgather::export::parse_prt;
+use finalgather::image::Image;
+use finalgather::points::file::parse;
+use finalgather::scene::{Files, LoadOptions, Scene};
+
+/// The longest that one input may take.
+const PATIENCE: Duration = Duration::from_secs(5);
+
+fn seed(name: &str) -> Vec<u8> {
+    fs::read(Path::new("fuzz/seeds").join(name)).unwrap()
+}
+
+/// A scene of sound files, but for one of them.
+fn load(name: &str, bytes: &[u8]) -> Result<()> {
+    let sound = [
+        ("s.toml", "scene/all.toml"),
+        ("m.obj", "obj/room.obj"),
+        ("m.mtl", "mtl/all.mtl"),
+        ("t.tga", "texture/rgb.png"),
+        ("e.hdr", "environment/sky.hdr"),
+    ];
+    let mut files: BTreeMap<PathBuf, Vec<u8>> = sound.map(|(name, from)| (name.into(), seed(from))).into();
+    files.insert(name.into(), bytes.to_vec());
+    Scene::load_with(Path::new("s.toml"), LoadOptions { files: Files::Memory(files), ..LoadOptions::default() }).map(drop)
+}
+
+/// By the folder of seeds; `name` is one in it.
+fn read(format: &str, name: &str, bytes: &[u8]) -> Result<()> {
+    let path = Path::new(name);
+    match format {
+        "obj" => load("m.obj", bytes),
+        "mtl" => load("m.mtl", bytes),
+        "scene" => load("s.toml", bytes),
+        "texture" => load("t.tga", bytes),
+        "environment" => Environment::decode(path, bytes).map(drop),
+        "picture" => Image::decode(path, bytes).map(drop),
+        "points" => parse(path, bytes).map(drop),
+        "transfer" if name.ends_with("json") => parse_prt(path, &seed("transfer/prt.npy"), bytes).map(drop),
+        "transfer" => parse_prt(path, bytes, &seed("transfer/prt.json")).map(drop),
+        _ => panic!("no reader of {format}"),
+    }
+}
+
+/// What is made of one seed, each with what was done to it. Nothing here is random.
+fn mutants(seed: &[u8]) -> Vec<(String, Vec<u8>)> {
+    let mut mutants = Vec::new();
+    let mut put = |what: String, bytes: Vec<u8>| mutants.push((what, bytes));
+    let replaced = |range: std::ops::Range<usize>, by: &[u8]| [&seed[..range.start], by, &seed[range.end..]].concat();
+    for at in 0..seed.len() {
+        put(format!("cut at {at}"), seed[..at].to_vec());
+        let flip = [0x01, 0x80, 0xff, 0x20][at % 4];
+        put(format!("byte {at} xor {flip:#x}"), replaced(at..at + 1, &[seed[at] ^ flip]));
+    }
+    let text = std::str::from_utf8(seed).ok();
+    if text.is_none() {
+        // Counts, sizes and offsets of either order.
+        for at in 0..seed.len().saturating_sub(3) {
+            let by = [[0xff; 4], [0; 4], [0x7f, 0xff, 0xff, 0xff], [0xff, 0xff, 0xff, 0x7f], [0, 0, 0, 0x80]][at % 5];
+            put(format!("{by:x?} at {at}"), replaced(at..at + 4, &by));
+        }
+    }
+    let words = "0 -1 -9223372036854775808 999999999999 18446744073709551616 1e39 -1e999 nan inf \u{e9} / [[[[ \\ ../../x";
+    let is_in_word = |byte: &u8| byte.is_ascii_alphanumeric() || b".+-_".contains(byte);
+    let mut at = 0;
+    for word in seed.chunk_by(|a, b| is_in_word(a) == is_in_word(b)) {
+        let range = at..at + word.len();
+        at = range.end;
+        let text = text.is_some() || word.len() > 1;
+        if text && is_in_word(&word[0]) {
+            put(format!("word at {} dropped", range.start), replaced(range.clone(), b""));
+            let number = word.iter().any(u8::is_ascii_digit);
+            for by in words.split(' ').filter(|_| number) {
+                put(format!("word at {} is {by}", range.start), replaced(range.clone(), by.as_bytes()));
+            }
+        }
+    }
+    let lines: Vec<&[u8]> = seed.split_inclusive(|&byte| byte == b'\n').collect();
+    for i in 0..lines.len() {
+        put(format!("line {} dropped", i + 1), [&lines[..i], &lines[i + 1..]].concat().concat());
+        put(format!("line {} a thousand times", i + 1), [&lines[..i], &[lines[i]; 1000], &lines[i + 1..]].concat().concat());
+        let mut swapped = lines.clone();
+        swapped.swap(i, (i + 1) % lines.len());
+        put(format!("line {} behind the next", i + 1), swapped.concat());
+        for filler in ["9", "[", "a.", " ", "\u{e9}"] {
+            let long = filler.repeat(30_000);
+            let lines = [&lines[..i], &[long.as_bytes()], &lines[i..]].concat();
+            put(format!("{filler:?} for long before line {}", i + 1), lines.concat());
+        }
+    }
+    mutants
+}
+
+/// Reads all of them, in one thread that is given up when it hangs. How many were refused.
+fn read_all(format: &'static str, name: &str, inputs: Vec<(String, Vec<u8>)>) -> usize {
+    let (sender, receiver) = mpsc::channel();
+    let whats: Vec<String> = inputs.iter().map(|(what, _)| what.clone()).collect();
+    let own_name = name.to_owned();
+    thread::spawn(move || {
+        for (_, bytes) in &inputs {
+            let outcome = catch_unwind(AssertUnwindSafe(|| read(format, &own_name, bytes)));
+            if sender.send(outcome).is_err() {
+                break;
+            }
+        }
+    });
+    let mut refused = 0;
+    for what in whats {
+        let outcome = receiver.recv_timeout(PATIENCE).unwrap_or_else(|_| panic!("{format}/{name}, {what}: hangs"));
+        match outcome {
+            Ok(Ok(())) => {}
+            Ok(Err(error)) => {
+                let Error::Input { problem, cure, .. } = &error else { panic!("{format}/{name}, {what}: {error}") };
+                assert!(!problem.is_empty() && cure.len() > 10, "{format}/{name}, {what}: {error}");
+                refused += 1;
+            }
+            Err(_) => panic!("{format}/{name}, {what}: panics"),
+        }
+    }
+    refused
+}
+
+#[test]
+fn mutants_are_read_or_refused() {
+    let mut total = 0;
+    for format in ["obj", "mtl", "scene", "texture", "environment", "picture", "points", "transfer"] {
+        let mut names: Vec<String> = fs::read_dir(Path::new("fuzz/seeds").join(format))
+            .unwrap()
+            .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+            .collect();
+        names.sort();
+        let (mut count, mut refused) = (0, 0);
+        for name in &names {
+            let sound = seed(&format!("{format}/{name}"));
+            read(format, name, &sound).unwrap_or_else(|error| panic!("{format}/{name}: {error}"));
+            let mutants = mutants(&sound);
+            count += mutants.len();
+            refused += read_all(format, name, mutants);
+        }
+        eprintln!("{format}: {count} mutants of {} files, {refused} refused", names.len());
+        assert!(refused > count / 10 && refused < count, "{format}: {refused} of {count} refused");
+        total += count;
+    }
+    assert!(total > 1000, "only {total} mutants");
+}
+
+/// One after the other of such pieces.
+fn many(count: usize, piece: impl Fn(usize) -> String) -> Vec<u8> {
+    (0..count).map(piece).collect::<String>().into_bytes()
+}
+
+/// A small file that says that it is large.
+fn bmp(width: u32, height: u32) -> Vec<u8> {
+    let words = [54_u32, 0, 54, 40, width, height, 1 | 32 << 16, 0, 0, 0, 0, 0, 0];
+    [b"BM".to_vec(), words.iter().flat_map(|word| word.to_le_bytes()).collect()].concat()
+}
+
+/// With another width and height in its header, whose checksum is not looked at before there is a decoder.
+fn png(width: u32, height: u32) -> Vec<u8> {
+    let mut bytes = seed("texture/rgb.png");
+    bytes[16..20].copy_from_slice(&width.to_be_bytes());
+    bytes[20..24].copy_from_slice(&height.to_be_bytes());
+    let checksum = crc32(&bytes[12..29]);
+    bytes[29..33].copy_from_slice(&checksum.to_be_bytes());
+    bytes
+}
+
+fn crc32(bytes: &[u8]) -> u32 {
+    let step = |crc: u32| if crc & 1 == 1 { 0xedb8_8320 ^ (crc >> 1) } else { crc >> 1 };
+    !bytes.iter().fold(!0, |crc, &byte| (0..8).fold(crc ^ u32::from(byte), |crc, _| step(crc)))
+}
+
+/// `file` with its data window, from (0, 0), made to end elsewhere.
+fn exr(file: &str, [right, bottom]: [i32; 2], end: [i32; 2]) -> Vec<u8> {
+    let words = |[x, y]: [i32; 2]| -> Vec<u8> { [0, 0, x, y].iter().flat_map(|word: &i32| word.to_le_bytes()).collect() };
+    let mut bytes = seed(file);
+    let windows: Vec<usize> = (0..bytes.len() - 16).filter(|&at| bytes[at..at + 16] == words([right, bottom])[..]).collect();
+    assert!(!windows.is_empty(), "{file} has no such window");
+    for at in windows {
+        bytes[at..at + 16].copy_from_slice(&words(end));
+    }
+    bytes
+}
+
+fn npy(shape: &str, data: &[u8]) -> Vec<u8> {
+    let header = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({shape}), }}\n");
+    [b"\x93NUMPY\x01\0", &(header.len() as u16).to_le_bytes()[..], header.as_bytes(), data].concat()
+}
+
+/// Counts and sizes beyond sense, and much of what is allowed once.
+#[test]
+fn absurd_inputs_are_refused_in_words() {
+    const VERTICES: &str = "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl lamp\nf 1 2 3\n";
+    let model = |more: Vec<u8>| [VERTICES.as_bytes(), &more].concat();
+    let ply = |format: &str, rest: &str| format!("ply\nformat {format} 1.0\n{rest}").into_bytes();
+    let vertex = "property float x\nproperty float y\nproperty float z\nproperty float nx\nproperty float ny\nproperty float nz\nend_header\n";
+    let library = |more: Vec<u8>| [&seed("mtl/all.mtl")[..], &more].concat();
+    let toml = |more: String| format!("mesh = 'm.obj'\n{more}").into_bytes();
+    let cases: Vec<(&str, &str, Vec<u8>, &str)> = vec![
+        ("obj", "a million corners", model([&b"f"[..], &b" 1 2 3".repeat(333_333)].concat()), "a face with 999999 corners"),
+        ("obj", "an index of 10^18", model(b"f 1 2 1000000000000000000\n".to_vec()), "refers to v 1000000000000000000"),
+        ("obj", "an index far back", model(b"f 1 2 -1000000000000000000\n".to_vec()), "1000000000000000000 v back"),
+        ("obj", "a corner of ten million digits", model([&b"f 1 2 "[..], &[b'9'; 10_000_000]].concat()), "not a face corner"),
+        ("obj", "libraries without end", many(300_000, |i| format!("mtllib {i}.mtl\n")), "no face"),
+        ("obj", "names without end", model([&b"usemtl "[..], &[b'x'; 10_000_000]].concat()), "no material library defines"),
+        ("mtl", "names without end", library([&b"newmtl a\nKd "[..], &[b'x'; 10_000_000]].concat()), "Kd has"),
+        ("mtl", "what no name has", library(b"newmtl a\nmap_Kd \0\n".to_vec()), "cannot read this texture"),
+        ("scene", "nesting", toml(format!("materials = {}", "[".repeat(100_000))), "recursion"),
+        ("scene", "nested tables", toml(format!("camera = {}", "{a=".repeat(100_000))), "recursion"),
+        ("scene", "a key of many parts", toml(format!("{}a = 1", "a.".repeat(100_000))), "recursion"),
+        ("scene", "a picture of 10^19 pixels", toml("[settings]\nsize = [4294967295, 4294967295]".into()), "size is 4294967295"),
+        ("scene", "other characters", [&b"mesh = '"[..], &[0xff; 1000], b"'"].concat(), "not UTF-8"),
+        ("texture", "BMP of 1 GiB", bmp(16384, 16384), "cannot be decoded"),
+        ("texture", "BMP beyond", bmp(1 << 30, 1 << 30), "is too large"),
+        ("texture", "PNG of 1 GiB", png(16384, 16384), "cannot be decoded"),
+        ("texture", "PNG beyond", png(1 << 30, 1 << 30), "is too large"),
+        (
+            "environment",
+            "a.hdr",
+            b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 4096 +X 8192\n".to_vec(),
+            "too short for 8192 x 4096",
+        ),
+        ("environment", "a.exr", exr("environment/sky.exr", [3, 1], [8191, 4095]), "too many"),
+        ("picture", "a.exr", exr("picture/channels.exr", [1, 3], [1 << 20, 1 << 20]), "too many"),
+        ("picture", "b.exr", exr("picture/channels.exr", [1, 3], [i32::MAX - 1, i32::MAX - 1]), "OpenEXR"),
+        ("picture", "a.png", png(30_000, 30_000), "too many"),
+        ("picture", "b.png", png(i32::MAX as u32, i32::MAX as u32), "too many"),
+        ("points", "a.ply", ply("ascii", &format!("element vertex 1000000000000\n{vertex}0 0 0 0 0 1\n")), "bytes are left"),
+        ("points", "b.ply", ply("binary_little_endian", &format!("element vertex 1000000000000\n{vertex}")), "bytes are left"),
+        ("points", "c.ply", ply("ascii", &format!("element vertex 18446744073709551615\n{vertex}")), "bytes are left"),
+        (
+            "points",
+            "d.ply",
+            [
+                &ply("binary_little_endian", &format!("element face 1\nproperty list uint double i\nelement vertex 1\n{vertex}"))
+                    [..],
+                &[0xff; 100],
+            ]
+            .concat(),
+            "not a sound PLY",
+        ),
+        ("points", "a.npy", npy("1000000000000, 6", b""), "bytes follow"),
+        ("points", "b.npy", npy("0, 6", b""), "no points"),
+        ("points", "c.npy", npy("4294967296, 4294967296, 4294967296, 0", b""), "bytes follow"),
+        ("points", "a.csv", vec![b'1'; 10_000_000], "the first line has 1 numbers"),
+        ("points", "b.csv", b"1,".repeat(1_000_000), "neither numbers nor the name x"),
+        ("points", "c.csv", b"0,0,0,0,0,1e999\n".to_vec(), "nz of point 1 is inf"),
+        ("transfer", "a.json", b"[".repeat(1_000_000), "recursion"),
+        ("transfer", "b.json", br#"{"columns": 7}"#.to_vec(), "0 columns are named"),
+        ("transfer", "a.npy", npy("0, 4, 3", b""), "12 columns are named"),
+        ("transfer", "b.npy", npy("4294967296, 4294967296, 4294967296", b""), "bytes follow"),
+    ];
+    for (format, name, bytes, fragment) in cases {
+        let error = read(format, name, &bytes).err().unwrap_or_else(|| panic!("{format}, {name}: was read"));
+        let message = error.to_string();
+        assert!(matches!(error, Error::Input { .. }) && message.contains(fragment), "{format}, {name}: {message}");
+        assert!(message.len() < 4000, "{format}, {name}: a message of {} bytes", message.len());
+        read_all(known(format), name, vec![("again".into(), bytes)]);
+    }
+    // Much, but sound.
+    let fans = [&b"f"[..], &b" 1 2 3".repeat(3000), b"\n"].concat().repeat(10);
+    let sound = [
+        ("obj", "materials in turns", model(many(200_000, |i| format!("usemtl {}\nf 1 2 3\n", ["lamp", "ball"][i % 2])))),
+        ("obj", "polygons over themselves", model(fans)),
+        ("mtl", "many materials", library(many(200_000, |i| format!("newmtl {i}\nmap_Kd t.tga\nmap_Ke t.tga\n")))),
+        ("scene", "comments", toml("# nothing\n".repeat(1_000_000))),
+        ("points", "a.csv", b"0,0,0,0,0,1\n".repeat(200_000)),
+    ];
+    for (format, name, bytes) in sound {
+        assert_eq!(read_all(known(format), name, vec![("once".into(), bytes)]), 0, "{format}, {name}");
+    }
+}
+
+fn known(format: &str) -> &'static str {
+    ["obj", "mtl", "scene", "texture", "environment", "picture", "points", "transfer"]
+        .into_iter()
+        .find(|&known| known == format)
+        .expect("a reader")
+}
+
+/// A folder with a scene of two folders in it, `scene` and `scene/parts`, and beside it what is none of its business. A model, its library, a picture and a
+/// sky are in all three.
+fn neighbours() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    for place in [".", "scene", "scene/parts"] {
+        let place = folder.path().join(place);
+        fs::create_dir_all(&place).unwrap();
+        for (name, from) in [("t.tga", "texture/rgb.png"), ("e.hdr", "environment/sky.hdr")] {
+            fs::write(place.join(name), seed(from)).unwrap();
+        }
+        fs::write(place.join("m.mtl"), "newmtl lamp\nKe 5 5 5\nmap_Kd t.tga\n").unwrap();
+        fs::write(place.join("m.obj"), "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 1\nusemtl lamp\nf 1/1 2/1 3/1\n").unwrap();
+    }
+    folder
+}
+
+const MODEL: &str = "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl lamp\nf 1 2 3\n";
+
+#[test]
+fn a_scene_reads_nothing_outside_its_folder() {
+    let folder = neighbours();
+    let path = |name: &str| folder.path().join(name);
+    let absolute = path("m.obj").display().to_string();
+    let inside = path("scene/parts/m.obj").display().to_string();
+    let library = "newmtl lamp\nKe 5 5 5\n";
+    #[cfg(unix)]
+    for link in ["link.obj", "link.mtl", "link.tga", "link.hdr"] {
+        let target = format!(
+            "../{}",
+            link.replace(
+                "link",
+                if link.ends_with("tga") {
+                    "t"
+                } else if link.ends_with("hdr") {
+                    "e"
+                } else {
+                    "m"
+                }
+            )
+        );
+        std::os::unix::fs::symlink(target, path("scene").join(link)).unwrap();
+    }
+    let outside: Vec<(&str, String)> = vec![
+        ("s.toml", "mesh = '../m.obj'".into()),
+        ("s.toml", "mesh = 'parts/../../m.obj'".into()),
+        ("s.toml", "mesh = '..\\m.obj'".into()),
+        ("s.toml", format!("mesh = '{absolute}'")),
+        // Not even looked for.
+        ("s.toml", "mesh = '../none.obj'".into()),
+        ("s.toml", "mesh = '/dev/zero'".into()),
+        ("s.toml", "mesh = 'm.obj'\nmaterials.lamp.albedo_texture = '../t.tga'".into()),
+        ("s.toml", "mesh = 'm.obj'\nenvironment.file = '../e.hdr'".into()),
+        ("m.obj", MODEL.replace("m.mtl", "../m.mtl")),
+        ("m.obj", MODEL.replace("m.mtl", "../none.mtl")),
+        ("m.mtl", format!("{library}map_Kd ../t.tga\n")),
+        #[cfg(unix)]
+        ("s.toml", "mesh = 'link.obj'".into()),
+        #[cfg(unix)]
+        ("s.toml", "mesh = 'm.obj'\nenvironment.file = 'link.hdr'".into()),
+        #[cfg(unix)]
+        ("m.obj", MODEL.replace("m.mtl", "link.mtl")),
+        #[cfg(unix)]
+        ("m.mtl", format!("{library}map_Kd link.tga\n")),
+    ];
+    let sound = [("s.toml", "mesh = 'm.obj'"), ("m.obj", MODEL), ("m.mtl", library)];
+    let restore = || sound.into_iter().for_each(|(name, text)| fs::write(path("scene").join(name), text).unwrap());
+    let with = |files| LoadOptions { files, ..LoadOptions::default() };
+    for (name, text) in outside {
+        restore();
+        fs::write(path("scene").join(name), &text).unwrap();
+        let error = Scene::load(&path("scene/s.toml")).map(drop).expect_err(&text);
+        let message = error.to_string();
+        assert!(matches!(error, Error::Input { .. }), "{text}: {message}");
+        assert!(message.contains("outside the scene's folder") && message.contains("--allow-outside"), "{text}: {message}");
+        // Asked to, it is read, or missed.
+        match Scene::load_with(&path("scene/s.toml"), with(Files::Anywhere)) {
+            Ok(scene) => assert_eq!(scene.mesh.triangles.len(), 1),
+            Err(error) if text.contains("none") || text.contains("/dev") => {
+                assert!(error.to_string().contains("cannot read"), "{text}: {error}");
+            }
+            Err(error) => panic!("{text}: {error}"),
+        }
+    }
+    // What is in the folder may go by any name, and what was asked for may lie anywhere.
+    for (name, text) in [
+        ("s.toml", format!("mesh = '{inside}'")),
+        ("s.toml", "mesh = 'parts/../parts/m.obj'\nenvironment.file = 'parts/../e.hdr'".into()),
+        ("s.toml", "mesh = '../scene/m.obj'".into()),
+        ("parts/m.mtl", format!("{library}map_Kd ../t.tga\n")),
+    ] {
+        restore();
+        fs::write(path("scene").join(name), &text).unwrap();
+        Scene::load(&path("scene/s.toml")).unwrap_or_else(|error| panic!("{text}: {error}"));
+    }
+    #[cfg(unix)]
+    {
+        restore();
+        std::os::unix::fs::symlink("parts/m.obj", path("scene/own.obj")).unwrap();
+        std::os::unix::fs::symlink("scene/s.toml", path("far.toml")).unwrap();
+        Scene::load(&path("scene/own.obj")).unwrap();
+        // Its folder is where it was found.
+        Scene::load(&path("far.toml")).unwrap();
+    }
+}
+
+#[test]
+fn what_is_no_file_is_not_waited_for() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::create_dir(folder.path().join("m.obj")).unwrap();
+    let error = Scene::load(&folder.path().join("m.obj")).map(drop).unwrap_err();
+    assert!(error.to_string().contains("no regular file"), "{error}");
+    #[cfg(unix)]
+    {
+        let pipe = folder.path().join("p.ply");
+        assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+        let (sender, receiver) = mpsc::channel();
+        thread::spawn(move || sender.send(finalgather::points::file::read(&pipe).map(drop)));
+        let error = receiver.recv_timeout(PATIENCE).expect("waits for a writer").unwrap_err();
+        assert!(error.to_string().contains("no regular file"), "{error}");
+    }
+}
+
+/// What the tool says, having ended with `code`, written nothing and not panicked.
+fn refusal(folder: &Path, arguments: &str, code: i32) -> String {
+    let Output { status, stdout, stderr } =
+        Command::new(env!("CARGO_BIN_EXE_finalgather")).current_dir(folder).args(arguments.split(' ')).output().unwrap();
+    let said = String::from_utf8_lossy(&stderr).into_owned();
+    assert_eq!(status.code(), Some(code), "{arguments}: {said}");
+    assert!(stdout.is_empty() && said.contains("cure: ") && !said.contains("panicked"), "{arguments}: {said}");
+    let names: Vec<_> = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+    assert!(!names.iter().any(|name| name.starts_with("out") || name.contains("finalgather")), "{arguments} left {names:?}");
+    said
+}
+
+#[test]
+fn the_tool_ends_with_words_and_no_file() {
+    let folder = neighbours();
+    let path = |name: &str| folder.path().join(name);
+    fs::write(path("s.toml"), "mesh = 'm.obj'\n[settings]\nsize = [8, 8]\ndirections = 2\nphotons = 100\n").unwrap();
+    fs::write(path("huge.toml"), "mesh = 'm.obj'\n[settings]\nsize = [4000000000, 4000000000]\n").unwrap();
+    fs::write(path("deep.toml"), format!("camera = {}", "[".repeat(100_000))).unwrap();
+    fs::write(path("escape.obj"), MODEL.replace("usemtl lamp", "usemtl \x1b[2J\x07lamp")).unwrap();
+    fs::write(path("bomb.tga"), bmp(16384, 16384)).unwrap();
+    fs::write(path("bomb.toml"), "mesh = 'm.obj'\nmaterials.lamp.albedo_texture = 'bomb.tga'\n").unwrap();
+    fs::write(path("bomb.png"), png(30_000, 30_000)).unwrap();
+    fs::write(path("bomb.exr"), exr("environment/sky.exr", [3, 1], [8191, 4095])).unwrap();
+    fs::write(path("cut.hdr"), &seed("environment/sky.hdr")[..70]).unwrap();
+    fs::write(path("p.csv"), "0,0,0,0,0,1\n0,0,0,nan,0,1\n").unwrap();
+    fs::write(path("prt.npy"), npy("4294967296, 4294967296, 4294967296", b"")).unwrap();
+    fs::write(path("prt.json"), seed("transfer/prt.json")).unwrap();
+    fs::write(path("scene/s.toml"), "mesh = '../m.obj'\n[settings]\nsize = [8, 8]\ndirections = 2\nphotons = 100\n").unwrap();
+    for arguments in [
+        "render huge.toml -o out.png",
+        "render deep.toml -o out.png",
+        "render bomb.toml -o out.png -o out.exr",
+        "render s.toml --env cut.hdr -o out.png",
+        "render s.toml --env bomb.exr -o out.png",
+        "bake s.toml --to points:p.csv --what ao -o out.npy",
+        "bake deep.toml --to vertices --what ao -o out.ply",
+        "relight prt.npy --env e.hdr -o out.npy",
+        "compare bomb.png bomb.png -o out.png",
+        "compare bomb.exr bomb.exr",
+        "bench deep.toml",
+    ] {
+        refusal(folder.path(), arguments, 65);
+    }
+    refusal(folder.path(), "render s.toml --size 4000000000 -o out.png", 2);
+    // A name in a file is no command to the terminal.
+    let said = refusal(folder.path(), "render escape.obj -o out.png", 65);
+    assert!(said.contains("[2J") && !said.contains(['\x1b', '\x07']), "{said:?}");
+    // Each command that loads a scene asks before it leaves the folder.
+    fs::write(path("prt.npy"), seed("transfer/prt.npy")).unwrap();
+    for (arguments, refused_after) in [
+        ("render scene/s.toml -o out.png", 0),
+        ("bake scene/s.toml --to vertices --what ao -o out.npy", 0),
+        ("bench scene/s.toml --size 8 --directions 1 --pipelines kill --rounds 1 --photons 100", 0),
+        // Which has other vertices, as is found out once it is read.
+        ("relight prt.npy --env e.hdr --scene scene/s.toml -o out.npy", 65),
+    ] {
+        assert!(refusal(folder.path(), arguments, 65).contains("--allow-outside"), "{arguments}");
+        let allowed = format!("{arguments} --allow-outside");
+        let output =
+            Command::new(env!("CARGO_BIN_EXE_finalgather")).current_dir(&folder).args(allowed.split(' ')).output().unwrap();
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(refused_after), "{allowed}: {said}");
+        assert!(!said.contains("outside"), "{allowed}: {said}");
+        ["out.png", "out.npy", "out.json"].into_iter().for_each(|name| drop(fs::remove_file(path(name))));
+    }
+}
