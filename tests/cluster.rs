@@ -72,7 +72,8 @@ fn installed(engine: &str, programs: &[&str]) -> bool {
     };
     let missing: Vec<_> = programs.iter().filter(|program| !there(program)).collect();
     if !missing.is_empty() {
-        writeln!(stderr(), "NOT TESTED: {engine}, for {missing:?} are not here; scripts/setup.sh --tests installs them").unwrap();
+        let mut aloud = stderr();
+        writeln!(aloud, "NOT TESTED: {engine}, for {missing:?} are not here; scripts/setup.sh --tests installs them").unwrap();
     }
     missing.is_empty()
 }
