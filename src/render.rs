@@ -304,8 +304,9 @@ impl Render {
         json!({
             "what": "render",
             "version": env!("CARGO_PKG_VERSION"),
-            "renderer": self.gpu.info().renderer,
+            "gl": self.gpu.identity(),
             "scene": self.digest,
+            "space": self.space,
             "camera": format!("{:?}", self.camera),
             "settings": settings,
         })
@@ -313,7 +314,7 @@ impl Render {
 
     /// The blocks that are done.
     pub fn save(&self) -> Part<'_> {
-        let mut part = Part::new(self.job(), json!({ "space": self.space, "exposure": self.settings.exposure }));
+        let mut part = Part::new(self.job(), json!({ "exposure": self.settings.exposure }));
         part.put_tree(FILM, &self.film);
         part
     }
@@ -330,6 +331,11 @@ impl Render {
         self.done = blocks_of(&self.settings).summed(&self.film);
         self.estimate_error();
         Ok(())
+    }
+
+    /// Whether no block is in progress, so that nothing is lost by ending here.
+    pub fn is_between_blocks(&self) -> bool {
+        self.block.is_none()
     }
 
     /// The first of its blocks that is not done.
@@ -574,7 +580,11 @@ impl Merge {
         let damaged = || Error::input(path, None, "damaged: it does not say what it is of", "make it again");
         let mut settings: Settings = serde_json::from_value(part.job["settings"].clone()).map_err(|_| damaged())?;
         settings.exposure = serde_json::from_value(part.state["exposure"].clone()).map_err(|_| damaged())?;
-        let space = serde_json::from_value(part.state["space"].clone()).map_err(|_| damaged())?;
+        let space = serde_json::from_value(part.job["space"].clone()).map_err(|_| damaged())?;
+        if part.job["version"] != env!("CARGO_PKG_VERSION") {
+            let problem = format!("of version {}, and this is {}", part.job["version"], env!("CARGO_PKG_VERSION"));
+            return Err(Error::input(path, None, problem, "merge with the version that made it"));
+        }
         settings.validate().map_err(|_| damaged())?;
         Ok(Self { job: part.job.clone(), settings, space, film: FilmSum::default() })
     }
@@ -597,6 +607,11 @@ impl Merge {
     /// What it was rendered by.
     pub fn settings(&self) -> &Settings {
         &self.settings
+    }
+
+    /// Whose bits they are, as the driver calls it.
+    pub fn renderer(&self) -> &str {
+        self.job["gl"]["renderer"].as_str().unwrap_or_default()
     }
 }
 

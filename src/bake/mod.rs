@@ -25,7 +25,7 @@ use serde_json::{Value, json};
 
 use self::carriers::{Carried, Carriers};
 use self::integrals::{Integrals, Rough as Seen, Seen as Pass, Tile, Values, Wanted};
-use crate::blocks::{Blocks, PairwiseSum, Part, Sum, sha256};
+use crate::blocks::{Blocks, Node, PairwiseSum, Part, Sum, sha256};
 use crate::direct::Direct;
 use crate::direction::{Direction, Directions};
 use crate::error::{Error, Result};
@@ -113,6 +113,8 @@ pub struct Bake {
     now: Option<Walk>,
     carried: Held,
     kept: Option<Kept>,
+    /// The driver of parts that are merged.
+    merged: Option<Value>,
     /// Checksums of scene and points.
     digest: Value,
     statistics: Statistics,
@@ -127,6 +129,7 @@ struct Held {
 }
 
 /// What carriers find in every bounce anew, where there is memory to keep it.
+#[derive(Default)]
 struct Kept {
     /// Of each batch of directions, by its first, for each tile.
     hits: BTreeMap<u32, Vec<KeptHits>>,
@@ -258,9 +261,7 @@ impl Bake {
                 find => break (all, find?),
             }
         };
-        let of_carriers = all.iter().filter(|round| round.whose == Whose::Carriers).count();
-        let bytes = plan.wanted(true).bytes(copies(settings)) + HIT_BYTES * settings.directions as usize;
-        let keeps = of_carriers > 1 && count_of_carriers * bytes <= plan.memory << 20;
+        let kept = keeps(&plan, settings, &all).then(Kept::default);
         let statistics = Statistics {
             points: points.len(),
             directions_total: all.len() as u64 * u64::from(settings.directions),
@@ -287,7 +288,8 @@ impl Bake {
             shard: None,
             now: None,
             carried: Held::default(),
-            kept: keeps.then(|| Kept { hits: BTreeMap::new(), irradiance: Vec::new() }),
+            kept,
+            merged: None,
             digest,
             statistics,
         })
@@ -323,17 +325,19 @@ impl Bake {
         json!({
             "what": "bake",
             "version": env!("CARGO_PKG_VERSION"),
-            "renderer": self.gpu.info().renderer,
+            "gl": self.merged.as_ref().unwrap_or(&self.gpu.identity()),
             "scene": self.digest["scene"],
+            "space": self.prepared.space,
             "points": self.digest["points"],
             "settings": settings,
-            "plan": self.plan,
+            // Of each point the sum is the same, however many others there are at a time.
+            "plan": Plan { memory: 0, ..self.plan.clone() },
         })
     }
 
     /// The blocks that are done, of all rounds that are needed to go on.
     pub fn save(&self) -> Part<'_> {
-        let mut part = Part::new(self.job(), json!({ "stage": self.carried.stage }));
+        let mut part = Part::new(self.job(), json!({ "stage": self.carried.stage, "memory": self.plan.memory }));
         for (number, summed) in self.summed.iter().enumerate() {
             part.put_tree(&tree(number), &summed.values);
             if !summed.irradiance.is_empty() {
@@ -343,50 +347,78 @@ impl Bake {
         part
     }
 
-    /// Goes on from the blocks that are done in `part`, read from `path`, in the place of what was gathered here.
+    /// Goes on from the blocks that are done in `part`, read from `path`, in the place of what was gathered here; with as much memory as it was made with.
     ///
     /// # Errors
-    /// [`Error::Input`] when it is of another job, or damaged.
+    /// [`Error::Input`] when it is of another job, damaged, or made with more memory than there is.
     pub fn resume(&mut self, path: &Path, part: &Part) -> Result<()> {
-        // Where memory ended, the part was made with less than was asked for.
-        self.plan.memory = part.job["plan"]["memory"].as_u64().map_or(self.plan.memory, |memory| memory as usize);
         part.check(path, &self.job())?;
+        let memory = memory_of(path, part)?;
+        if memory > self.plan.memory {
+            let problem = format!("made with {memory} MiB of memory, of which there are {}", self.plan.memory);
+            return Err(Error::input(path, None, problem, format!("give --memory {memory}, or begin anew")));
+        }
+        self.plan.memory = memory;
         self.now = None;
-        self.carried = Held { stage: part.state["stage"].as_u64().unwrap_or(0) as u32, ..Held::default() };
+        self.carried = Held { stage: part.state["stage"].as_u64().unwrap_or(0).min(u32::MAX.into()) as u32, ..Held::default() };
         self.begin_rounds();
-        self.take(path, part, |_| true)
-    }
-
-    /// Adds the blocks of a part of the same job, made by any renderer, to those of the last stage.
-    ///
-    /// # Errors
-    /// [`Error::Input`] when it is of another job or damaged, or has blocks that are there already.
-    pub fn merge(&mut self, path: &Path, part: &Part) -> Result<()> {
-        let mut job = self.job();
-        job["renderer"] = part.job["renderer"].clone();
-        part.check(path, &job)?;
-        self.take(path, part, |round| round.last)
-    }
-
-    fn take(&mut self, path: &Path, part: &Part, wanted: impl Fn(&Round) -> bool) -> Result<()> {
         let blocks = blocks_of(&self.settings);
-        for (number, (round, summed)) in
-            self.rounds.iter().zip(&mut self.summed).enumerate().filter(|(_, (round, _))| wanted(round))
-        {
-            let points = round.points.len();
-            let planes = self.plan.wanted(round.last);
-            let values = |_, floats: Vec<&[f32]>| Values::of_planes(&planes, points, &floats);
-            blocks.merge(path, &mut summed.values, part.tree(path, &tree(number), blocks, values)?)?;
-            let irradiance = part.get(&light(number)).unwrap_or_default();
-            let irradiance: &[Vec3] = bytemuck::try_cast_slice(irradiance).unwrap_or_default();
-            if irradiance.len() == points {
-                summed.irradiance = irradiance.to_vec();
-            } else if summed.values.blocks() > 0 {
-                return Err(Error::input(path, None, "damaged: direct light is not there", "make it again"));
+        for (number, (round, summed)) in self.rounds.iter().zip(&mut self.summed).enumerate() {
+            *summed = summed_in(path, part, number, round.points.len(), &self.plan.wanted(round.last), blocks)?;
+            // From what was found in the stage before, this one begins.
+            let needed = round.stage + 1 == self.carried.stage;
+            if round.stage == 0 && self.carried.stage > self.rounds.last().map_or(0, |last| last.stage)
+                || needed && !summed.values.missing(0..blocks.count()).is_empty()
+            {
+                return Err(Error::input(path, None, "damaged: bounces are missing", "make it again"));
             }
         }
         self.count();
         Ok(())
+    }
+
+    /// Adds the blocks of a part of the same job to those of the last stage; all that are merged are of one driver, whichever.
+    ///
+    /// # Errors
+    /// [`Error::Input`] when it is of another job or damaged, or has blocks that are there already.
+    pub fn merge(&mut self, path: &Path, part: &Part) -> Result<()> {
+        if self.merged.is_none() {
+            self.merged = Some(part.job["gl"].clone());
+            // All points at once, for nothing is left to gather.
+            self.rounds.retain(|round| round.last);
+            self.rounds.truncate(1);
+            self.rounds.iter_mut().for_each(|round| round.points = 0..self.points.len());
+            self.summed = self.rounds.iter().map(|_| Summed::default()).collect();
+        }
+        part.check(path, &self.job())?;
+        let plan = Plan { memory: memory_of(path, part)?, ..self.plan.clone() };
+        let blocks = blocks_of(&self.settings);
+        let (mut values, mut irradiance): (Vec<Node<Values>>, _) = (Vec::new(), Vec::new());
+        for (number, round) in self.all_rounds(&plan).iter().enumerate().filter(|(_, round)| round.last) {
+            let own = summed_in(path, part, number, round.points.len(), &plan.wanted(true), blocks)?;
+            let same = values.iter().map(Node::range).eq(own.values.nodes().iter().map(Node::range));
+            if irradiance.is_empty() {
+                values = own.values.into_nodes();
+            } else if same {
+                values.iter_mut().zip(own.values.nodes()).for_each(|(node, further)| node.sum.append(&further.sum));
+            } else {
+                let problem = "not complete: some points are further than others";
+                return Err(Error::input(path, None, problem, "run its shard again with --resume"));
+            }
+            irradiance.extend(own.irradiance);
+        }
+        let mut sum = PairwiseSum::default();
+        values.into_iter().for_each(|node| sum.insert(node).unwrap_or_else(|_| unreachable!("nodes of a tree")));
+        blocks.merge(path, &mut self.summed[0].values, sum)?;
+        self.summed[0].irradiance = irradiance;
+        self.count();
+        Ok(())
+    }
+
+    /// Whose bits they are, as the driver calls it.
+    pub fn renderer(&self) -> &str {
+        let merged = self.merged.as_ref().and_then(|gl| gl["renderer"].as_str());
+        merged.unwrap_or(&self.gpu.info().renderer)
     }
 
     /// # Errors
@@ -394,6 +426,12 @@ impl Bake {
     pub fn check_whole(&self) -> Result<()> {
         let mut last = self.rounds.iter().zip(&self.summed).filter(|(round, _)| round.last);
         last.try_for_each(|(_, summed)| blocks_of(&self.settings).check_whole(&summed.values))
+    }
+
+    /// Whether no block is in progress, so that nothing is lost by ending here.
+    pub fn is_between_blocks(&self) -> bool {
+        let blocks = blocks_of(&self.settings);
+        self.now.as_ref().is_none_or(|walk| walk.done(blocks) == 0)
     }
 
     /// The blocks that a round is to do.
@@ -456,11 +494,16 @@ impl Bake {
 
     /// Those of the plan, from the first on.
     fn begin_rounds(&mut self) {
+        self.rounds = self.all_rounds(&self.plan);
+        self.summed = self.rounds.iter().map(|_| Summed::default()).collect();
+        self.kept = keeps(&self.plan, &self.settings, &self.rounds).then(Kept::default);
+        self.statistics.rounds = self.rounds.len();
+    }
+
+    fn all_rounds(&self, plan: &Plan) -> Vec<Round> {
         let whose = self.rounds.last().map_or(Whose::Receivers, |round| round.whose);
         let count_of_carriers = self.carriers.as_ref().map_or(0, |carriers| carriers.vertices().points().len());
-        self.rounds = all_rounds(&self.plan, &self.settings, whose, [count_of_carriers, self.points.len()]);
-        self.summed = self.rounds.iter().map(|_| Summed::default()).collect();
-        self.statistics.rounds = self.rounds.len();
+        all_rounds(plan, &self.settings, whose, [count_of_carriers, self.points.len()])
     }
 
     fn gather_some(&mut self) -> Result<()> {
@@ -723,6 +766,33 @@ fn all_rounds(plan: &Plan, settings: &Settings, whose: Whose, [carriers, receive
     let bounces = plan.bounces_of_carriers();
     let of_bounces = (0..bounces).flat_map(|stage| rounds(Whose::Carriers, stage, false, carriers, plan, copies(settings)));
     of_bounces.chain(rounds(whose, bounces, true, receivers, plan, copies(settings))).collect()
+}
+
+/// Whether hits of carriers are worth keeping, for they are wanted again, and there is memory for those of all of them.
+fn keeps(plan: &Plan, settings: &Settings, rounds: &[Round]) -> bool {
+    let mut of_carriers = rounds.iter().filter(|round| round.whose == Whose::Carriers).map(|round| &round.points);
+    let Some(first) = of_carriers.next() else { return false };
+    let bytes = plan.wanted(true).bytes(copies(settings)) + HIT_BYTES * settings.directions as usize;
+    let again = of_carriers.clone().count() > 0 && of_carriers.all(|points| points == first);
+    again && first.len() * bytes <= plan.memory << 20
+}
+
+/// MiB that a part was made with.
+fn memory_of(path: &Path, part: &Part) -> Result<usize> {
+    let memory = part.state["memory"].as_u64().and_then(|memory| usize::try_from(memory).ok()).filter(|&memory| memory < 1 << 24);
+    memory.ok_or_else(|| Error::input(path, None, "damaged: it does not say with how much memory it was made", "make it again"))
+}
+
+/// What a part has of a round.
+fn summed_in(path: &Path, part: &Part, round: usize, points: usize, wanted: &Wanted, blocks: Blocks) -> Result<Summed> {
+    let values = |_, floats: Vec<&[f32]>| Values::of_planes(wanted, points, &floats);
+    let values = part.tree(path, &tree(round), blocks, values)?;
+    let irradiance: Vec<Vec3> =
+        part.get(&light(round)).and_then(|floats| bytemuck::try_cast_slice(floats).ok()).unwrap_or_default().to_vec();
+    if irradiance.len() == points || irradiance.is_empty() && values.blocks() == 0 {
+        return Ok(Summed { irradiance, values });
+    }
+    Err(Error::input(path, None, "damaged: its direct light is not that of its points", "make it again"))
 }
 
 /// The most points of one of them.

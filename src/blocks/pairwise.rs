@@ -79,7 +79,7 @@ impl<T: Sum> PairwiseSum<T> {
     fn pair(&self) -> Option<usize> {
         let halves = |pair: &[Node<T>]| {
             let (a, b) = (&pair[0], &pair[1]);
-            a.blocks == b.blocks && a.first.is_multiple_of(2 * a.blocks) && a.range().end == b.first
+            a.blocks == b.blocks && (a.first / a.blocks).is_multiple_of(2) && a.range().end == b.first
         };
         if self.nodes.len() > 2 { self.nodes.windows(2).position(halves) } else { None }
     }

@@ -1,8 +1,8 @@
 //! Sums of some of a job's blocks in a file: a checkpoint, or what a shard makes.
 //!
 //! The file is in the safetensors format, so that other programs can read it. Its metadata say in JSON, under `finalgather`, which job it is about
-//! (`job`: all that shapes the result, scene and renderer included), what the job needs beside its sums (`state`), and the SHA-256 of all tensors
-//! in the order of their names (`sha256`). Tensors are one-dimensional, of 32-bit floats, and named TREE/FIRST+BLOCKS/PLANE.
+//! (`job`: all that shapes the result, scene and renderer included), what the job needs beside its sums (`state`), and the SHA-256 of both and
+//! all tensors (`sha256`). Tensors are one-dimensional, of 32-bit floats, and named TREE/FIRST+BLOCKS/PLANE.
 
 use std::borrow::Cow;
 use std::collections::{BTreeMap, HashMap};
@@ -80,13 +80,13 @@ impl<'a> Part<'a> {
     ) -> Result<PairwiseSum<T>> {
         let whole = || {
             let mut nodes = PairwiseSum::default();
-            for ((first, blocks), planes) in self.planes_of(tree)? {
+            for ((first, length), planes) in self.planes_of(tree)? {
                 let complete = planes.keys().copied().eq(0..planes.len() as u32);
-                let node = Node { first, blocks, sum: () };
-                let sum = sum(node.range(), planes.into_values().collect()).filter(|_| complete)?;
-                nodes.insert(Node { first, blocks, sum }).ok()?;
+                let end = first.checked_add(length).filter(|&end| complete && end <= blocks.count())?;
+                let sum = sum(first..end, planes.into_values().collect())?;
+                nodes.insert(Node { first, blocks: length, sum }).ok()?;
             }
-            nodes.nodes().iter().all(|node| node.range().end <= blocks.count()).then_some(nodes)
+            Some(nodes)
         };
         whole().ok_or_else(|| Error::input(path, None, format!("damaged: its {tree} does not fit together"), "make it again"))
     }
@@ -136,7 +136,11 @@ impl<'a> Part<'a> {
     /// # Errors
     /// [`Error::Input`] when it cannot be read, is no part, or is damaged.
     pub fn read(path: &Path) -> Result<Part<'static>> {
-        let bytes = fs::read(path)
+        let read = || match fs::metadata(path)?.is_file() {
+            true => fs::read(path),
+            false => Err(std::io::Error::other("no regular file")),
+        };
+        let bytes = read()
             .map_err(|error| Error::input(path, None, format!("cannot read this part: {error}"), "name a part or checkpoint"))?;
         Part::parse(path, &bytes)
     }
@@ -182,7 +186,11 @@ impl<'a> Part<'a> {
 
     fn sha256(&self) -> String {
         let mut hasher = Sha256::new();
-        self.tensors.values().for_each(|floats| hasher.update(bytemuck::cast_slice::<f32, u8>(floats)));
+        hasher.update(format!("{} {}", self.job, self.state));
+        for (name, floats) in &self.tensors {
+            hasher.update(format!(" {name} {} ", floats.len()));
+            hasher.update(bytemuck::cast_slice::<f32, u8>(floats));
+        }
         hex(&hasher.finalize())
     }
 }
@@ -280,11 +288,11 @@ mod tests {
         for length in (0..bytes.len()).step_by(7) {
             assert!(Part::parse(&path, &bytes[..length]).is_err(), "{length} bytes of {}", bytes.len());
         }
-        for place in bytes.len() - 32..bytes.len() {
+        for place in 0..bytes.len() {
             let mut bytes = bytes.clone();
             bytes[place] ^= 4;
-            let error = Part::parse(&path, &bytes).map(drop).unwrap_err();
-            assert!(error.to_string().contains("checksum"), "{error}");
+            let error = Part::parse(&path, &bytes).map(drop).expect_err("a byte is another").to_string();
+            assert!(place < bytes.len() - 32 || error.contains("checksum"), "{error}");
         }
     }
 

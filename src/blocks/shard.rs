@@ -2,7 +2,6 @@
 
 use std::fmt;
 use std::ops::Range;
-use std::str::FromStr;
 
 use crate::error::{Error, Result};
 
@@ -15,7 +14,11 @@ pub struct Shard {
 
 /// Where engines of array jobs tell a task which it is: its number, and the first of all, and how many there are or which is the last.
 const ENGINES: [(&str, First, &str); 4] = [
-    ("SLURM_ARRAY_TASK_ID", First::Told("SLURM_ARRAY_TASK_MIN"), "SLURM_ARRAY_TASK_COUNT"),
+    (
+        "SLURM_ARRAY_TASK_ID",
+        First::Told { first: "SLURM_ARRAY_TASK_MIN", step: "SLURM_ARRAY_TASK_STEP" },
+        "SLURM_ARRAY_TASK_COUNT",
+    ),
     ("AWS_BATCH_JOB_ARRAY_INDEX", First::Zero, "AWS_BATCH_JOB_ARRAY_SIZE"),
     ("JOB_COMPLETION_INDEX", First::Zero, ""),
     ("PBS_ARRAY_INDEX", First::One, ""),
@@ -25,7 +28,7 @@ const ENGINES: [(&str, First, &str); 4] = [
 enum First {
     Zero,
     One,
-    Told(&'static str),
+    Told { first: &'static str, step: &'static str },
 }
 
 impl Shard {
@@ -63,7 +66,8 @@ impl Shard {
         let first = match first {
             First::Zero => Some(0),
             First::One => Some(1),
-            First::Told(name) => number(name),
+            // An array of the tasks that failed counts from another number.
+            First::Told { first, step } => number(first).filter(|&first| first <= 1 && number(step).unwrap_or(1) == 1),
         };
         let Some(count) = count.or_else(|| number(all)) else {
             let problem = format!("shard {text}: {name} tells which task it is, and nothing how many there are");
@@ -71,7 +75,8 @@ impl Shard {
         };
         let index = first.and_then(|first| task.checked_sub(first));
         let shard = index.and_then(|index| Self::new(index.checked_add(1)?, count));
-        shard.ok_or_else(|| bad(format!("shard {text}: {name} is {task}, of {count} tasks")))
+        let problem = || format!("shard {text}: {name} is {task}, and of {count} tasks from 0 or 1 on that is none");
+        shard.ok_or_else(|| bad(problem()))
     }
 
     /// Its own of so many blocks.
@@ -96,15 +101,6 @@ impl Shard {
 impl fmt::Display for Shard {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}/{}", self.number(), self.count)
-    }
-}
-
-impl FromStr for Shard {
-    type Err = Error;
-
-    /// With the variables of this process.
-    fn from_str(text: &str) -> Result<Self> {
-        Self::parse(text, |name| std::env::var(name).ok())
     }
 }
 
@@ -134,7 +130,7 @@ mod tests {
     #[test]
     fn engines_tell_the_shard() {
         assert_eq!(parse("3/16", &[]).unwrap(), "3/16");
-        let slurm = [("SLURM_ARRAY_TASK_ID", "12"), ("SLURM_ARRAY_TASK_MIN", "10"), ("SLURM_ARRAY_TASK_COUNT", "16")];
+        let slurm = [("SLURM_ARRAY_TASK_ID", "3"), ("SLURM_ARRAY_TASK_MIN", "1"), ("SLURM_ARRAY_TASK_COUNT", "16")];
         assert_eq!(parse("auto", &slurm).unwrap(), "3/16");
         assert_eq!(parse("auto", &[("AWS_BATCH_JOB_ARRAY_INDEX", "0"), ("AWS_BATCH_JOB_ARRAY_SIZE", "4")]).unwrap(), "1/4");
         assert_eq!(parse("auto/8", &[("JOB_COMPLETION_INDEX", "7")]).unwrap(), "8/8");
@@ -144,7 +140,18 @@ mod tests {
     #[test]
     fn what_is_no_shard_is_refused_with_a_cure() {
         let out_of_range = [("JOB_COMPLETION_INDEX", "8")];
-        let cases: [(&str, &[(&str, &str)]); 9] = [
+        // Submitted again alone, and every other one.
+        let one = [("SLURM_ARRAY_TASK_ID", "5"), ("SLURM_ARRAY_TASK_MIN", "5"), ("SLURM_ARRAY_TASK_COUNT", "1")];
+        let even = [
+            ("SLURM_ARRAY_TASK_ID", "2"),
+            ("SLURM_ARRAY_TASK_MIN", "0"),
+            ("SLURM_ARRAY_TASK_COUNT", "8"),
+            ("SLURM_ARRAY_TASK_STEP", "2"),
+        ];
+        let cases: [(&str, &[(&str, &str)]); 12] = [
+            ("auto", &one),
+            ("auto/16", &one),
+            ("auto", &even),
             ("0/4", &[]),
             ("5/4", &[]),
             ("1/0", &[]),

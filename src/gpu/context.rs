@@ -5,6 +5,7 @@ use std::rc::Rc;
 
 use glow::HasContext;
 use serde::Serialize;
+use serde_json::{Value, json};
 
 use super::clock::Stages;
 use super::headless::{self, Backend, DeviceChoice, Platform};
@@ -91,6 +92,12 @@ impl Gpu {
 
     pub fn info(&self) -> &GpuInfo {
         &self.context.info
+    }
+
+    /// Which driver computes, as far as it tells: another one rounds otherwise.
+    pub fn identity(&self) -> Value {
+        let GpuInfo { renderer, version, backend, .. } = self.info();
+        json!({ "renderer": renderer, "version": version, "backend": backend })
     }
 
     /// Waits until everything queued has run, so that a clock read next to it measures work and not queuing.

@@ -316,7 +316,7 @@ pub struct JobArgs {
     pub checkpoint: Option<PathBuf>,
 
     /// Seconds between two writes of the checkpoint, the next block of directions awaited; more where writing takes long; 0: after every block
-    #[arg(long, value_name = "SECONDS", default_value_t = 30)]
+    #[arg(long, value_name = "SECONDS", default_value_t = 30, value_parser = clap::value_parser!(u64).range(..=86_400))]
     pub checkpoint_every: u64,
 
     /// Go on from the checkpoint, or with --shard from its part, if there is one
@@ -326,7 +326,19 @@ pub struct JobArgs {
     /// Do share I of N alone, counted from 1, and write it to the one -o, a .part (in whose name {shard} stands for I), for `finalgather merge`; auto: the task's of an
     /// array job of Slurm or AWS Batch; auto/N: of one that does not tell N, as Kubernetes and PBS
     #[arg(long, value_name = "I/N|auto|auto/N")]
-    pub shard: Option<Shard>,
+    shard: Option<String>,
+}
+
+impl JobArgs {
+    /// Which share it is, by what this process knows of an engine's.
+    pub fn shard(&self) -> Result<Option<Shard>> {
+        self.shard.as_deref().map(|text| Shard::parse(text, |name| std::env::var(name).ok())).transpose()
+    }
+
+    /// Whether an engine tells which share it is.
+    pub fn is_automatic(&self) -> bool {
+        self.shard.as_ref().is_some_and(|text| text.starts_with("auto"))
+    }
 }
 
 /// Put the parts of a job together that ran in shards: the same bits as of one run

@@ -12,13 +12,18 @@ use crate::progress::Progress;
 
 /// Unless asked for, from so many times the interval on: a job that takes less is soon done again.
 const PATIENCE: u32 = 2;
+/// Of a part's state: which it is.
+const SHARD: &str = "shard";
 /// Writing takes no more than this share of the time.
 const SHARE: u32 = 20;
 
 pub struct Checkpoint {
     path: PathBuf,
     kind: Kind,
+    shard: Option<Shard>,
     resume: bool,
+    /// Whether this run has written it, or goes on from it.
+    own: bool,
     every: Duration,
     begun: Instant,
     /// From when on it is to be written again,
@@ -35,6 +40,8 @@ enum Kind {
     Automatic,
     /// What the job is to make.
     Part,
+    /// Nothing.
+    None,
 }
 
 impl Checkpoint {
@@ -43,8 +50,13 @@ impl Checkpoint {
     /// # Errors
     /// [`Error::Usage`] when the file cannot be written, or would be over what an earlier run has summed.
     pub fn new(args: &JobArgs, outputs: &[PathBuf]) -> Result<Self> {
-        let (path, kind) = match (&args.checkpoint, args.shard) {
-            (_, Some(shard)) => (part_of(shard, outputs)?, Kind::Part),
+        let shard = args.shard()?;
+        let (path, kind) = match (&args.checkpoint, shard) {
+            (_, Some(shard)) => (part_of(shard, args.is_automatic(), outputs)?, Kind::Part),
+            (Some(path), None) if outputs.contains(path) => {
+                let problem = format!("{}: is to hold the checkpoint and the result", path.display());
+                return Err(Error::usage(problem, "give them two names"));
+            }
             (Some(path), None) => (path.clone(), Kind::Named),
             (None, None) => {
                 // Appended, because the name has an ending.
@@ -60,7 +72,29 @@ impl Checkpoint {
         }
         let (begun, every) = (Instant::now(), Duration::from_secs(args.checkpoint_every));
         let first = if kind == Kind::Automatic { PATIENCE * every } else { every };
-        Ok(Self { path, kind, resume: args.resume, every, begun, due: begun + first, written: Vec::new() })
+        let (own, written) = (false, Vec::new());
+        Ok(Self { path, kind, shard, resume: args.resume, own, every, begun, due: begun + first, written })
+    }
+
+    /// That of a job that is done as soon as it begins.
+    pub fn none() -> Self {
+        let now = Instant::now();
+        let (path, written) = (PathBuf::new(), Vec::new());
+        Self {
+            path,
+            kind: Kind::None,
+            shard: None,
+            resume: false,
+            own: false,
+            every: Duration::ZERO,
+            begun: now,
+            due: now,
+            written,
+        }
+    }
+
+    pub fn shard(&self) -> Option<Shard> {
+        self.shard
     }
 
     pub fn path(&self) -> &Path {
@@ -69,15 +103,19 @@ impl Checkpoint {
 
     /// Whether a run that ends now leaves it behind.
     pub fn is_kept(&self) -> bool {
-        self.kind != Kind::Automatic || self.begun.elapsed() >= PATIENCE * self.every || self.resume
+        match self.kind {
+            Kind::Named | Kind::Part => true,
+            Kind::Automatic => self.begun.elapsed() >= PATIENCE * self.every || self.resume,
+            Kind::None => false,
+        }
     }
 
     /// What an earlier run has left, if that is to be gone on from and there is something.
     ///
     /// # Errors
-    /// [`Error::Input`] when it cannot be read or is damaged.
-    pub fn found(&self, progress: &Progress) -> Result<Option<Part<'static>>> {
-        let there = self.path.exists();
+    /// [`Error::Input`] when it cannot be read, is damaged or of another shard.
+    pub fn found(&mut self, progress: &Progress) -> Result<Option<Part<'static>>> {
+        let there = self.kind != Kind::None && self.path.exists();
         let path = self.path.display();
         if self.resume && !there {
             progress.say(&format!("nothing to go on from in {path}; beginning"));
@@ -86,19 +124,30 @@ impl Checkpoint {
                 "an earlier run has left {path}; --resume goes on from it, and without this run replaces it in time"
             ));
         }
-        (self.resume && there).then(|| Part::read(&self.path)).transpose()
+        if !(self.resume && there) {
+            return Ok(None);
+        }
+        let part = Part::read(&self.path)?;
+        let [theirs, ours] = [part.state[SHARD].as_str().map(str::to_owned), self.shard.map(|shard| shard.to_string())];
+        if theirs != ours {
+            let name = |shard: Option<String>| shard.map_or("of no shard".to_owned(), |shard| format!("of shard {shard}"));
+            let problem = format!("{}, and this run is {}", name(theirs), name(ours));
+            return Err(Error::input(&self.path, None, problem, "give the shard that it was begun as, or another file"));
+        }
+        self.own = true;
+        Ok(Some(part))
     }
 
     /// Writes what `part` gives, if it is time. Where that fails the job goes on, for there may be space again later.
     pub fn keep<'a>(&mut self, progress: &Progress, part: impl FnOnce() -> Part<'a>) {
-        if Instant::now() < self.due {
+        if self.kind == Kind::None || Instant::now() < self.due {
             return;
         }
         let part = part();
         if part.names().eq(self.written.iter().map(String::as_str)) {
             return;
         }
-        if let Err(error) = self.write(&part) {
+        if let Err(error) = self.write(part) {
             progress.say(&format!("warning: no checkpoint: {error}"));
         }
     }
@@ -110,7 +159,7 @@ impl Checkpoint {
     pub fn stop<'a>(&mut self, part: impl FnOnce() -> Part<'a>) -> Result<bool> {
         let kept = self.is_kept();
         if kept {
-            self.write(&part())?;
+            self.write(part())?;
         }
         Ok(kept)
     }
@@ -120,20 +169,25 @@ impl Checkpoint {
     /// # Errors
     /// As [`Self::stop`].
     pub fn finish<'a>(&mut self, part: impl FnOnce() -> Part<'a>) -> Result<()> {
-        if self.kind != Kind::Automatic {
-            return self.write(&part());
+        match self.kind {
+            Kind::Named | Kind::Part => self.write(part()),
+            Kind::Automatic if self.own => {
+                // What cannot be removed does no harm.
+                let _ = fs::remove_file(&self.path);
+                Ok(())
+            }
+            Kind::Automatic | Kind::None => Ok(()),
         }
-        if self.is_kept() {
-            // What cannot be removed does no harm.
-            let _ = fs::remove_file(&self.path);
-        }
-        Ok(())
     }
 
-    fn write(&mut self, part: &Part) -> Result<()> {
+    fn write(&mut self, mut part: Part) -> Result<()> {
         let start = Instant::now();
+        part.state[SHARD] = self.shard.map(|shard| shard.to_string()).into();
         let written = part.write(&self.path);
-        self.written = part.names().map(str::to_owned).collect();
+        if written.is_ok() {
+            self.own = true;
+            self.written = part.names().map(str::to_owned).collect();
+        }
         // Who asks for every block gets it.
         let pause = if self.every.is_zero() { self.every } else { self.every.max(SHARE * start.elapsed()) };
         self.due = Instant::now() + pause;
@@ -142,7 +196,7 @@ impl Checkpoint {
 }
 
 /// The one output of a shard.
-fn part_of(shard: Shard, outputs: &[PathBuf]) -> Result<PathBuf> {
+fn part_of(shard: Shard, automatic: bool, outputs: &[PathBuf]) -> Result<PathBuf> {
     let [output] = outputs else {
         return Err(Error::usage("a shard makes one part", "give one -o, a file ending in .part"));
     };
@@ -151,5 +205,11 @@ fn part_of(shard: Shard, outputs: &[PathBuf]) -> Result<PathBuf> {
         return Err(Error::usage(problem, "give -o a file ending in .part; `finalgather merge` makes the result of all parts"));
     }
     let name = output.to_str().ok_or_else(|| Error::usage("the part's name is not UTF-8", "give another"))?;
+    if automatic && !name.contains("{shard}") {
+        return Err(Error::usage(
+            format!("{name}: all tasks would write this file"),
+            "put {shard}, which stands for the task's number, in the name",
+        ));
+    }
     Ok(name.replace("{shard}", &shard.number().to_string()).into())
 }

@@ -1,12 +1,14 @@
-//! SIGINT and SIGTERM: stop after the direction in progress, keep the picture so far, and tell the two apart at exit.
+//! SIGINT and SIGTERM: stop after the block in progress, keep the picture so far, and tell the two apart at exit.
 //!
 //! A thread waits for signals, so that it may take locks and print. Until the first direction is done there is nothing to
 //! keep and the process ends at once, instead of after a photon trace that nobody wants any more.
 
+use std::cell::Cell;
 use std::io;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU8, Ordering::SeqCst};
 use std::thread;
+use std::time::{Duration, Instant};
 
 use signal_hook::consts::{SIGINT, SIGTERM, SIGXFSZ};
 use signal_hook::iterator::Signals;
@@ -15,8 +17,13 @@ use signal_hook::{flag, low_level};
 use crate::progress::Progress;
 use crate::report;
 
+/// What stops jobs leaves them half a minute or more; who presses Ctrl-C does not like to wait.
+const GRACE: Duration = Duration::from_secs(10);
+
 pub struct Interrupt {
     state: Arc<State>,
+    /// When the job first saw that it is to stop.
+    noticed: Cell<Option<Instant>>,
 }
 
 #[derive(Default)]
@@ -52,12 +59,22 @@ impl Interrupt {
                 low_level::exit(code.into());
             }
         });
-        Ok(Self { state })
+        Ok(Self { state, noticed: Cell::default() })
     }
 
     /// From now on a signal leaves the time to write the picture.
     pub fn picture_begun(&self) {
         self.state.has_picture.store(true, SeqCst);
+    }
+
+    /// Whether to go on: until a signal asks for a stop, and then to the end of the block in progress, if that comes soon.
+    pub fn leaves_time(&self, between_blocks: bool) -> bool {
+        if self.requested().is_none() {
+            return true;
+        }
+        let noticed = self.noticed.get().unwrap_or_else(Instant::now);
+        self.noticed.set(Some(noticed));
+        !between_blocks && noticed.elapsed() < GRACE
     }
 
     /// The exit code of the signal that asked for a stop.

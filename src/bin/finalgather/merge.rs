@@ -20,11 +20,11 @@ pub const COMMAND: &str = "command";
 /// The exit code, unless it failed.
 pub fn run(args: &MergeArgs, started: Instant) -> Result<u8> {
     let path = &args.parts[0];
-    let first = Part::read(path)?;
-    match first.job["what"].as_str() {
-        Some("render") => merge_renders(args, &first),
+    let Part { job, state, .. } = Part::read(path)?;
+    match job["what"].as_str() {
+        Some("render") => merge_renders(args),
         Some("bake") => {
-            let command = first.state[COMMAND].as_array().into_iter().flatten().filter_map(|argument| argument.as_str());
+            let command = state[COMMAND].as_array().into_iter().flatten().filter_map(|argument| argument.as_str());
             let parsed = Args::try_parse_from(["finalgather"].into_iter().chain(command));
             let Ok(Args { command: Command::Bake(mut bake) }) = parsed else {
                 return Err(Error::input(path, None, "damaged: it does not say how it was baked", "make it again"));
@@ -44,19 +44,24 @@ pub fn run(args: &MergeArgs, started: Instant) -> Result<u8> {
     }
 }
 
-fn merge_renders(args: &MergeArgs, first: &Part) -> Result<u8> {
+fn merge_renders(args: &MergeArgs) -> Result<u8> {
     let outputs: Vec<_> = args.outputs.iter().map(PathBuf::from).collect();
     outputs.iter().try_for_each(|path| check_writable(path))?;
-    let mut merge = Merge::new(&args.parts[0], first)?;
+    let mut merge = None;
+    // One at a time, for there may be many.
     for path in &args.parts {
-        // One at a time, for there may be many.
-        merge.add(path, &Part::read(path)?)?;
+        let part = Part::read(path)?;
+        let merge = match &mut merge {
+            Some(merge) => merge,
+            none => none.insert(Merge::new(path, &part)?),
+        };
+        merge.add(path, &part)?;
     }
+    let merge = merge.ok_or_else(|| Error::usage("no parts to merge", "name those of all shards"))?;
     let image = merge.picture()?;
     let own = merge.settings();
     let settings = Settings { exposure: args.exposure.unwrap_or(own.exposure), ..own.clone() };
-    let renderer = first.job["renderer"].as_str().unwrap_or_default();
-    let metadata = metadata(renderer, &settings, settings.directions);
+    let metadata = metadata(merge.renderer(), &settings, settings.directions);
     write_all(&image, &outputs, &WriteOptions { exposure: settings.exposure, metadata: Some(&metadata) })?;
     Ok(0)
 }

@@ -20,10 +20,10 @@ use crate::report::{self, Gl, Report, Seconds};
 /// The exit code, unless the run failed.
 pub fn run(args: &RenderArgs, started: Instant) -> Result<u8> {
     let outputs = args.outputs();
-    if args.job.shard.is_none() {
+    let checkpoint = Checkpoint::new(&args.job, &outputs)?;
+    if checkpoint.shard().is_none() {
         outputs.iter().try_for_each(|path| check_writable(path))?;
     }
-    let checkpoint = Checkpoint::new(&args.job, &outputs)?;
 
     let progress = Progress::new("loading");
     let outcome = render(args, &outputs, checkpoint, &progress, started);
@@ -52,9 +52,9 @@ fn render(
     }
 
     let blocks = blocks_of(&settings);
-    let mine = args.job.shard.map(|shard| shard.range(blocks.count())).transpose()?;
+    let mine = checkpoint.shard().map(|shard| shard.range(blocks.count())).transpose()?;
     if mine.is_some() && settings.until > 0.0 {
-        return Err(Error::usage("a shard cannot tell the error of the whole picture", "leave --until out"));
+        return Err(Error::usage("a shard cannot tell the error of the whole picture", "give --until 0"));
     }
     let found = checkpoint.found(progress)?;
 
@@ -73,7 +73,7 @@ fn render(
     }
     progress.begin_directions(directions);
     let mut failure = None;
-    while failure.is_none() && !render.is_done() && interrupt.requested().is_none() {
+    while failure.is_none() && !render.is_done() && interrupt.leaves_time(render.is_between_blocks()) {
         failure = render.step().err();
         interrupt.picture_begun();
         progress.directions_done(render.directions_done());
@@ -85,15 +85,17 @@ fn render(
     }
     let done = render.directions_done();
     let stopped = interrupt.requested().filter(|_| !render.is_done());
-    let kept = (failure.is_some() || stopped.is_some()) && checkpoint.stop(|| render.save())?;
-    if args.job.shard.is_some() {
+    let ended = failure.is_some() || stopped.is_some();
+    let kept = if ended { checkpoint.stop(|| render.save()) } else { Ok(false) };
+    let resume = resume_of(&kept);
+    if checkpoint.shard().is_some() {
         progress.clear();
-        if failure.is_none() && stopped.is_none() {
-            checkpoint.finish(|| render.save())?;
+        if ended {
+            say_stopped(failure.is_some(), done, directions, &format!("kept in {}", checkpoint.path().display()), resume);
         } else {
-            say_stopped(failure.is_some(), done, directions, &format!("kept in {}", checkpoint.path().display()), true);
+            checkpoint.finish(|| render.save())?;
         }
-        return failure.map_or(Ok(stopped.unwrap_or(0)), Err);
+        return failure.or(kept.err()).map_or(Ok(stopped.unwrap_or(0)), Err);
     }
     let image = render.picture();
     if done > 0 && is_black(&image)? {
@@ -103,20 +105,25 @@ fn render(
 
     let writing = Instant::now();
     let metadata = metadata(&gpu.info().renderer, &settings, done);
-    write_all(&image, outputs, &WriteOptions { exposure: settings.exposure, metadata: Some(&metadata) })?;
+    if let Err(error) = write_all(&image, outputs, &WriteOptions { exposure: settings.exposure, metadata: Some(&metadata) }) {
+        if !ended && checkpoint.stop(|| render.save())? {
+            report::say(&format!("what was gathered is kept in {}; --resume writes it", checkpoint.path().display()));
+        }
+        return Err(failure.unwrap_or(error));
+    }
     let write = writing.elapsed().as_secs_f64();
 
     let outputs: Vec<_> = outputs.iter().map(|path| path.display().to_string()).collect();
     let paths = outputs.join(", ");
-    if failure.is_some() || stopped.is_some() {
-        say_stopped(failure.is_some(), done, directions, &format!("picture so far written to {paths}"), kept);
+    if ended {
+        say_stopped(failure.is_some(), done, directions, &format!("picture so far written to {paths}"), resume);
     } else {
         checkpoint.finish(|| render.save())?;
         if io::stderr().is_terminal() {
             report::say(&format!("written to {paths} after {:.1} s", started.elapsed().as_secs_f64()));
         }
     }
-    if let Some(error) = failure {
+    if let Some(error) = failure.or(kept.err()) {
         return Err(error);
     }
     if args.json {
@@ -138,9 +145,13 @@ fn render(
     Ok(stopped.unwrap_or(0))
 }
 
-fn say_stopped(failed: bool, done: u32, all: u32, what: &str, kept: bool) {
+/// What to add where something is kept.
+pub fn resume_of(kept: &Result<bool>) -> &'static str {
+    if matches!(kept, Ok(true)) { "; --resume goes on" } else { "" }
+}
+
+fn say_stopped(failed: bool, done: u32, all: u32, what: &str, resume: &str) {
     let how = if failed { "failed" } else { "stopped" };
-    let resume = if kept { "; --resume goes on" } else { "" };
     report::say(&format!("{how} after {done} of {all} directions; {what}{resume}"));
 }
 

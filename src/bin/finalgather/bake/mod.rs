@@ -24,6 +24,7 @@ use crate::checkpoint::Checkpoint;
 use crate::interrupt::Interrupt;
 use crate::merge::COMMAND;
 use crate::progress::Progress;
+use crate::render::resume_of;
 use crate::report::{self, Gl};
 
 /// Bounces of gathered light, unless said otherwise.
@@ -61,8 +62,11 @@ struct Baked {
 
 /// The exit code, unless the run failed. With `parts`, those of all shards, nothing is gathered but put together.
 pub fn run(args: &BakeArgs, parts: &[PathBuf], started: Instant) -> Result<u8> {
-    let checkpoint = Checkpoint::new(&args.job, &args.paths())?;
-    let outputs = if args.job.shard.is_some() { Vec::new() } else { outputs_of(args)? };
+    let checkpoint = if parts.is_empty() { Checkpoint::new(&args.job, &args.paths())? } else { Checkpoint::none() };
+    if checkpoint.shard().is_some() && command().is_none() {
+        return Err(Error::usage("an argument is not UTF-8, and a part is to hold them", "give names in UTF-8"));
+    }
+    let outputs = if checkpoint.shard().is_some() { Vec::new() } else { outputs_of(args)? };
     for (to, outputs) in args.to.iter().zip(&outputs) {
         outputs.iter().try_for_each(|path| receiver::check_writable(to, path, &args.what))?;
     }
@@ -106,7 +110,7 @@ fn bake(
     // Before the device and the receivers, which take their time.
     settings.validate()?;
     plan.validate()?;
-    let mine = args.job.shard.map(|shard| shard.range(blocks_of(&settings).count())).transpose()?;
+    let mine = checkpoint.shard().map(|shard| shard.range(blocks_of(&settings).count())).transpose()?;
     let found = checkpoint.found(progress)?;
     let load = started.elapsed().as_secs_f64();
 
@@ -137,7 +141,7 @@ fn bake(
     }
     progress.begin_directions(bake.statistics().directions_total);
     let mut failure = None;
-    while failure.is_none() && !bake.is_done() && interrupt.requested().is_none() {
+    while failure.is_none() && !bake.is_done() && interrupt.leaves_time(bake.is_between_blocks()) {
         failure = bake.step().err();
         // Before there is a value for each point there may be a checkpoint.
         if bake.has_values() || checkpoint.is_kept() {
@@ -148,23 +152,26 @@ fn bake(
     }
     let stopped = interrupt.requested().filter(|_| !bake.is_done());
     let ended = failure.is_some() || stopped.is_some();
-    let resume = if ended && checkpoint.stop(|| save(&bake))? { "; --resume goes on" } else { "" };
+    let kept = if ended { checkpoint.stop(|| save(&bake)) } else { Ok(false) };
+    let resume = resume_of(&kept);
     progress.clear();
     let Statistics { directions_done, directions_total, .. } = bake.statistics();
     let how = if failure.is_some() { "failed" } else { "stopped" };
     let so_far = format!("{how} after {directions_done} of {directions_total} directions");
-    let columns = bake.columns().filter(|_| args.job.shard.is_none());
+    let columns = bake.columns().filter(|_| checkpoint.shard().is_none());
     let Some((columns, inside)) = columns else {
         if ended {
-            report::say(&format!("{so_far}; kept in {}{resume}", checkpoint.path().display()));
+            let kept =
+                if resume.is_empty() { "nothing kept".to_owned() } else { format!("kept in {}", checkpoint.path().display()) };
+            report::say(&format!("{so_far}; {kept}{resume}"));
         } else {
             checkpoint.finish(|| save(&bake))?;
         }
-        return failure.map_or(Ok(stopped.unwrap_or(0)), Err);
+        return failure.or(kept.err()).map_or(Ok(stopped.unwrap_or(0)), Err);
     };
 
     let writing = Instant::now();
-    let options = WriteOptions { exposure: settings.exposure, metadata: Some(&metadata(&gpu, &bake, &settings)) };
+    let options = WriteOptions { exposure: settings.exposure, metadata: Some(&metadata(&bake, &settings)) };
     let (mut first, mut baked, mut failures) = (0, Vec::new(), Vec::new());
     for (receiver, paths) in receivers.iter().zip(outputs) {
         let range = first..first + receiver.points().len();
@@ -186,7 +193,10 @@ fn bake(
         }
     }
     // All that can be written is, before one that cannot ends the run.
-    let mut failures = failures.into_iter().chain(failure);
+    if !ended && !failures.is_empty() && checkpoint.stop(|| save(&bake))? {
+        report::say(&format!("what was gathered is kept in {}; --resume writes it", checkpoint.path().display()));
+    }
+    let mut failures = failures.into_iter().chain(failure).chain(kept.err());
     if let Some(error) = failures.next() {
         failures.for_each(|error| report::say(&format!("error: {error}")));
         return Err(error);
@@ -215,9 +225,12 @@ fn bake(
 /// With the arguments of this run, by which `finalgather merge` finds scene and points again.
 fn save(bake: &Bake) -> Part<'_> {
     let mut part = bake.save();
-    let command: Vec<_> = std::env::args().skip(1).collect();
-    part.state[COMMAND] = command.into();
+    part.state[COMMAND] = command().into();
     part
+}
+
+fn command() -> Option<Vec<String>> {
+    std::env::args_os().skip(1).map(|argument| argument.into_string().ok()).collect()
 }
 
 /// Openness and transfer need no light.
@@ -251,10 +264,10 @@ fn outputs_of(args: &BakeArgs) -> Result<Vec<Vec<PathBuf>>> {
 }
 
 /// What made the values. No times and no paths: the same bake gives the same files.
-fn metadata(gpu: &Gpu, bake: &Bake, settings: &Settings) -> String {
+fn metadata(bake: &Bake, settings: &Settings) -> String {
     serde_json::json!({
         "version": env!("CARGO_PKG_VERSION"),
-        "renderer": gpu.info().renderer,
+        "renderer": bake.renderer(),
         "settings": settings,
         "plan": bake.plan(),
         "directions_done": bake.directions_done(),
