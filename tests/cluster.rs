@@ -39,8 +39,9 @@ fn folder() -> TempDir {
     }
     let scene = fs::read_to_string(root().join("scenes/cornell.toml")).unwrap();
     let (scene, _) = scene.split_once("[settings]").expect("settings come last");
-    let settings = format!("[settings]\nsize = [{SIDE}, {SIDE}]\ndirections = 1024\nphotons = 10000\n");
-    fs::write(folder.path().join("scene.toml"), scene.to_owned() + &settings).unwrap();
+    let settings = format!("[settings]\nsize = [{SIDE}, {SIDE}]\ndirections = 2048\nphotons = 10000\nlayer_size = 64\n");
+    let lights = "light_samples = 32\nshadow_size = 64\n";
+    fs::write(folder.path().join("scene.toml"), scene.to_owned() + &settings + lights).unwrap();
     folder
 }
 
@@ -86,7 +87,7 @@ fn wait_for<T>(what: &str, mut look: impl FnMut() -> Option<T>) -> T {
             return found;
         }
         assert!(began.elapsed() < PATIENCE, "waited in vain for {what}");
-        sleep(Duration::from_millis(20));
+        sleep(Duration::from_millis(5));
     }
 }
 
@@ -99,9 +100,17 @@ fn midway<T>(folder: &Path, act: impl Fn(&Path) -> Option<T>) -> T {
     })
 }
 
-/// Returns once it is gone, so that it is not found again.
+/// Stops it first, because one that is about to end by itself would end so. Returns once it is gone, so that it is not found again.
 fn kill(process: &Path) -> Option<()> {
-    Command::new("kill").arg("-KILL").arg(process.file_name()?).status().unwrap().success().then_some(())?;
+    let signal = |name| Command::new("kill").arg(name).arg(process.file_name()?).status().unwrap().success().then_some(());
+    signal("-STOP")?;
+    let stopped = wait_for("what is to be killed", || {
+        let status = fs::read_to_string(process.join("status")).unwrap_or_default();
+        let stopped = status.contains("State:\tT");
+        (stopped || part_of(process).is_none()).then_some(stopped)
+    });
+    stopped.then_some(())?;
+    signal("-KILL")?;
     wait_for("the end of what was killed", || part_of(process).is_none().then_some(()));
     Some(())
 }
@@ -268,7 +277,7 @@ fn open_job_description() {
     assert!(!folder.join("merged.exr").exists());
 
     let second = text(&success(run.stdout(Stdio::piped())).stdout);
-    assert!(second.matches("going on from 64 of 64 directions").count() >= 2, "what was complete began anew: {second}");
+    assert!(second.matches("going on from 128 of 128 directions").count() >= 2, "what was complete began anew: {second}");
     assert!(second.matches(RESUMED).count() >= 3, "what was killed began anew: {second}");
     assert_as_of_one_run(folder, "merged.exr");
 }
