@@ -188,7 +188,7 @@ fn scene_files() {
         (b"mesh = 'm.obj'\n[environment]\nradiance = [1, 1, 1]\nscale = inf", "s.toml:4", "scale is inf"),
         (b"mesh = 'm.obj'\n[environment]\nradiance = [1, 1, 1]\nturn_degrees = nan", "s.toml:4", "turn_degrees is NaN"),
         (b"mesh = 'm.obj'\n[environment]\nfile = 'm.obj'", "m.obj", "the ending names no kind of environment"),
-        (b"mesh = 'm.obj'\n[environment]\nfile = 'none.hdr'", "none.hdr", "not readable as Radiance RGBE"),
+        (b"mesh = 'm.obj'\n[environment]\nfile = 'none.hdr'", "none.hdr", "cannot read this environment"),
         (b"mesh = 'm.obj'\n[environment]\nradience = [1, 1, 1]", "s.toml:3", "radience"),
         (b"mesh = 'm.obj'\n[materials.lamp]\nsurface = 'wood'", "s.toml:3", "wood"),
         (b"mesh = 'm.obj'\n[materials.lamp]\nsurface = { glass = { index = 0.5 } }", "s.toml:3", "index of refraction is 0.5"),

@@ -15,8 +15,8 @@ use crate::error::{Error, Result};
 /// The fourth power of a triangle's edge, which the length of its normal needs, stays finite in f32 up to here.
 const FARTHEST: f32 = 1e9;
 
-/// A polygon whose fan does not serve takes a time that may grow as the square of its corners.
-const MOST_CORNERS: usize = 10_000;
+/// Whether a polygon crosses itself takes the square of its corners in time.
+const MOST_CORNERS: usize = 5000;
 
 /// What [`scan`] found. `text` refers to all material libraries by one `mtllib` line at its top.
 pub struct Scan {
