@@ -29,11 +29,13 @@ pub fn sized<T>(gpu: &Gpu, usual: T, small: T) -> T {
 /// A file in `folder`: the Cornell box with settings that the reference rasteriser does in seconds.
 pub fn small_scene(folder: &Path) -> PathBuf {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes");
-    let text = fs::read_to_string(root.join("cornell.toml")).unwrap();
+    for name in ["cornell.obj", "cornell.mtl"] {
+        fs::copy(root.join(name), folder.join(name)).unwrap();
+    }
+    // The settings are the file's last table.
     let settings = "photons = 10000\nlayer_size = 64\nlight_samples = 32\nshadow_size = 64\n";
     let path = folder.join("small.toml");
-    // The settings are the file's last table.
-    fs::write(&path, text.replace("cornell.obj", root.join("cornell.obj").to_str().unwrap()) + settings).unwrap();
+    fs::write(&path, fs::read_to_string(root.join("cornell.toml")).unwrap() + settings).unwrap();
     path
 }
 

@@ -20,7 +20,7 @@ enum {
 };
 
 static Address real;
-static struct { long draws, allocations, refused, robust, lost, after; double longest; uint64_t memory, peak; } seen;
+static struct { long draws, reads, allocations, refused, robust, lost, after; double longest; uint64_t memory, peak; } seen;
 static struct { int area; double queued, pending; uint texture, error, egl_error; uint64_t size[NAMES]; } now;
 
 // A number of the environment's, 0 where it says none.
@@ -109,6 +109,8 @@ static void glFinish(void)
 static void glGetTexImage(uint kind, int level, uint format, uint type, void *texels)
 {
     wait_for_device();
+    if (++seen.reads == (long)fault("FAULTY_LOST_AT_READ"))
+        lose();
     if (alive())
         REAL(void (*)(uint, int, uint, uint, void *), "glGetTexImage")(kind, level, format, type, texels);
 }
@@ -318,8 +320,8 @@ __attribute__((destructor)) static void tell(void)
     FILE *log = path ? fopen(path, "w") : NULL;
     if (!log)
         return;
-    fprintf(log, "{\"draws\": %ld, \"allocations\": %ld, \"refused\": %ld, \"robust\": %ld, \"lost\": %ld, \"calls_after\": %ld, ", seen.draws,
-            seen.allocations, seen.refused, seen.robust, seen.lost, seen.after);
+    fprintf(log, "{\"draws\": %ld, \"reads\": %ld, \"allocations\": %ld, \"refused\": %ld, \"robust\": %ld, \"lost\": %ld, \"calls_after\": %ld, ", seen.draws,
+            seen.reads, seen.allocations, seen.refused, seen.robust, seen.lost, seen.after);
     fprintf(log, "\"longest\": %f, \"peak\": %llu}\n", seen.longest, (unsigned long long)seen.peak);
     fclose(log);
 }
