@@ -312,7 +312,7 @@ fn an_environment_lights_a_bare_model() {
         command
     };
     assert!(refusal(&mut render(&[]), 65).contains("--env"));
-    assert!(refusal(&mut render(&["--env", "none.exr"]), 65).contains("none.exr: not readable as OpenEXR"));
+    assert!(refusal(&mut render(&["--env", "none.exr"]), 65).contains("none.exr: cannot read this environment"));
     let samples = vec![2.0; 2];
     let channels = ["R", "G", "B"].map(|name| Channel { name: name.into(), samples: samples.clone() });
     let sky = Image { width: 2, height: 1, channels: channels.into() };

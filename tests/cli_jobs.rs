@@ -70,7 +70,8 @@ fn bytes(folder: &TempDir, name: &str) -> Vec<u8> {
 #[test]
 fn shards_of_a_render_make_the_bytes_of_one_run() {
     let folder = folder();
-    let settings = ["--interleave", "2", "--exposure", "0.5"];
+    // Beyond the photons' first map.
+    let settings = ["--interleave", "2", "--exposure", "0.5", "--directions", "1100"];
     success(&mut render(&folder, &[&settings[..], &["-o", "one.exr", "-o", "one.png"]].concat()));
     for shard in ["1/3", "2/3", "3/3"] {
         success(&mut render(&folder, &[&settings[..], &["--shard", shard, "-o", "{shard}.part"]].concat()));
@@ -87,10 +88,15 @@ fn shards_of_a_bake_make_the_bytes_of_one_run() {
     success(&mut bake(&folder, &RECEIVERS));
     let one = ["a.npy", "a.json", "a.exr"].map(|name| bytes(&folder, name));
     ["a.npy", "a.json", "a.exr"].iter().for_each(|name| fs::remove_file(folder.path().join(name)).unwrap());
-    for shard in ["1/2", "2/2"] {
-        success(&mut bake(&folder, &["--shard", shard, "-o", "{shard}.part"]));
+    // As tasks of an engine, of which the merge is none; one of them with less memory.
+    for (index, memory) in [("0", "256"), ("1", "1024")] {
+        let mut shard = bake(&folder, &["--shard", "auto/2", "--memory", memory, "-o", "{shard}.part"]);
+        success(shard.env("JOB_COMPLETION_INDEX", index));
     }
+    // What another bake has left there is not the merge's.
+    fs::write(folder.path().join("a.npy.checkpoint"), "of another").unwrap();
     success(&mut tool(&folder, &[&["merge", "2.part", "1.part"], &RECEIVERS]));
+    assert_eq!(bytes(&folder, "a.npy.checkpoint"), b"of another");
     assert!(one == ["a.npy", "a.json", "a.exr"].map(|name| bytes(&folder, name)), "a file differs");
 }
 
@@ -176,6 +182,8 @@ fn termination_keeps_a_checkpoint_and_what_is_done_is_not_done_again() {
     assert!(refusal(&mut render(&folder, &settings), 2).contains("--resume"));
     success(render(&folder, &settings).arg("--resume"));
     let first = bytes(&folder, "a.exr");
+    success(&mut render(&folder, &["--directions", "1500", "-o", "one.exr"]));
+    assert!(first == bytes(&folder, "one.exr"), "the pictures differ");
     // Finished, and written again from what is there.
     let output = render(&folder, &settings).args(["--resume", "--json"]).output().unwrap();
     assert!(output.status.success());
@@ -218,6 +226,10 @@ fn what_does_not_belong_together_is_refused_by_name() {
         let said = refusal(&mut merge(&["1.part", "2.part", part]), code);
         assert!(said.contains(what) && said.contains("cure: "), "{part}: {said}");
     }
+    let textured = SCENE.replace("cornell.toml", "cornell_textured.toml");
+    let said =
+        refusal(&mut tool(&folder, &[&["render", &textured], &SMALL, &["--shard", "1/4", "-o", "1.part", "--resume"]]), 65);
+    assert!(said.contains("scene.mesh differs") && said.contains("camera is"), "{said}");
     let resume = |args: &[&str]| render(&folder, &[&["--shard", "1/4", "-o", "1.part", "--resume"][..], args].concat());
     assert!(refusal(&mut resume(&["--directions", "300"]), 65).contains("settings.directions is 200 there and 300 here"));
     for (args, what) in [
@@ -227,9 +239,17 @@ fn what_does_not_belong_together_is_refused_by_name() {
         (&["--shard", "1/4", "-o", "x.part", "--until", "0.01"], "--until"),
         (&["--shard", "5/4", "-o", "x.part"], "5/4"),
         (&["--shard", "1/4", "-o", "1.part"], "--resume"),
+        (&["--shard", "auto/4", "-o", "{shard}.part"], "JOB_COMPLETION_INDEX"),
+        (&["-o", "x.png", "--checkpoint", "x.png"], "two names"),
     ] {
         let said = refusal(&mut render(&folder, args), 2);
         assert!(said.contains(what), "{args:?}: {said}");
     }
+    let named_alike = ["--shard", "auto/4", "-o", "x.part"];
+    assert!(
+        refusal(render(&folder, &named_alike).env("JOB_COMPLETION_INDEX", "1"), 2).contains("all tasks would write this file")
+    );
+    fs::copy(folder.path().join("1.part"), folder.path().join("2.part")).unwrap();
+    assert!(refusal(&mut render(&folder, &["--shard", "2/4", "-o", "2.part", "--resume"]), 65).contains("of shard 1/4"));
     assert!(!folder.path().join("x.png").exists() && !folder.path().join("x.part").exists(), "a refused job has left a file");
 }
