@@ -14,7 +14,7 @@ use crate::geometry::{Geometry, SurfacePass};
 use crate::gpu::{DepthTest, Format, Gpu, Program, Target, Uniform};
 use crate::math::frame;
 use crate::points::{Points, Sums};
-use crate::random::{Random, sobol};
+use crate::random::{Random, shuffled, sobol};
 use crate::scene::{LightPoint, Lights};
 use crate::shaders;
 
@@ -47,7 +47,9 @@ impl Direct {
 
     /// Adds the irradiance from light sample `index` to `sums` (rgb).
     pub fn add(&self, geometry: &Geometry, lights: &Lights, index: u64, points: Points, sums: &Sums) {
-        let light = lights.point_of_square(sobol(index as u32, self.seed));
+        // In an order of their own: else blocks of one sample each, whose offsets in the pixel are of the same sequence, would see each part of the
+        // pixel by its own part of the light.
+        let light = lights.point_of_square(sobol(shuffled(index as u32, self.seed), self.seed));
         let turn = Random::new(self.seed, index).uniform();
         let to_light = self.shadow_map(geometry, &light, TAU * turn);
         // A texel of the map is 2/size wide at a distance of 1; see `Bundle::new` for the shares.

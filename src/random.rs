@@ -71,6 +71,12 @@ pub fn sobol(index: u32, seed: u64) -> [f32; 2] {
     [scramble(index, keys as u32), scramble(second.reverse_bits(), (keys >> 32) as u32)]
 }
 
+/// `index` in another order: a permutation of every aligned run of a power of two, onto another such run (Burley 2020), so that these stay as even as they
+/// are, and two sequences do not go together.
+pub fn shuffled(index: u32, seed: u64) -> u32 {
+    owen_hash(index.reverse_bits(), mix(seed ^ 0x5f1e) as u32).reverse_bits()
+}
+
 /// Laine and Karras's permutation: scrambles each bit by the bits below it.
 fn owen_hash(mut x: u32, key: u32) -> u32 {
     x = x.wrapping_add(key);
@@ -117,4 +123,24 @@ fn mix(mut z: u64) -> u64 {
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
     z ^ (z >> 31)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shuffled_indices_stay_in_runs_and_go_their_own_way() {
+        for (seed, run) in [(1, 0), (2, 64), (3, 1024)] {
+            let mut found: Vec<u32> = (run..run + 64).map(|index| shuffled(index, seed)).collect();
+            found.sort_unstable();
+            assert!(found[0].is_multiple_of(64) && found.windows(2).all(|pair| pair[1] == pair[0] + 1), "{found:?}");
+            // Points of the two lie in the same halves as often as not.
+            let half = |index| sobol(index, seed)[0] < 0.5;
+            let other = |index| sobol(index, seed ^ 0xd1ec7)[0] < 0.5;
+            let together = |order: &dyn Fn(u32) -> u32| (0..1024).filter(|&i| half(i) == other(order(i))).count();
+            assert!((400..624).contains(&together(&|i| shuffled(i, seed))), "{}", together(&|i| shuffled(i, seed)));
+            assert!([0, 1024].contains(&together(&|i| i)), "without it there is nothing to mend");
+        }
+    }
 }

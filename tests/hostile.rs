@@ -10,12 +10,16 @@ use std::sync::mpsc;
 use std::thread;
 use std::time::Duration;
 
+use finalgather::blocks::Part;
 use finalgather::environment::Environment;
 use finalgather::error::{Error, Result};
 use finalgather::export::parse_prt;
 use finalgather::image::Image;
 use finalgather::points::file::parse;
+use finalgather::render::Merge;
 use finalgather::scene::{Files, LoadOptions, Scene};
+use finalgather::settings::Settings;
+use serde_json::{Value, json};
 
 /// The longest that one input may take.
 const PATIENCE: Duration = Duration::from_secs(5);
@@ -155,6 +159,79 @@ fn mutants_are_read_or_refused() {
         total += count;
     }
     assert!(total > 1000, "only {total} mutants");
+}
+
+/// A render of 2x2 pixels along 8 directions, of which these nodes are done.
+fn part(change: impl Fn(&mut Value, &mut Value), nodes: &[(&str, usize)]) -> Vec<u8> {
+    let settings = Settings { size: [2, 2], directions: 8, ..Settings::default() };
+    let space = json!({ "center": [0.0, 0.0, 0.0], "scale": 1.0 });
+    let mut job = json!({ "what": "render", "version": env!("CARGO_PKG_VERSION"), "settings": settings, "space": space });
+    let mut state = json!({ "exposure": 0.0 });
+    change(&mut job, &mut state);
+    let floats = vec![1.0; 1 << 12];
+    let mut part = Part::new(job, state);
+    nodes.iter().for_each(|&(name, length)| part.put(name, &floats[..length]));
+    let folder = tempfile::tempdir().unwrap();
+    part.write(&folder.path().join("x.part")).unwrap();
+    fs::read(folder.path().join("x.part")).unwrap()
+}
+
+fn merged(bytes: &[u8]) -> Result<Image> {
+    let path = Path::new("x.part");
+    let part = Part::parse(path, bytes)?;
+    let mut merge = Merge::new(path, &part)?;
+    merge.add(path, &part)?;
+    merge.picture()
+}
+
+/// Checkpoints and parts: no byte of one can be another, and what one with a true checksum says is not believed either.
+#[test]
+fn parts_are_sound_or_refused() {
+    // Floats of four pixels.
+    const WHOLE: usize = 4 * 28;
+    let same = |_: &mut Value, _: &mut Value| {};
+    let sound = part(same, &[("film/0+4/0", WHOLE), ("film/4+4/0", WHOLE)]);
+    assert_eq!(merged(&sound).unwrap().width, 2);
+    let mutants = mutants(&sound);
+    for (what, bytes) in mutants.iter().filter(|(_, bytes)| *bytes != sound) {
+        let error = catch_unwind(|| Part::parse(Path::new("x.part"), bytes).map(drop)).expect(what).expect_err(what);
+        assert!(matches!(error, Error::Input { .. }), "{what}: {error}");
+    }
+    let lies: [&[(&str, usize)]; 12] = [
+        &[("film/0+8/0", WHOLE), ("film/2+2/0", WHOLE)],
+        &[("film/0+8/0", WHOLE), ("film/8+1/0", WHOLE)],
+        &[("film/0+2147483648/0", WHOLE), ("film/2147483648+2147483648/0", WHOLE), ("film/4294967295+1/0", WHOLE)],
+        &[("film/0+8/0", WHOLE - 1)],
+        &[("film/0+8/0", 2 * WHOLE)],
+        &[("film/0+8/0", 0)],
+        &[("film/0+8/1", WHOLE)],
+        &[("film/0+8/0", WHOLE), ("film/0+8/1", WHOLE)],
+        &[("film/1+4/0", WHOLE)],
+        &[("film/0+3/0", WHOLE)],
+        &[("film/x", 4)],
+        &[("film/0+8/0/0", WHOLE)],
+    ];
+    for nodes in lies {
+        let error = merged(&part(same, nodes)).map(drop).expect_err(nodes[0].0);
+        assert!(error.to_string().contains("damaged"), "{nodes:?}: {error}");
+    }
+    // Honest, but not all there is.
+    assert!(matches!(merged(&part(same, &[("film/0+4/0", WHOLE)])), Err(Error::Usage { .. })));
+    type Change = fn(&mut Value, &mut Value);
+    let changes: [Change; 8] = [
+        |job, _| *job = Value::Null,
+        |job, _| job["settings"] = json!(7),
+        |job, _| job["settings"]["directions"] = json!(0),
+        |job, _| job["settings"]["directions"] = json!(u64::MAX),
+        |job, _| job["settings"]["size"] = json!([4_294_967_295_u32, 4_294_967_295_u32]),
+        |job, _| job["space"]["scale"] = json!("1"),
+        |job, _| job["version"] = json!("0.0.0"),
+        |_, state| *state = json!([]),
+    ];
+    for (i, change) in changes.into_iter().enumerate() {
+        let error = merged(&part(change, &[("film/0+8/0", WHOLE)])).map(drop).expect_err("it is not sound");
+        assert!(matches!(error, Error::Input { .. }), "change {i}: {error}");
+    }
 }
 
 /// One after the other of such pieces.
