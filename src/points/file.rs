@@ -29,6 +29,7 @@ pub struct OrientedPoint {
 
 /// All points of a `.ply`, `.npy` or `.csv` file, in its order: at least one, every number finite, every normal of unit length.
 pub fn read(path: &Path) -> Result<Vec<OrientedPoint>> {
+    parser_of(path)?;
     let bytes = read_file(path, MOST_BYTES).map_err(|error| {
         Error::input(path, None, format!("cannot read these points: {error}"), "name an existing file that you may read")
     })?;
@@ -37,21 +38,28 @@ pub fn read(path: &Path) -> Result<Vec<OrientedPoint>> {
 
 /// The same of a file's `bytes`; `path` is where they came from.
 pub fn parse(path: &Path, bytes: &[u8]) -> Result<Vec<OrientedPoint>> {
-    let parse = match path.extension().unwrap_or_default().to_ascii_lowercase().to_str() {
-        Some("ply") => read_ply,
-        Some("npy") => read_npy,
-        Some("csv") => read_csv,
-        _ => {
-            let problem = format!("{}: the ending names no known format of points", path.display());
-            return Err(Error::usage(problem, "give a .ply, .npy or .csv file"));
-        }
-    };
+    let parse = parser_of(path)?;
     let mut rows = Rows { path, points: Vec::new(), without_normal: 0, first_without_normal: (0, None) };
     if bytes.is_empty() {
         return Err(rows.refused(None, "the file is empty"));
     }
     parse(bytes, &mut rows)?;
     rows.finish()
+}
+
+type Parse = fn(&[u8], &mut Rows) -> Result<()>;
+
+/// By the ending.
+fn parser_of(path: &Path) -> Result<Parse> {
+    match path.extension().unwrap_or_default().to_ascii_lowercase().to_str() {
+        Some("ply") => Ok(read_ply),
+        Some("npy") => Ok(read_npy),
+        Some("csv") => Ok(read_csv),
+        _ => {
+            let problem = format!("{}: the ending names no known format of points", path.display());
+            Err(Error::usage(problem, "give a .ply, .npy or .csv file"))
+        }
+    }
 }
 
 /// The points read so far.
