@@ -213,6 +213,12 @@ fn a_lost_context_stops_a_bake_cleanly() {
         eprintln!("| bake | lost at draw {at} of {draws} | {} |", lost.said.lines().next().unwrap_or_default());
         assert!(job.bytes("resumed.npy") == job.bytes("whole.npy"), "lost at {at}: other bits after --resume");
     }
+    // Hits are found by one of these, and kept in textures that are made anew.
+    for at in 0..12 {
+        let at = (0.4 * draws).ceil() + f64::from(at);
+        let lost = job.run(&["-o", "lost.npy"], &[("FAULTY_LOST_AT_DRAW", at), ("FAULTY_ROBUST", 1.0)]);
+        lost.check_refusal(&["the OpenGL context is lost"]);
+    }
 }
 
 #[test]

@@ -21,7 +21,7 @@ pub(super) trait Name: Copy {
 impl<T: Name> Resource<T> {
     /// Takes what `create`, a `create_*` call of this context, returns.
     pub fn own(gpu: &Gpu, create: impl FnOnce(&glow::Context) -> Result<T, String>) -> Result<Self> {
-        // A lost one makes names of nothing, on which glow panics.
+        // A lost one makes none, and does not say why.
         if gpu.is_lost() {
             gpu.check("making a GL object")?;
         }
