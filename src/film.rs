@@ -178,7 +178,7 @@ impl Planes for Film {
 pub type FilmSum = PairwiseSum<Film>;
 
 impl FilmSum {
-    /// The mean of all blocks, as [`Film::image`] gives it, black before the first; from two blocks on with the standard error of the
+    /// The mean of all blocks, as that of one film, black before the first; from two blocks on with the standard error of the
     /// mean as `Error`.
     pub fn image(&self, size: [u32; 2], space: &UnitSpace) -> Image {
         let mut image = self.total().unwrap_or_else(|| Film::empty(size)).image(space);

@@ -154,6 +154,13 @@ fn relit_by_a_constant_sky() {
         "light.npy",
     ]));
     success(&relight(&["-o", "alone.npy"]));
+    let moved = fs::read_to_string(self::scene("cornell.obj")).unwrap().replacen("552.8", "553.8", 1);
+    fs::write(folder.path().join("cornell.obj"), moved).unwrap();
+    ["cornell.mtl", "cornell.toml"].iter().for_each(|name| drop(fs::copy(self::scene(name), folder.path().join(name)).unwrap()));
+    let other = relight(&["--scene", "cornell.toml", "-o", "other.ply"]);
+    assert_eq!(other.status.code(), Some(65), "{}", said(&other));
+    let same = relight(&["-o", "prt.npy"]);
+    assert!(same.status.code() == Some(2) && said(&same).contains("is an input"), "{}", said(&same));
     let read = |name: &str| fs::read(folder.path().join(name)).unwrap();
     assert_eq!(read("light.npy"), read("alone.npy"));
     // The first coefficient alone counts, and it is openness: 2 π openness = 2 π T / Y.
@@ -168,6 +175,22 @@ fn relit_by_a_constant_sky() {
     assert!(picture.channel("G").unwrap().iter().any(|&sample| sample > 0.1), "the picture is black");
 }
 
+/// What a PNG holds of openness and directions is data: neither a curve nor exposure changes it.
+#[test]
+fn data_in_a_png_is_as_it_is() {
+    let folder = folder();
+    fs::write(folder.path().join("plane.obj"), "v 0 0 0\nv 0 0 1\nv 1 0 1\nv 1 0 0\nf 1 2 3 4\n").unwrap();
+    for (what, expected) in [("ao", [255, 255, 255]), ("bent-normal,sky", [128, 255, 128])] {
+        let args =
+            ["--to", "lightmap", "--resolution", "16", "--directions", "256", "--what", what, "--exposure", "-1", "-o", "a.png"];
+        success(&bake(&folder, Path::new("plane.obj"), &args));
+        let picture = image::open(folder.path().join("a.png")).unwrap().into_rgb8();
+        let off = |(found, expected): (&u8, u8)| found.abs_diff(expected) > 2;
+        let middle = picture.get_pixel(8, 8).0;
+        assert!(!middle.iter().zip(expected).any(off), "{what}: {middle:?}");
+    }
+}
+
 /// What cannot be done is refused with its place and a cure, and leaves no files.
 #[test]
 fn refusals() {
@@ -177,6 +200,8 @@ fn refusals() {
     write("nan.csv", "0,0,0,0,1,0\n0,nan,0,0,1,0\n");
     write("zero.csv", "0,0,0,0,0,0\n");
     write("bare.csv", "0,0,0\n");
+    write("zero.npy", "of somebody");
+    write("bare.mtl", "newmtl of_somebody\n");
     write("quad.obj", "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 3 0\nvt 3 3\nf 1/1 2/2 3/3\nf 1/1 3/3 4/2\n");
     write("none.obj", "v 0 0 0\nv 1 0 0\nv 1 1 0\nf 1 2 3\n");
     let before = fs::read_dir(&folder).unwrap().count();
@@ -206,6 +231,22 @@ fn refusals() {
         (&quad, &["--to", "lightmap", "--uvs", "own", "--what", "ao", "-o", "a.exr"], 2, "cure: "),
         (&none, &["--to", "lightmap", "--uvs", "own", "--what", "ao", "-o", "a.exr"], 2, "cure: "),
         (&none, &["--to", "vertices", "--what", "irradiance", "-o", "a.ply"], 65, "no light"),
+        (&none, &["--to", "points:zero.npy", "--what", "ao", "-o", "./zero.npy"], 2, "zero.npy: is an input"),
+        (&none, &["--to", "lightmap", "--what", "irradiance", "-o", "none.obj"], 2, "none.obj: is an input"),
+        (
+            &none,
+            &["--to", "lightmap", "--what", "irradiance", "-o", "quad.obj"],
+            2,
+            "quad.obj: is there already, and not from a bake",
+        ),
+        (
+            &none,
+            &["--to", "lightmap", "--what", "irradiance", "-o", "bare.obj"],
+            2,
+            "bare.mtl: is there already, and not from a bake",
+        ),
+        (&none, &["--to", "lightmap", "--what", "sh", "-o", "a.png"], 2, "coefficients make no picture"),
+        (&none, &["--to", "lightmap", "--what", "ao", "--samples-per-texel", "3", "-o", "a.png"], 2, "square number"),
     ];
     for (scene, args, code, text) in cases {
         let output = bake(&folder, scene, args);

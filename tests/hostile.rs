@@ -193,9 +193,14 @@ fn parts_are_sound_or_refused() {
     let sound = part(same, &[("film/0+4/0", WHOLE), ("film/4+4/0", WHOLE)]);
     assert_eq!(merged(&sound).unwrap().width, 2);
     let mutants = mutants(&sound);
+    let about = |bytes: &[u8]| Part::parse(Path::new("x.part"), bytes).map(|part| (part.job, part.state));
+    let said = about(&sound).unwrap();
     for (what, bytes) in mutants.iter().filter(|(_, bytes)| *bytes != sound) {
-        let error = catch_unwind(|| Part::parse(Path::new("x.part"), bytes).map(drop)).expect(what).expect_err(what);
-        assert!(matches!(error, Error::Input { .. }), "{what}: {error}");
+        match catch_unwind(|| about(bytes)).expect(what) {
+            Err(error) => assert!(matches!(error, Error::Input { .. }), "{what}: {error}"),
+            // The last digit of a number in words may be another and the number the same.
+            Ok(found) => assert_eq!(found, said, "{what}"),
+        }
     }
     let lies: [&[(&str, usize)]; 12] = [
         &[("film/0+8/0", WHOLE), ("film/2+2/0", WHOLE)],

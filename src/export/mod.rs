@@ -16,7 +16,7 @@ mod npy;
 mod obj;
 mod ply;
 
-pub use npy::{parse_prt, read_prt};
+pub use npy::{is_of, parse_prt, read_prt};
 
 /// What was found at points, in world space.
 #[derive(Clone, Copy)]
@@ -58,7 +58,7 @@ impl Values<'_> {
         self.check()?;
         match ending {
             "ply" => ply::write(path, self, options),
-            "npy" => npy::write(path, self.columns, options),
+            "npy" => npy::write(path, self, options),
             _ => glb::write_values(path, self, options),
         }
     }
@@ -162,7 +162,9 @@ impl Surface<'_> {
 
 /// Whether a file with one of these endings can be expected to be written there, for asking before the work.
 pub fn check_writable(path: &Path, endings: &[&'static str]) -> Result<()> {
-    ending(path, endings)?;
+    if ending(path, endings)? == "obj" {
+        obj::check_ours(path)?;
+    }
     crate::file::check_writable(path)
 }
 

@@ -5,13 +5,18 @@
 
 use std::path::Path;
 
+use glam::Vec3;
 use serde_json::{Map, Value, json};
 
+use super::Values;
+use crate::blocks::sha256;
 use crate::error::{Error, Result};
 use crate::file::{MOST_BYTES, MOST_WORDS, read_file, write_file};
 use crate::image::{Channel, WriteOptions};
 use crate::npy::{self, Array};
 
+/// The checksum's name.
+const POSITIONS: &str = "positions_sha256";
 const BASIS: &str =
     "real orthonormal spherical harmonics without the Condon-Shortley phase, at index l (l + 1) + m; z is the polar axis";
 
@@ -27,7 +32,8 @@ const QUANTITIES: [(&str, &str); 8] = [
     ("PRT", "coefficients of the transfer from incident radiance to irradiance / π: cosine and 1/π are in, the albedo is not"),
 ];
 
-pub fn write(path: &Path, columns: &[Channel], options: &WriteOptions) -> Result<()> {
+pub fn write(path: &Path, values: &Values, options: &WriteOptions) -> Result<()> {
+    let columns = values.columns;
     let points = columns.first().map_or(0, |column| column.samples.len());
     let shape = shape(points, columns);
     let mut quantities = Map::new();
@@ -40,6 +46,7 @@ pub fn write(path: &Path, columns: &[Channel], options: &WriteOptions) -> Result
         "shape": shape,
         "columns": columns.iter().map(|column| column.name.as_str()).collect::<Vec<_>>(),
         "quantities": quantities,
+        POSITIONS: digest(values.positions),
     });
     if columns.iter().any(|column| ["SH", "PRT"].contains(&quantity(column))) {
         about["basis"] = BASIS.into();
@@ -70,6 +77,18 @@ fn are_coefficients(quantity: &str, columns: &[Channel]) -> bool {
     let order = (columns.len() / 3).isqrt();
     let name = |i: usize| format!("{quantity}.{:02}.{}", i / 3, ["R", "G", "B"][i % 3]);
     order > 0 && 3 * order * order == columns.len() && columns.iter().enumerate().all(|(i, column)| column.name == name(i))
+}
+
+/// A checksum of points, in world space and in their order.
+fn digest(positions: &[Vec3]) -> String {
+    sha256(bytemuck::cast_slice(positions))
+}
+
+/// Whether the file that [`super::Values::write`] made is of these points; `None` where it does not say.
+pub fn is_of(path: &Path, positions: &[Vec3]) -> Option<bool> {
+    let about = read_file(&path.with_extension("json"), MOST_WORDS).ok()?;
+    let about: Value = serde_json::from_slice(&about).ok()?;
+    Some(about[POSITIONS].as_str()? == digest(positions))
 }
 
 const CURE: &str = "give a .npy file of `finalgather bake --what prt`, with its .json beside it";

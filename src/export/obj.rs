@@ -8,8 +8,25 @@ use glam::Vec3;
 
 use super::Lightmap;
 use crate::error::{Error, Result};
-use crate::file::write_file;
+use crate::file::{MOST_BYTES, read_file, write_file};
 use crate::image::WriteOptions;
+
+/// How files begin that may be written over.
+const OURS: &str = "# by finalgather bake";
+
+/// Whether neither the model nor its materials, which go beside it without being named, are another's.
+///
+/// # Errors
+/// [`Error::Usage`] when they are.
+pub fn check_ours(path: &Path) -> Result<()> {
+    for path in [path, &path.with_extension("mtl")] {
+        if path.exists() && !read_file(path, MOST_BYTES).is_ok_and(|bytes| bytes.starts_with(OURS.as_bytes())) {
+            let problem = format!("{}: is there already, and not from a bake", path.display());
+            return Err(Error::usage(problem, "give another name, also for what goes beside it (.mtl, .png)"));
+        }
+    }
+    Ok(())
+}
 
 pub fn write(path: &Path, lightmap: &Lightmap, options: &WriteOptions) -> Result<()> {
     let surface = &lightmap.surface;
@@ -21,7 +38,7 @@ pub fn write(path: &Path, lightmap: &Lightmap, options: &WriteOptions) -> Result
         Error::usage(problem, "give a name in UTF-8")
     })?;
 
-    let (mut obj, mut mtl) = (format!("mtllib {mtl_name}\n"), String::new());
+    let (mut obj, mut mtl) = (format!("{OURS}\nmtllib {mtl_name}\n"), format!("{OURS}\n"));
     let normals = surface.has_normals().then_some(&surface.mesh.normals);
     let line = |text: &mut String, word: &str, numbers: &[f32]| {
         text.push_str(word);

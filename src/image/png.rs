@@ -35,6 +35,14 @@ impl Image {
         Ok(pixels)
     }
 
+    /// Writes R, G and B from 0 to 1 as they are, neither exposed nor curved, as a PNG: for data, such as openness and normals.
+    pub fn write_data_png(&self, path: &Path) -> Result<()> {
+        let rgb = self.rgb()?;
+        let byte = |sample: f32| (sample.clamp(0.0, 1.0) * 255.0).round() as u8;
+        let pixels: Vec<u8> = (0..self.width * self.height).flat_map(|pixel| rgb.map(|samples| byte(samples[pixel]))).collect();
+        write_srgb8(path, [self.width, self.height], &pixels)
+    }
+
     /// R, G and B made linear; alpha, if any, is ignored, and so is the tone curve. `path` is where `bytes` came from.
     pub(super) fn from_png(path: &Path, bytes: &[u8]) -> Result<Self> {
         let bad = |problem: String| Error::input(path, None, problem, "give a PNG picture");

@@ -285,7 +285,7 @@ pub struct BakeArgs {
     pub padding: u32,
 
     /// Points in a texel, a square number
-    #[arg(long, value_name = "N", default_value_t = 4, value_parser = count::<u32>, help_heading = "Light map")]
+    #[arg(long, value_name = "N", default_value_t = 4, value_parser = square, help_heading = "Light map")]
     pub samples_per_texel: u32,
 
     /// MiB that points and their sums may take on the GL side at a time; more take turns
@@ -727,6 +727,11 @@ fn bands(text: &str) -> Result<usize, String> {
         .ok()
         .filter(|order| (1..=MAX_ORDER).contains(order))
         .ok_or(format!("not a number of bands from 1 to {MAX_ORDER}"))
+}
+
+fn square(text: &str) -> Result<u32, String> {
+    let number = text.parse().ok().filter(|&number: &u32| number > 0 && number.isqrt().pow(2) == number);
+    number.ok_or("not a square number such as 1, 4 or 9".to_owned())
 }
 
 fn uv_source() -> impl TypedValueParser<Value = UvSource> {

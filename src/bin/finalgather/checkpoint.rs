@@ -30,6 +30,8 @@ pub struct Checkpoint {
     due: Instant,
     /// if it has others than these.
     written: Vec<String>,
+    /// Whether it could not be written the last time, which is said once.
+    failing: bool,
 }
 
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -67,13 +69,21 @@ impl Checkpoint {
         };
         Part::check_writable(&path)?;
         if kind != Kind::Automatic && !args.resume && path.exists() {
-            let problem = format!("{}: is there already, and holds what an earlier run has summed", path.display());
-            return Err(Error::usage(problem, "go on from it with --resume, or remove it"));
+            let shown = path.display();
+            return Err(match Part::read(&path) {
+                Ok(_) => Error::usage(
+                    format!("{shown}: is there already, and holds what an earlier run has summed"),
+                    "go on from it with --resume, or remove it",
+                ),
+                Err(_) => {
+                    Error::usage(format!("{shown}: is there already, and is no checkpoint or a damaged one"), "give another name")
+                }
+            });
         }
         let (begun, every) = (Instant::now(), Duration::from_secs(args.checkpoint_every));
         let first = if kind == Kind::Automatic { PATIENCE * every } else { every };
         let (own, written) = (false, Vec::new());
-        Ok(Self { path, kind, shard, resume: args.resume, own, every, begun, due: begun + first, written })
+        Ok(Self { path, kind, shard, resume: args.resume, own, every, begun, due: begun + first, written, failing: false })
     }
 
     /// That of a job that is done as soon as it begins.
@@ -90,6 +100,7 @@ impl Checkpoint {
             begun: now,
             due: now,
             written,
+            failing: false,
         }
     }
 
@@ -147,8 +158,12 @@ impl Checkpoint {
         if part.names().eq(self.written.iter().map(String::as_str)) {
             return;
         }
-        if let Err(error) = self.write(part) {
-            progress.say(&format!("warning: no checkpoint: {error}"));
+        match self.write(part) {
+            Err(error) if !self.failing => {
+                self.failing = true;
+                progress.say(&format!("warning: no checkpoint: {error}"));
+            }
+            outcome => self.failing = outcome.is_err(),
         }
     }
 

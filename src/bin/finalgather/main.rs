@@ -12,6 +12,7 @@ mod bench;
 mod checkpoint;
 mod compare;
 mod info;
+mod inputs;
 mod interrupt;
 mod merge;
 mod progress;

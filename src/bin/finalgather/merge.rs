@@ -12,6 +12,7 @@ use finalgather::settings::Settings;
 
 use crate::args::{Args, Command, JobArgs, MergeArgs};
 use crate::bake;
+use crate::inputs::check_kept;
 use crate::render::{metadata, write_all};
 
 /// Of the state of a bake's part: the arguments that made it.
@@ -47,6 +48,7 @@ pub fn run(args: &MergeArgs, started: Instant) -> Result<u8> {
 fn merge_renders(args: &MergeArgs) -> Result<u8> {
     let outputs: Vec<_> = args.outputs.iter().map(PathBuf::from).collect();
     outputs.iter().try_for_each(|path| check_writable(path))?;
+    check_kept(&outputs, args.parts.iter().map(PathBuf::as_path))?;
     let mut merge = None;
     // One at a time, for there may be many.
     for path in &args.parts {

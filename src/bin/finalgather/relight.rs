@@ -1,7 +1,7 @@
 //! `finalgather relight`: transfer × environment → light, as numbers, on the model or as a picture.
 
 use std::f32::consts::{FRAC_1_PI, PI};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use finalgather::environment::Environment;
 use finalgather::error::{Error, Result};
@@ -15,7 +15,9 @@ use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
 use crate::args::RelightArgs;
+use crate::inputs::check_kept;
 
+const CURE: &str = "give the scene that it was baked of, with --to vertices";
 /// Rings over which the environment is projected.
 const RINGS: usize = 512;
 /// Rays through a pixel, along each side.
@@ -45,6 +47,7 @@ pub fn run(args: &RelightArgs) -> Result<u8> {
             ));
         }
     }
+    check_kept(&args.outputs, [&args.transfer, &args.env].into_iter().chain(&args.scene).map(PathBuf::as_path))?;
     let transfer = read_prt(&args.transfer)?;
     let environment = Environment::load(&args.env)?;
     let model = args.scene.as_deref().map(|path| Model::load(path, args.files.files())).transpose()?;
@@ -55,7 +58,10 @@ pub fn run(args: &RelightArgs) -> Result<u8> {
     {
         let problem =
             format!("transfer of {} points, and the scene has {} vertices", irradiance.len(), model.mesh.positions.len());
-        return Err(Error::input(&args.transfer, None, problem, "give the scene that it was baked of, with --to vertices"));
+        return Err(Error::input(&args.transfer, None, problem, CURE));
+    }
+    if model.as_ref().is_some_and(|model| export::is_of(&args.transfer, &model.mesh.positions) == Some(false)) {
+        return Err(Error::input(&args.transfer, None, "transfer of other points than the scene's vertices", CURE));
     }
     let options = WriteOptions { exposure: args.exposure, metadata: None };
     for path in &args.outputs {

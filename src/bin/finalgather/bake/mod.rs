@@ -21,6 +21,7 @@ use serde::Serialize;
 use self::receiver::{Counts, Receiver};
 use crate::args::{BakeArgs, To};
 use crate::checkpoint::Checkpoint;
+use crate::inputs::check_kept;
 use crate::interrupt::Interrupt;
 use crate::merge::COMMAND;
 use crate::progress::Progress;
@@ -67,6 +68,9 @@ pub fn run(args: &BakeArgs, parts: &[PathBuf], started: Instant) -> Result<u8> {
         return Err(Error::usage("an argument is not UTF-8, and a part is to hold them", "give names in UTF-8"));
     }
     let outputs = if checkpoint.shard().is_some() { Vec::new() } else { outputs_of(args)? };
+    let files = args.to.iter().filter_map(|to| if let To::Points(path) = to { Some(path.as_path()) } else { None });
+    let inputs = [args.scene.as_path()].into_iter().chain(args.overrides.env.as_deref()).chain(files);
+    check_kept(&args.paths(), inputs.chain(parts.iter().map(PathBuf::as_path)))?;
     for (to, outputs) in args.to.iter().zip(&outputs) {
         outputs.iter().try_for_each(|path| receiver::check_writable(to, path, &args.what))?;
     }

@@ -166,7 +166,7 @@ impl Receiver {
                 let mesh = &world_of(map.mesh());
                 let light = irradiance_of(&image);
                 let write = |path: &Path| match &light {
-                    _ if is_picture(path) => picture(&image, path).write(path, options),
+                    _ if is_picture(path) => write_picture(&image, path, options),
                     Some(irradiance) => Lightmap { surface: surface_of(mesh), uvs: &mesh.uvs, irradiance }.write(path, options),
                     None => Err(no_light(path)),
                 };
@@ -188,7 +188,7 @@ impl Receiver {
                 let world: Vec<Vec3> = points.iter().map(|point| prepared.space.to_world(point.position)).collect();
                 let values = Values { positions: &world, normals: &normals, columns: &columns, surface: None };
                 let write = |path: &Path| match is_picture(path) {
-                    true => picture(&image(), path).write(path, options),
+                    true => write_picture(&image(), path, options),
                     false => values.write(path, options),
                 };
                 (Counts::Camera { pixels: pixels.len() }, write_all(&write))
@@ -203,6 +203,15 @@ impl Receiver {
 
 /// Whether what is baked to this receiver can be expected to be written there, for asking before the work.
 pub fn check_writable(to: &To, path: &Path, what: &[Quantity]) -> Result<()> {
+    let shown =
+        |quantity: &Quantity| matches!(quantity, Quantity::Irradiance | Quantity::Ao | Quantity::BentNormal | Quantity::Sky);
+    if is_png(path) && !what.iter().any(shown) {
+        let problem = format!("{}: coefficients make no picture", path.display());
+        return Err(Error::usage(
+            problem,
+            "write .exr or .npy, or add what a picture can show: irradiance, ao, bent-normal or sky",
+        ));
+    }
     match to {
         To::Vertices => export::check_writable(path, Values::ENDINGS),
         // Without a mesh there is nothing that glTF could hold but points, which PLY does.
@@ -229,17 +238,19 @@ fn irradiance_of(image: &Image) -> Option<Image> {
     Some(Image { channels, ..*image })
 }
 
-/// With the channels that make a picture: irradiance as it is; in a PNG what a white surface sends back of it. Without irradiance, what there is
-/// first: a direction as colour, else one number as grey.
-fn picture(image: &Image, path: &Path) -> Image {
-    let exr = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("exr"));
+/// With the channels that make a picture: irradiance as it is; in a PNG what a white surface sends back of it, as a display shows light. Without irradiance,
+/// what there is first, in a PNG as data: a direction as colour, else one number as grey.
+fn write_picture(image: &Image, path: &Path, options: &WriteOptions) -> Result<()> {
+    let exr = !is_png(path);
     let mut picture = image.clone();
     let mut shown = irradiance_of(image).map(|image| image.channels).unwrap_or_default();
     if shown.is_empty() {
         // Never empty: something is baked, and has one column or three at least.
         let name = |k: usize| ["R", "G", "B"][k].to_owned();
-        let is_direction = image.channels[0].name == "BentNormal.X";
-        let of = |k: usize| if image.channels[0].name.contains('.') { k } else { 0 };
+        let named = |name: &str| image.channels.iter().position(|channel| channel.name == name);
+        let first = ["AO", "BentNormal.X", "Sky"].into_iter().filter_map(named).min().unwrap_or(0);
+        let is_direction = image.channels[first].name == "BentNormal.X";
+        let of = |k: usize| first + if image.channels[first].name.contains('.') { k } else { 0 };
         let value = |x: &f32| if is_direction { 0.5 * x + 0.5 } else { *x };
         shown = (0..3)
             .map(|k| Channel { name: name(k), samples: image.channels[of(k)].samples.iter().map(value).collect() })
@@ -247,8 +258,13 @@ fn picture(image: &Image, path: &Path) -> Image {
     } else if !exr {
         shown.iter_mut().flat_map(|channel| &mut channel.samples).for_each(|sample| *sample *= FRAC_1_PI);
     }
+    let light = irradiance_of(image).is_some();
     picture.channels.extend(shown);
-    picture
+    if exr || light { picture.write(path, options) } else { picture.write_data_png(path) }
+}
+
+fn is_png(path: &Path) -> bool {
+    path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("png"))
 }
 
 fn no_light(path: &Path) -> Error {
