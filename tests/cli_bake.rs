@@ -156,7 +156,9 @@ fn relit_by_a_constant_sky() {
     success(&relight(&["-o", "alone.npy"]));
     let moved = fs::read_to_string(self::scene("cornell.obj")).unwrap().replacen("552.8", "553.8", 1);
     fs::write(folder.path().join("cornell.obj"), moved).unwrap();
-    ["cornell.mtl", "cornell.toml"].iter().for_each(|name| drop(fs::copy(self::scene(name), folder.path().join(name)).unwrap()));
+    for name in ["cornell.mtl", "cornell.toml"] {
+        fs::copy(self::scene(name), folder.path().join(name)).unwrap();
+    }
     let other = relight(&["--scene", "cornell.toml", "-o", "other.ply"]);
     assert_eq!(other.status.code(), Some(65), "{}", said(&other));
     let same = relight(&["-o", "prt.npy"]);

@@ -21,14 +21,15 @@ const BASIS: &str =
     "real orthonormal spherical harmonics without the Condon-Shortley phase, at index l (l + 1) + m; z is the polar axis";
 
 /// What the columns of a quantity mean, and in which unit.
-const QUANTITIES: [(&str, &str); 8] = [
+const QUANTITIES: [(&str, &str); 9] = [
     ("Irradiance", "W/m² in each channel, direct and indirect"),
-    ("IrradianceDirect", "W/m² in each channel, straight from area lights"),
+    ("IrradianceDirect", "W/m² in each channel, straight from lights and from beyond the scene"),
     ("IrradianceIndirect", "W/m² in each channel, by way of other surfaces"),
     ("AO", "share of the cosine-weighted hemisphere that is open: 1 where nothing is near"),
     ("BentNormal", "mean direction that is open, of unit length"),
     ("Sky", "share of the cosine-weighted hemisphere that leaves the scene"),
     ("SH", "coefficients of the incident radiance, W/(m² sr) in each channel"),
+    ("PRTUnshadowed", "the same as PRT with nothing around"),
     ("PRT", "coefficients of the transfer from incident radiance to irradiance / π: cosine and 1/π are in, the albedo is not"),
 ];
 
