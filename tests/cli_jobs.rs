@@ -74,7 +74,10 @@ fn shards_of_a_render_make_the_bytes_of_one_run() {
     let settings = ["--interleave", "2", "--exposure", "0.5", "--directions", "1100"];
     success(&mut render(&folder, &[&settings[..], &["-o", "one.exr", "-o", "one.png"]].concat()));
     for shard in ["1/3", "2/3", "3/3"] {
-        success(&mut render(&folder, &[&settings[..], &["--shard", shard, "-o", "{shard}.part"]].concat()));
+        let output =
+            render(&folder, &[&settings[..], &["--shard", shard, "-o", "{shard}.part", "--json"]].concat()).output().unwrap();
+        let report: Value = serde_json::from_slice(&output.stdout).unwrap_or_else(|error| panic!("{error}: {}", said(&output)));
+        assert_eq!(report["outputs"][0], shard.replace("/3", ".part"));
     }
     success(&mut tool(&folder, &[&["merge", "3.part", "1.part", "2.part", "-o", "merged.exr", "-o", "merged.png"]]));
     for ending in ["exr", "png"] {
@@ -241,6 +244,8 @@ fn what_does_not_belong_together_is_refused_by_name() {
         (&["--shard", "1/4", "-o", "1.part"], "--resume"),
         (&["--shard", "auto/4", "-o", "{shard}.part"], "JOB_COMPLETION_INDEX"),
         (&["-o", "x.png", "--checkpoint", "x.png"], "two names"),
+        (&["-o", "x.png", "-o", "y.png", "-o", "x.png"], "written twice"),
+        (&["-o", SCENE], "is an input"),
     ] {
         let said = refusal(&mut render(&folder, args), 2);
         assert!(said.contains(what), "{args:?}: {said}");

@@ -13,6 +13,7 @@ use serde_json::json;
 
 use crate::args::RenderArgs;
 use crate::checkpoint::Checkpoint;
+use crate::inputs::check_kept;
 use crate::interrupt::Interrupt;
 use crate::progress::Progress;
 use crate::report::{self, Gl, Report, Seconds};
@@ -20,6 +21,7 @@ use crate::report::{self, Gl, Report, Seconds};
 /// The exit code, unless the run failed.
 pub fn run(args: &RenderArgs, started: Instant) -> Result<u8> {
     let outputs = args.outputs();
+    check_kept(&outputs, [args.scene.as_path()])?;
     let checkpoint = Checkpoint::new(&args.job, &outputs)?;
     if checkpoint.shard().is_none() {
         outputs.iter().try_for_each(|path| check_writable(path))?;
@@ -87,41 +89,37 @@ fn render(
     let stopped = interrupt.requested().filter(|_| !render.is_done());
     let ended = failure.is_some() || stopped.is_some();
     let kept = if ended { checkpoint.stop(|| render.save()) } else { Ok(false) };
-    let resume = resume_of(&kept);
-    if checkpoint.shard().is_some() {
-        progress.clear();
-        if ended {
-            say_stopped(failure.is_some(), done, directions, &format!("kept in {}", checkpoint.path().display()), resume);
-        } else {
-            checkpoint.finish(|| render.save())?;
-        }
-        return failure.or(kept.err()).map_or(Ok(stopped.unwrap_or(0)), Err);
-    }
-    let image = render.picture();
-    if done > 0 && is_black(&image)? {
-        progress.say("warning: the picture is black: the camera sees no surface that light reaches; turn it or the lights");
-    }
-    progress.clear();
-
     let writing = Instant::now();
-    let metadata = metadata(&gpu.info().renderer, &settings, done);
-    if let Err(error) = write_all(&image, outputs, &WriteOptions { exposure: settings.exposure, metadata: Some(&metadata) }) {
-        if !ended && checkpoint.stop(|| render.save())? {
-            report::say(&format!("what was gathered is kept in {}; --resume writes it", checkpoint.path().display()));
+    let (outputs, what) = if checkpoint.shard().is_some() {
+        (vec![checkpoint.path().to_owned()], "kept in")
+    } else {
+        let image = render.picture();
+        if done > 0 && is_black(&image)? {
+            progress.say("warning: the picture is black: the camera sees no surface that light reaches; turn it or the lights");
         }
-        return Err(failure.unwrap_or(error));
+        let metadata = metadata(&gpu.info().renderer, &settings, done);
+        let options = WriteOptions { exposure: settings.exposure, metadata: Some(&metadata) };
+        if let Err(error) = write_all(&image, outputs, &options) {
+            if !ended && checkpoint.stop(|| render.save())? {
+                progress.say(&format!("what was gathered is kept in {}; --resume writes it", checkpoint.path().display()));
+            }
+            return Err(failure.unwrap_or(error));
+        }
+        (outputs.to_vec(), "picture so far written to")
+    };
+    if !ended {
+        checkpoint.finish(|| render.save())?;
     }
     let write = writing.elapsed().as_secs_f64();
+    progress.clear();
 
     let outputs: Vec<_> = outputs.iter().map(|path| path.display().to_string()).collect();
     let paths = outputs.join(", ");
     if ended {
-        say_stopped(failure.is_some(), done, directions, &format!("picture so far written to {paths}"), resume);
-    } else {
-        checkpoint.finish(|| render.save())?;
-        if io::stderr().is_terminal() {
-            report::say(&format!("written to {paths} after {:.1} s", started.elapsed().as_secs_f64()));
-        }
+        let how = if failure.is_some() { "failed" } else { "stopped" };
+        report::say(&format!("{how} after {done} of {directions} directions; {what} {paths}{}", resume_of(&kept)));
+    } else if io::stderr().is_terminal() {
+        report::say(&format!("written to {paths} after {:.1} s", started.elapsed().as_secs_f64()));
     }
     if let Some(error) = failure.or(kept.err()) {
         return Err(error);
@@ -148,11 +146,6 @@ fn render(
 /// What to add where something is kept.
 pub fn resume_of(kept: &Result<bool>) -> &'static str {
     if matches!(kept, Ok(true)) { "; --resume goes on" } else { "" }
-}
-
-fn say_stopped(failed: bool, done: u32, all: u32, what: &str, resume: &str) {
-    let how = if failed { "failed" } else { "stopped" };
-    report::say(&format!("{how} after {done} of {all} directions; {what}{resume}"));
 }
 
 /// Whether nothing is brighter than a millionth of what the brightest light would show.

@@ -41,6 +41,8 @@ struct Report<'a> {
     receivers: &'a [Baked],
     seconds: Seconds,
     peak_memory_bytes: Option<u64>,
+    /// What a shard has made.
+    part: Option<String>,
     interrupted: bool,
 }
 
@@ -162,22 +164,13 @@ fn bake(
     let Statistics { directions_done, directions_total, .. } = bake.statistics();
     let how = if failure.is_some() { "failed" } else { "stopped" };
     let so_far = format!("{how} after {directions_done} of {directions_total} directions");
-    let columns = bake.columns().filter(|_| checkpoint.shard().is_none());
-    let Some((columns, inside)) = columns else {
-        if ended {
-            let kept =
-                if resume.is_empty() { "nothing kept".to_owned() } else { format!("kept in {}", checkpoint.path().display()) };
-            report::say(&format!("{so_far}; {kept}{resume}"));
-        } else {
-            checkpoint.finish(|| save(&bake))?;
-        }
-        return failure.or(kept.err()).map_or(Ok(stopped.unwrap_or(0)), Err);
-    };
-
     let writing = Instant::now();
     let options = WriteOptions { exposure: settings.exposure, metadata: Some(&metadata(&bake, &settings)) };
     let (mut first, mut baked, mut failures) = (0, Vec::new(), Vec::new());
+    // A shard has a part to make, and a bake that ends early may not have a value for each point.
+    let columns = bake.columns().filter(|_| checkpoint.shard().is_none());
     for (receiver, paths) in receivers.iter().zip(outputs) {
+        let Some((columns, inside)) = &columns else { break };
         let range = first..first + receiver.points().len();
         first = range.end;
         let part = |column: &Channel| Channel { name: column.name.clone(), samples: column.samples[range.clone()].to_vec() };
@@ -189,10 +182,15 @@ fn bake(
     }
     let paths: Vec<_> = baked.iter().flat_map(|baked| baked.outputs.iter().map(String::as_str)).collect();
     if ended {
-        report::say(&format!("{so_far}; values so far written to {}{resume}", paths.join(", ")));
+        let what = match &columns {
+            Some(_) => format!("values so far written to {}", paths.join(", ")),
+            None if resume.is_empty() => "nothing kept".to_owned(),
+            None => format!("kept in {}", checkpoint.path().display()),
+        };
+        report::say(&format!("{so_far}; {what}{resume}"));
     } else if failures.is_empty() {
         checkpoint.finish(|| save(&bake))?;
-        if io::stderr().is_terminal() {
+        if columns.is_some() && io::stderr().is_terminal() {
             report::say(&format!("written to {} after {:.1} s", paths.join(", "), started.elapsed().as_secs_f64()));
         }
     }
@@ -220,6 +218,7 @@ fn bake(
                 total: started.elapsed().as_secs_f64(),
             },
             peak_memory_bytes: report::peak_memory_bytes(),
+            part: checkpoint.shard().map(|_| checkpoint.path().display().to_string()),
             interrupted: stopped.is_some(),
         })?;
     }
