@@ -129,7 +129,6 @@ impl FoundHits {
             geometry: Shape::FullScreen,
         }
         .run();
-        self.target.settle();
     }
 
     pub fn texture(&self) -> &Texture {

@@ -120,21 +120,16 @@ impl Target {
         }
     }
 
-    /// Waits where the driver must not be given more before it is done: llvmpipe (seen in Mesa 22.3) can crash where a draw begins while
-    /// others still run on its threads, for it looks through the resources of a scene that these are giving back.
-    pub fn settle(&self) {
-        let context = self.framebuffer.context();
-        if context.is_llvmpipe() {
-            context.finish();
-        }
-    }
-
     pub(super) fn context(&self) -> &Context {
         self.framebuffer.context()
     }
 
-    /// Binds it for drawing, the viewport over all of it.
+    /// Binds it for drawing, the viewport over all of it. Waits where the driver must not be given more before it is done: llvmpipe (seen in Mesa 22.3)
+    /// can crash where a draw begins while others still run on its threads, for it looks through the resources of a scene that these are giving back.
     pub(super) fn bind(&self) -> &glow::Context {
+        if self.context().is_llvmpipe() {
+            self.context().finish();
+        }
         let gl = self.framebuffer.gl();
         unsafe {
             gl.bind_framebuffer(glow::FRAMEBUFFER, Some(self.framebuffer.name()));

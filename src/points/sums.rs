@@ -55,6 +55,5 @@ impl Sums {
             geometry: Geometry::FullScreen,
         }
         .run();
-        self.target.settle();
     }
 }

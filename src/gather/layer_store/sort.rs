@@ -99,6 +99,5 @@ impl StoreSort {
         Draw { target: &self.area, region: None, program, uniforms, depth: DepthTest::Off, blend: Blend::Replace, geometry }
             .run();
         self.gpu.settle_images();
-        self.area.settle();
     }
 }
