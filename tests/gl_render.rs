@@ -4,10 +4,10 @@ mod common;
 
 use std::path::Path;
 
-use common::gpu;
+use common::{gpu, gpu_of};
 use finalgather::direction::Directions;
 use finalgather::error::Error;
-use finalgather::gpu::{Backend, DeviceChoice, Gpu};
+use finalgather::gpu::{Backend, Gpu};
 use finalgather::image::compare::{Selection, compare};
 use finalgather::image::{Channel, Image};
 use finalgather::render::{End, Render};
@@ -189,7 +189,7 @@ fn an_interrupted_picture_is_the_picture_with_more_error() {
 
 #[test]
 fn osmesa_and_egl_give_the_same_picture() {
-    let contexts = [Backend::Egl, Backend::OsMesa].map(|backend| Gpu::headless(backend, DeviceChoice::Auto));
+    let contexts = [Backend::Egl, Backend::OsMesa].map(gpu_of);
     let [egl, osmesa] = match contexts {
         [Ok(egl), Ok(osmesa)] => [egl, osmesa],
         [Err(error), _] | [_, Err(error)] => return eprintln!("SKIPPED, for one of the two is not here: {error}"),

@@ -1,10 +1,11 @@
 //! Whole pictures against someone else's: `reference/*.exr`, path-traced with Mitsuba 3 by `reference/path_trace.py` (the Cornell box with
 //! 32768 paths a pixel, the textured close-up with 16384; their own noise is about 0.7 % of the mean; the arch under the sky with 16384 and 0.35 %).
 
+mod common;
+
 use std::ops::Range;
 use std::path::Path;
 
-use finalgather::gpu::{Backend, DeviceChoice, Gpu};
 use finalgather::image::Image;
 use finalgather::image::compare::{Selection, compare, mask_of};
 use finalgather::render::Render;
@@ -19,7 +20,7 @@ fn agrees(name: &str, side: u32, directions: u32, left_out: Option<Range<usize>>
     let mut settings = scene.settings.clone();
     settings.size = [side; 2];
     assert_eq!(settings.directions, directions, "the scene file's own count");
-    let gpu = Gpu::headless(Backend::Auto, DeviceChoice::Auto).unwrap();
+    let gpu = common::gpu();
     let mut render = Render::new(&gpu, &scene, &settings).unwrap();
     while !render.is_done() {
         render.step().unwrap();

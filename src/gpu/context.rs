@@ -71,6 +71,10 @@ thread_local! {
 impl Gpu {
     /// Makes a context with no window: EGL on the chosen device, else OSMesa where it is installed.
     ///
+    /// On llvmpipe of Mesa 22 the contexts of one process must not work on several threads at once: each looks through the unfinished draws
+    /// of all, which another thread may just be changing (`lp_setup_is_resource_referenced`), and the process ends. Newer versions have a lock there.
+    /// Contexts on one thread, or in several processes, are safe.
+    ///
     /// # Errors
     /// [`Error::Gl`] when no library, no device or no OpenGL 3.3 core context is to be had.
     pub fn headless(backend: Backend, device: DeviceChoice) -> Result<Self> {
@@ -180,10 +184,6 @@ impl Gpu {
 impl Context {
     pub(super) fn no_vertices(&self) -> glow::NativeVertexArray {
         self.no_vertices
-    }
-
-    pub(super) fn is_llvmpipe(&self) -> bool {
-        self.info.renderer.contains("llvmpipe")
     }
 
     /// The functions, with this context current on the calling thread.

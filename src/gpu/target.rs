@@ -124,12 +124,8 @@ impl Target {
         self.framebuffer.context()
     }
 
-    /// Binds it for drawing, the viewport over all of it. Waits where the driver must not be given more before it is done: llvmpipe (seen in Mesa 22.3)
-    /// can crash where a draw begins while others still run on its threads, for it looks through the resources of a scene that these are giving back.
+    /// Binds it for drawing, the viewport over all of it.
     pub(super) fn bind(&self) -> &glow::Context {
-        if self.context().is_llvmpipe() {
-            self.context().finish();
-        }
         let gl = self.framebuffer.gl();
         unsafe {
             gl.bind_framebuffer(glow::FRAMEBUFFER, Some(self.framebuffer.name()));

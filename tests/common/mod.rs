@@ -4,8 +4,10 @@
 use std::f32::consts::{PI, TAU};
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use finalgather::direction::{Direction, Directions};
+use finalgather::error::Result;
 use finalgather::gather::{FusedGather, Gather, KillGather, RayGather, Work};
 use finalgather::geometry::Geometry;
 use finalgather::gpu::{Backend, DeviceChoice, Gpu};
@@ -16,9 +18,23 @@ use finalgather::scene::{Bvh, Camera, Lights, Material, Mesh, Scene, Surface, Tr
 use finalgather::settings::{Sequence, Settings};
 use glam::{Vec2, Vec3, Vec4, vec3};
 
+thread_local! {
+    /// Tests run on threads of their own; the one that has this is the only one with contexts, until it ends: see [`Gpu::headless`].
+    static TURN: MutexGuard<'static, ()> = {
+        static GPU: Mutex<()> = Mutex::new(());
+        GPU.lock().unwrap_or_else(PoisonError::into_inner)
+    };
+}
+
 /// A context of the test's own.
 pub fn gpu() -> Gpu {
-    Gpu::headless(Backend::Auto, DeviceChoice::Auto).unwrap_or_else(|error| panic!("{error}"))
+    gpu_of(Backend::Auto).unwrap_or_else(|error| panic!("{error}"))
+}
+
+/// The same by a library that may not be here.
+pub fn gpu_of(backend: Backend) -> Result<Gpu> {
+    TURN.with(|_| ());
+    Gpu::headless(backend, DeviceChoice::Auto)
 }
 
 /// `usual`, or `small` on Mesa's reference rasteriser, which takes about twenty times as long.
