@@ -65,7 +65,6 @@ pub mod render;
 pub mod scene;
 pub mod settings;
 pub mod shaders;
-pub mod surfaces;
 
 pub use direction::{Direction, Directions};
 pub use environment::Environment;

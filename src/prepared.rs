@@ -9,7 +9,7 @@ use crate::photon::{PhotonCounts, PhotonGrid, PhotonTexture, PhotonTracer};
 use crate::scene::{Bvh, Lights, Scene, UnitSpace};
 use crate::settings::Settings;
 
-/// What bakes of one scene share. Glass is left out of it: gather rays go straight through, and nothing is baked on it.
+/// A scene in the forms that stages read.
 pub struct Prepared {
     /// In unit space.
     pub scene: Scene,
@@ -20,17 +20,44 @@ pub struct Prepared {
 }
 
 impl Prepared {
+    /// As bakes have it: without glass, for gather rays go straight through, and nothing is baked on it.
+    ///
     /// # Errors
-    /// [`Error::Usage`] when the scene's sizes are beyond the device's limits, [`Error::Gl`] when it fails.
-    pub fn new(gpu: &Gpu, scene: &Scene) -> Result<Self> {
+    /// [`Error::Usage`] when there is nothing but glass or the scene's sizes are beyond the device's limits, [`Error::Gl`] when it fails.
+    pub fn without_glass(gpu: &Gpu, scene: &Scene) -> Result<Self> {
         let (scene, space) = UnitSpace::enter(scene);
-        let scene = scene.without_glass().unwrap_or(scene);
-        if scene.mesh.triangles.is_empty() {
-            return Err(Error::usage("all surfaces are glass, so that there is nothing to bake", "add a surface that is not"));
-        }
+        let rest = check_rest(scene.without_glass())?;
+        Self::of(gpu, rest.unwrap_or(scene), space)
+    }
+
+    /// As eyes and photons see it, and as gather rays do, [`Self::without_glass`]; the same where there is none.
+    ///
+    /// # Errors
+    /// As [`Self::without_glass`].
+    pub fn both(gpu: &Gpu, scene: &Scene) -> Result<[Rc<Self>; 2]> {
+        let (scene, space) = UnitSpace::enter(scene);
+        let rest = check_rest(scene.without_glass())?;
+        let all = Rc::new(Self::of(gpu, scene, space)?);
+        let gathered = rest.map_or_else(|| Ok(Rc::clone(&all)), |rest| Self::of(gpu, rest, space).map(Rc::new))?;
+        Ok([all, gathered])
+    }
+
+    fn of(gpu: &Gpu, scene: Scene, space: UnitSpace) -> Result<Self> {
         let (bvh, lights) = (Rc::new(Bvh::new(&scene.mesh)), Lights::new(&scene));
         Ok(Self { geometry: Geometry::upload(gpu, &scene)?, scene, space, bvh, lights })
     }
+
+    /// What traces photons through it.
+    pub fn photons(&self, settings: &Settings) -> PhotonTracer<'_> {
+        PhotonTracer::new(&self.scene, &self.bvh, &self.lights, settings.seed, settings.bounces)
+    }
+}
+
+fn check_rest(rest: Option<Scene>) -> Result<Option<Scene>> {
+    if rest.as_ref().is_some_and(|rest| rest.mesh.triangles.is_empty()) {
+        return Err(Error::usage("all surfaces are glass, on which no light is gathered", "add a surface that is not"));
+    }
+    Ok(rest)
 }
 
 /// The photon map: one after the other, each of fresh photons.
@@ -44,31 +71,43 @@ pub struct Photons {
 }
 
 impl Photons {
-    /// Traces the first map, which also tells for all of them which surfaces light reaches.
+    /// Traces the first map through `all`, which also tells for all of them which surfaces of `gathered` light reaches. Where the device has no memory
+    /// left, `make_room` may find some, or say that there is none.
     ///
     /// # Errors
-    /// [`Error::Usage`] when there is no light to trace from, or a grid beyond the device's limits.
-    pub fn new(gpu: &Gpu, prepared: &Prepared, settings: &Settings) -> Result<Self> {
-        if prepared.lights.count() == 0 && !prepared.scene.has_sky() {
+    /// [`Error::Usage`] when there is no light to trace from, or a grid beyond the device's limits; [`Error::Gl`] when it fails.
+    pub fn new(
+        gpu: &Gpu,
+        [all, gathered]: [&Prepared; 2],
+        settings: &Settings,
+        mut make_room: impl FnMut() -> bool,
+    ) -> Result<Self> {
+        if all.lights.count() == 0 && !all.scene.has_sky() {
             return Err(Error::usage(
                 "all lights are too small beside the scene to be told from points",
                 "enlarge the lights, or leave out what lies far away",
             ));
         }
-        let mut grid = PhotonGrid::new(&prepared.scene.mesh, settings.grid_cells);
-        let counts = trace(prepared, settings, 0, &mut grid);
-        grid.add_area(&prepared.scene.mesh, &prepared.bvh, settings.seed);
-        Ok(Self { texture: PhotonTexture::upload(gpu, &grid)?, grid, counts, number: 0 })
+        let mut grid = PhotonGrid::new(&all.scene.mesh, settings.grid_cells);
+        let counts = trace(all, settings, 0, &mut grid);
+        grid.add_area(&gathered.scene.mesh, &gathered.bvh, settings.seed);
+        let texture = loop {
+            match PhotonTexture::upload(gpu, &grid) {
+                Err(error) if gpu.goes_on(&error) && make_room() => {}
+                uploaded => break uploaded?,
+            }
+        };
+        Ok(Self { texture, grid, counts, number: 0 })
     }
 
     /// Makes it the map of this number.
     ///
     /// # Errors
     /// When the device fails.
-    pub fn renew(&mut self, gpu: &Gpu, prepared: &Prepared, settings: &Settings, number: u64) -> Result<()> {
+    pub fn renew(&mut self, gpu: &Gpu, all: &Prepared, settings: &Settings, number: u64) -> Result<()> {
         if number != self.number {
             self.grid.clear_flux();
-            self.counts += trace(prepared, settings, number, &mut self.grid);
+            self.counts += trace(all, settings, number, &mut self.grid);
             self.texture = PhotonTexture::upload(gpu, &self.grid)?;
             self.number = number;
         }
@@ -76,7 +115,6 @@ impl Photons {
     }
 }
 
-fn trace(prepared: &Prepared, settings: &Settings, number: u64, grid: &mut PhotonGrid) -> PhotonCounts {
-    let tracer = PhotonTracer::new(&prepared.scene, &prepared.bvh, &prepared.lights, settings.seed, settings.bounces);
-    tracer.trace(number * settings.photons..(number + 1) * settings.photons, grid)
+fn trace(all: &Prepared, settings: &Settings, number: u64, grid: &mut PhotonGrid) -> PhotonCounts {
+    all.photons(settings).trace(number * settings.photons..(number + 1) * settings.photons, grid)
 }

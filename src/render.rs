@@ -27,14 +27,14 @@ use crate::film::{Film, FilmSum};
 use crate::gather::{FusedGather, Gather, KillGather, RayGather, Work};
 use crate::gpu::Gpu;
 use crate::image::Image;
-use crate::photon::{CausticMap, PhotonCounts, PhotonGrid, PhotonTexture, PhotonTracer};
+use crate::photon::{CausticMap, PhotonCounts};
 use crate::photon_map::PhotonMap;
 use crate::points::{CameraPoints, EyeRays, GatherPoint, Interleave, Points, Sums, TracedPoints, Visible};
+use crate::prepared::{Photons, Prepared};
 use crate::random::sobol;
 use crate::reference::Reference;
-use crate::scene::{Camera, Lights, Scene, UnitSpace};
+use crate::scene::{Camera, Scene, UnitSpace};
 use crate::settings::{DIRECTIONS_PER_PHOTON_MAP, Estimator, Pipeline, PointSource, Settings};
-use crate::surfaces::Surfaces;
 
 pub use layers::{End, LayerTexel, Layers, Probe};
 
@@ -42,17 +42,12 @@ pub use layers::{End, LayerTexel, Layers, Probe};
 pub struct Render {
     gpu: Gpu,
     settings: Settings,
-    all: Rc<Surfaces>,
+    all: Rc<Prepared>,
     /// What gather rays see.
-    gathered: Rc<Surfaces>,
-    space: UnitSpace,
+    gathered: Rc<Prepared>,
     /// In unit space.
     camera: Camera,
-    lights: Lights,
-    grid: PhotonGrid,
-    photons: PhotonTexture,
-    /// Which of the successive photon maps it is.
-    photon_map_number: u64,
+    photons: Photons,
     passes: Passes,
     directions: Directions,
     /// Checksums of the scene.
@@ -167,38 +162,16 @@ impl Render {
     /// fails.
     pub fn new(gpu: &Gpu, scene: &Scene, settings: &Settings) -> Result<Self> {
         settings.validate()?;
-        let (mut scene, space) = UnitSpace::enter(scene);
-        if scene.framed {
-            scene.camera = Camera::framing(scene.mesh.bounds(), settings.size);
-        }
-        let (camera, digest) = (scene.camera, scene.digest());
-        let [all, gathered] = Surfaces::of(gpu, scene)?;
+        let [all, gathered] = Prepared::both(gpu, scene)?;
         let scene = &all.scene;
+        let camera = if scene.framed { Camera::framing(scene.mesh.bounds(), settings.size) } else { scene.camera };
         let mut passes = Passes::new(gpu, &gathered.scene, settings)?;
 
-        // The first photons also tell, for all maps, which surfaces light reaches.
         let start = Instant::now();
-        let lights = Lights::new(scene);
-        if lights.count() == 0 && !scene.has_sky() {
-            return Err(Error::usage(
-                "all lights are too small beside the scene to be told from points",
-                "enlarge the lights, or leave out what lies far away",
-            ));
-        }
-        let mut grid = PhotonGrid::new(&scene.mesh, settings.grid_cells);
-        let tracer = PhotonTracer::new(scene, &all.bvh, &lights, settings.seed, settings.bounces);
-        let photon_counts = tracer.trace(0..settings.photons, &mut grid);
-        grid.add_area(&gathered.scene.mesh, &gathered.bvh, settings.seed);
-        let photons = loop {
-            match PhotonTexture::upload(gpu, &grid) {
-                Err(error) if gpu.goes_on(&error) && passes.shrink() => {}
-                uploaded => break uploaded?,
-            }
-        };
-
+        let photons = Photons::new(gpu, [&all, &gathered], settings, || passes.shrink())?;
         let mut statistics = Statistics {
-            scene: SceneCounts { triangles: scene.mesh.triangles.len(), lights: lights.count() },
-            photons: photon_counts,
+            scene: SceneCounts { triangles: scene.mesh.triangles.len(), lights: all.lights.count() },
+            photons: photons.counts,
             ..Statistics::default()
         };
         statistics.seconds.photons = start.elapsed().as_secs_f64();
@@ -209,16 +182,12 @@ impl Render {
             gpu: gpu.clone(),
             directions: Directions::new(settings.sequence, settings.seed),
             settings: settings.clone(),
+            digest: scene.digest(),
             all,
             gathered,
-            space,
             camera,
-            lights,
-            grid,
             photons,
-            photon_map_number: 0,
             passes,
-            digest,
             shard: None,
             block: None,
             done: 0,
@@ -246,7 +215,7 @@ impl Render {
         }
         self.directions = Directions::new(settings.sequence, settings.seed);
         self.settings = settings.clone();
-        self.camera = self.space.enter_camera(camera);
+        self.camera = self.all.space.enter_camera(camera);
         self.forget();
         Ok(())
     }
@@ -268,8 +237,10 @@ impl Render {
         self.film = FilmSum::default();
         self.reached = false;
         // Later photons go, and the first ones count when they are traced again.
-        let photons = if self.photon_map_number == 0 { self.statistics.photons } else { PhotonCounts::default() };
-        self.statistics = Statistics { scene: self.statistics.scene, photons, ..Statistics::default() };
+        if self.photons.number > 0 {
+            self.photons.counts = PhotonCounts::default();
+        }
+        self.statistics = Statistics { scene: self.statistics.scene, photons: self.photons.counts, ..Statistics::default() };
         self.statistics.gather.layer_size = self.settings.layer_size;
     }
 
@@ -306,7 +277,7 @@ impl Render {
             "version": env!("CARGO_PKG_VERSION"),
             "gl": self.gpu.identity(),
             "scene": self.digest,
-            "space": self.space,
+            "space": self.all.space,
             "camera": format!("{:?}", self.camera),
             "settings": settings,
         })
@@ -385,10 +356,10 @@ impl Render {
 
     /// The mean of what is gathered so far, with the channels of `Film::image`; black before the first direction.
     pub fn picture(&self) -> Image {
-        let Some(block) = &self.block else { return self.film.image(self.settings.size, &self.space) };
+        let Some(block) = &self.block else { return self.film.image(self.settings.size, &self.all.space) };
         let mut film = self.film.clone();
         film.insert_block(block.index, self.film_of(block));
-        film.image(self.settings.size, &self.space)
+        film.image(self.settings.size, &self.all.space)
     }
 
     /// Photons, visible points and direct light for the next block.
@@ -397,8 +368,11 @@ impl Render {
         let directions = blocks.directions(index..index + 1);
 
         let map = u64::from(directions.start / DIRECTIONS_PER_PHOTON_MAP);
-        if map != self.photon_map_number {
-            self.trace_photons(map)?;
+        if map != self.photons.number {
+            let start = Instant::now();
+            self.photons.renew(&self.gpu, &self.all, &self.settings, map)?;
+            self.statistics.photons = self.photons.counts;
+            self.statistics.seconds.photons += self.finish("uploading photons", start)?;
         }
 
         let start = Instant::now();
@@ -410,7 +384,7 @@ impl Render {
                 visible
             }
             Source::Traced(points) => {
-                let Surfaces { scene, bvh, .. } = &*self.all;
+                let Prepared { scene, bvh, .. } = &*self.all;
                 let rays = EyeRays { scene, bvh, camera: &self.camera, size: self.settings.size, seed: self.settings.seed };
                 let visible = rays.see(offset.into(), index);
                 *points = Some(TracedPoints::upload(&self.gpu, self.settings.size, &visible)?);
@@ -418,7 +392,7 @@ impl Render {
             }
         };
         let points = self.passes.source.points(&visible);
-        let rough = self.passes.rough.see(&self.photons, points);
+        let rough = self.passes.rough.see(&self.photons.texture, points);
         self.statistics.seconds.visible_points += self.finish("finding visible points", start)?;
 
         // Each block takes its share of one sequence of light samples, so that together they cover the lights evenly.
@@ -426,9 +400,9 @@ impl Render {
         let light_samples = u64::from(self.settings.light_samples).div_ceil(blocks.count().into());
         self.passes.direct_sums.clear();
         let first = u64::from(index) * light_samples;
-        let samples = if self.lights.count() > 0 { first..first + light_samples } else { first..first };
+        let samples = if self.all.lights.count() > 0 { first..first + light_samples } else { first..first };
         for sample in samples {
-            self.passes.direct.add(&self.all.geometry, &self.lights, sample, points, &self.passes.direct_sums);
+            self.passes.direct.add(&self.all.geometry, &self.all.lights, sample, points, &self.passes.direct_sums);
         }
         self.statistics.seconds.direct += self.finish("direct light", start)?;
         let start = Instant::now();
@@ -458,26 +432,9 @@ impl Render {
         }
         let photons = self.settings.photons;
         let numbers = u64::from(block) * photons..(u64::from(block) + 1) * photons;
-        let Surfaces { scene, bvh, .. } = &*self.all;
-        let tracer = PhotonTracer::new(scene, bvh, &self.lights, self.settings.seed, self.settings.bounces);
-        let map = CausticMap::new(tracer.caustics(numbers), block);
+        let map = CausticMap::new(self.all.photons(&self.settings).caustics(numbers), block);
         let see = |point: Option<GatherPoint>| point.map_or(Vec3::ZERO, |p| map.irradiance(p.position, p.surface_normal));
         pixels.into_par_iter().map(see).collect()
-    }
-
-    /// Replaces the photon map by one of fresh photons.
-    fn trace_photons(&mut self, map: u64) -> Result<()> {
-        let start = Instant::now();
-        self.grid.clear_flux();
-        let numbers = map * self.settings.photons..(map + 1) * self.settings.photons;
-        let Surfaces { scene, bvh, .. } = &*self.all;
-        let tracer = PhotonTracer::new(scene, bvh, &self.lights, self.settings.seed, self.settings.bounces);
-        let counts = tracer.trace(numbers, &mut self.grid);
-        self.photons = PhotonTexture::upload(&self.gpu, &self.grid)?;
-        self.statistics.photons += counts;
-        self.photon_map_number = map;
-        self.statistics.seconds.photons += self.finish("uploading photons", start)?;
-        Ok(())
     }
 
     fn gather_directions(&mut self, block: &mut Block) -> Result<()> {
@@ -500,11 +457,11 @@ impl Render {
         let points = self.passes.source.points(&block.visible).only(subset);
         let layers = match &mut self.passes.method {
             Method::Gl { gather, sums } => {
-                let Surfaces { scene, geometry, .. } = &*self.gathered;
-                gather.add(Work { scene, geometry, photons: &self.photons, points, sums }, &directions)?
+                let Prepared { scene, geometry, .. } = &*self.gathered;
+                gather.add(Work { scene, geometry, photons: &self.photons.texture, points, sums }, &directions)?
             }
             Method::Rays { points, sums } => {
-                let rays = Reference::new(&self.gathered.scene, &self.gathered.bvh, &self.grid);
+                let rays = Reference::new(&self.gathered.scene, &self.gathered.bvh, &self.photons.grid);
                 let interleave = self.passes.interleave;
                 let cast = |(i, (point, sum)): (usize, (&Option<GatherPoint>, &mut Vec4))| match point {
                     Some(point) if interleave.subset_of(i) == subset => {

@@ -26,7 +26,7 @@ fn settings(directions: u32) -> Settings {
 }
 
 fn bake(gpu: &Gpu, scene: &Scene, points: &[GatherPoint], settings: &Settings, plan: &Plan) -> (Vec<Channel>, Vec<f32>) {
-    let prepared = Prepared::new(gpu, scene).unwrap();
+    let prepared = Prepared::without_glass(gpu, scene).unwrap();
     let mut bake = Bake::new(gpu, prepared, points.to_vec(), settings, plan).unwrap();
     assert!(bake.columns().is_none(), "values before the first direction");
     while !bake.is_done() {
@@ -61,7 +61,7 @@ fn cornell() -> Scene {
 /// The Cornell box stands open towards the camera, so that some of the sky is seen from everywhere; but for where its blocks stand: layers do not
 /// tell surfaces that touch.
 fn cornell_points(gpu: &Gpu, scene: &Scene, count: usize) -> Vec<GatherPoint> {
-    let prepared = Prepared::new(gpu, scene).unwrap();
+    let prepared = Prepared::without_glass(gpu, scene).unwrap();
     let covered = |point: &GatherPoint| {
         let hit = prepared.bvh.nearest(point.position + RAY_OFFSET * point.normal, point.normal, None);
         hit.is_some_and(|hit| hit.distance < 1e-3)
@@ -127,7 +127,7 @@ fn irradiance_is_that_of_the_gather() {
     let settings = settings(along);
     let plan = Plan { what: vec![Quantity::Irradiance], ..PLAN };
     let baked = bake(&gpu, &scene, &points, &settings, &plan).0;
-    let unit = Prepared::new(&gpu, &scene).unwrap().scene;
+    let unit = Prepared::without_glass(&gpu, &scene).unwrap().scene;
     let bvh = Bvh::new(&unit.mesh);
     let mut grid = finalgather::photon::PhotonGrid::new(&unit.mesh, settings.grid_cells);
     let lights = finalgather::scene::Lights::new(&unit);
@@ -179,7 +179,7 @@ fn gathered_bounces_are_the_geometric_series() {
         }
     }
     let scene = model.scene;
-    let points = points_on(&Prepared::new(&gpu, &scene).unwrap().scene, 512);
+    let points = points_on(&Prepared::without_glass(&gpu, &scene).unwrap().scene, 512);
     let settings = Settings { light_samples: 512, ..settings(along) };
     let series = |bounces: u32| (1..=bounces).map(|k| albedo.powi(k as i32)).sum::<f32>();
     let mean = |bounces: u32| {
@@ -248,7 +248,7 @@ fn transfer_of_a_plane_is_the_cosine() {
     let (u, v) = normal.any_orthonormal_pair();
     model.plate(Vec3::ZERO, u, v, 0);
     let scene = model.scene;
-    let points = points_on(&Prepared::new(&gpu, &scene).unwrap().scene, 64);
+    let points = points_on(&Prepared::without_glass(&gpu, &scene).unwrap().scene, 64);
     let plan = Plan { what: vec![Quantity::Prt, Quantity::PrtUnshadowed, Quantity::BentNormal], order: 5, bounces: 1, ..PLAN };
     let (baked, inside) = bake(&gpu, &scene, &points, &settings(sized(&gpu, 1024, 256)), &plan);
     let lobe: Vec<f32> = cosine_lobe(points[0].normal).into_iter().flat_map(|c| [c; 3]).collect();
@@ -274,7 +274,7 @@ fn bent_normals_and_ao_beside_a_wall() {
     model.plate(Vec3::ZERO, Vec3::Z, apart * Vec3::X, 0);
     model.plate(vec3(-apart, 0.5 * height, 0.0), 0.5 * height * Vec3::Y, half * Vec3::Z, 0);
     let scene = model.scene;
-    let prepared = Prepared::new(&gpu, &scene).unwrap();
+    let prepared = Prepared::without_glass(&gpu, &scene).unwrap();
     let point = GatherPoint::flat(prepared.space.enter_point(Vec3::ZERO), Vec3::Y);
     let plan = Plan { what: vec![Quantity::Ao, Quantity::BentNormal], ..PLAN };
     let far = bake(&gpu, &scene, &[point], &settings(4096), &plan).0;
@@ -308,7 +308,7 @@ fn rounds_change_nothing() {
     let points = cornell_points(&gpu, &scene, sized(&gpu, 600_000, 300_000));
     let settings = settings(sized(&gpu, 16, 8));
     let plan = Plan { what: vec![Quantity::Ao], ..PLAN };
-    let prepared = Prepared::new(&gpu, &scene).unwrap();
+    let prepared = Prepared::without_glass(&gpu, &scene).unwrap();
     let small = Bake::new(&gpu, prepared, points.clone(), &settings, &Plan { memory: 64, ..plan.clone() }).unwrap();
     assert!(small.statistics().rounds > 1, "one round");
     let at_once = bake(&gpu, &scene, &points, &settings, &plan);
@@ -351,7 +351,7 @@ fn vertices_are_split_at_edges_and_filled_inside() {
         }
     }
     let scene = model.scene;
-    let prepared = Prepared::new(&gpu, &scene).unwrap();
+    let prepared = Prepared::without_glass(&gpu, &scene).unwrap();
     let vertices = Vertices::new(&prepared.scene.mesh, 0.004);
     let plan = Plan { what: vec![Quantity::Ao], ..PLAN };
     let (mut columns, inside) = bake(&gpu, &scene, vertices.points(), &settings(sized(&gpu, 256, 64)), &plan);

@@ -242,7 +242,7 @@ impl Bake {
         }
         let start = Instant::now();
         let photons = if plan.needs_radiance() && plan.rough == Rough::Photons {
-            Some(Photons::new(gpu, &prepared, settings)?)
+            Some(Photons::new(gpu, [&prepared, &prepared], settings, || false)?)
         } else {
             None
         };

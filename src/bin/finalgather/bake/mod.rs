@@ -124,7 +124,7 @@ fn bake(
     let gpu = Gpu::headless(args.backend, args.gl_device)?;
     progress.stage("placing points");
     let placing = Instant::now();
-    let prepared = Prepared::new(&gpu, &scene)?;
+    let prepared = Prepared::without_glass(&gpu, &scene)?;
     let receivers = args.to.iter().map(|to| Receiver::new(to, args, &gpu, &prepared, &settings)).collect::<Result<Vec<_>>>()?;
     receivers.iter().flat_map(Receiver::warnings).for_each(|warning| progress.say(&format!("warning: {warning}")));
     let points: Vec<GatherPoint> = receivers.iter().flat_map(|receiver| receiver.points().iter().copied()).collect();
