@@ -185,19 +185,20 @@ fn gathered_bounces_are_the_geometric_series() {
     let mean = |bounces: u32| {
         let plan = Plan { what: vec![Quantity::Irradiance], bounces, rough: Rough::Gathered, ..PLAN };
         let baked = bake(&gpu, &scene, &points, &settings, &plan).0;
-        let mean = column(&baked, "IrradianceIndirect.G").iter().sum::<f32>() / points.len() as f32;
-        // Direct light is all of it, and has samples near few of the vertices: 3 % off with 512 of them, 2 % with 2048.
-        let expected = PI * series(bounces);
-        assert!((mean / expected - 1.0).abs() < sized(&gpu, 0.05, 0.1), "{bounces} bounces: {mean}, expected {expected}");
-        mean
+        column(&baked, "IrradianceIndirect.G").iter().sum::<f32>() / points.len() as f32
     };
     let once = mean(1);
-    if let Some(bounces) = sized(&gpu, Some(3), None) {
-        // What direct light is off by is in all bounces alike.
-        let growth = mean(bounces) / once;
-        let expected = series(bounces) / series(1);
-        assert!((growth / expected - 1.0).abs() < 0.01, "grows by {growth}, expected {expected}");
+    // Few of the samples on the lights, which are all walls here, are near a vertex: direct light is 3 % off at so many vertices. At a quarter of
+    // them it is up to 15 %, from which nothing can be told.
+    if let Some(limit) = sized(&gpu, Some(0.05), None) {
+        let expected = PI * series(1);
+        assert!((once / expected - 1.0).abs() < limit, "1 bounce: {once}, expected {expected}");
     }
+    // It is off in all bounces alike (measured: they grow by 0.2 % too much, and by 1.3 % too little at a quarter of the vertices).
+    let (bounces, limit) = sized(&gpu, (3, 0.01), (2, 0.03));
+    let growth = mean(bounces) / once;
+    let expected = series(bounces) / series(1);
+    assert!((growth / expected - 1.0).abs() < limit, "grows by {growth}, expected {expected}");
 }
 
 /// Under a sky that nine coefficients describe, transfer gives what a gather under that sky does, bounces and all: both are linear in it.
