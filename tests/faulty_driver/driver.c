@@ -1,5 +1,5 @@
 // An EGL driver with faults: Mesa's, with a hand between it and GLVND, which takes it for a vendor's own. So the tool under test is the one that
-// people run. Which faults there are, the environment says; what happened is written down at the end. Used by tests/gl_faults.rs.
+// people run. Which faults there are, the environment says; what happened is written down at the end. Used by tests/faults.rs.
 
 #include <dlfcn.h>
 #include <stdint.h>

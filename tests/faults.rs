@@ -2,7 +2,7 @@
 //! without, or in an error that says so, with what was gathered kept.
 //!
 //! The driver is Mesa's with tests/faulty_driver/driver.c before it, which GLVND loads by its own environment variable. So it is the tool that people run
-//! which meets the faults.
+//! which meets the faults; by the best driver alone, for on softpipe its many runs would take a quarter of an hour.
 #![cfg(target_os = "linux")]
 
 mod common;
