@@ -67,7 +67,7 @@ fn furnace_with_mirror_and_glass() {
         points: PointSource::Traced,
         directions,
         photons,
-        light_samples: directions,
+        light_samples: 1024,
         layer_size: 128,
         ..Settings::default()
     };
