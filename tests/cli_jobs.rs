@@ -196,6 +196,38 @@ fn termination_keeps_a_checkpoint_and_what_is_done_is_not_done_again() {
 }
 
 #[test]
+fn a_second_run_is_refused_and_what_a_killed_one_left_goes() {
+    let folder = folder();
+    let path = |name: &str| folder.path().join(name);
+    let long = ["--directions", "100000", "--checkpoint-every", "0", "--resume", "-o", "a.png", "--checkpoint", "a.sums"];
+    let mut child = render(&folder, &long).stderr(Stdio::null()).spawn().unwrap();
+    while !path("a.sums").exists() {
+        sleep(Duration::from_millis(10));
+    }
+    // Another result, the same sums.
+    let second = ["--directions", "100000", "--resume", "-o", "b.png", "--checkpoint", "a.sums"];
+    let said = refusal(&mut render(&folder, &second), 75);
+    assert!(said.contains("a.sums: another run is writing it") && said.contains("cure: "), "{said}");
+    assert!(child.try_wait().unwrap().is_none(), "the first run has ended");
+    child.kill().unwrap();
+    child.wait().unwrap();
+    // As from a run that was killed while it wrote, and of files that are not this one.
+    let temporary = |of: &str| path(&format!(".finalgather-{of}-aB3dE6.part"));
+    let others = ["b.sums", "a.sums-b", "a.su"];
+    ["a.sums"].iter().chain(&others).for_each(|of| fs::write(temporary(of), "unfinished").unwrap());
+    assert!(path("a.sums.lock").exists(), "nothing was locked");
+    success(&mut render(&folder, &["-o", "b.png", "--checkpoint", "b.checkpoint"]));
+    assert!(temporary("a.sums").exists(), "removed by a run that has no right to");
+    fs::remove_file(path("a.sums")).unwrap();
+    success(&mut render(&folder, &["-o", "a.png", "--checkpoint", "a.sums"]));
+    assert!(!temporary("a.sums").exists(), "what the killed run has left is there still");
+    assert!(others.iter().all(|of| temporary(of).exists()), "another file's is gone");
+    let locks =
+        fs::read_dir(&folder).unwrap().filter(|entry| entry.as_ref().unwrap().path().extension().is_some_and(|e| e == "lock"));
+    assert_eq!(locks.count(), 0, "a lock is left");
+}
+
+#[test]
 fn what_does_not_belong_together_is_refused_by_name() {
     let folder = folder();
     let shard = |shard: &str, name: &str, args: &[&str]| {

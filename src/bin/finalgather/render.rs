@@ -40,7 +40,7 @@ fn render(
     progress: &Progress,
     started: Instant,
 ) -> Result<u8> {
-    let interrupt = Interrupt::watch(progress.clone()).map_err(|error| {
+    let interrupt = Interrupt::watch(progress.clone(), checkpoint.lock_path().map(Path::to_owned)).map_err(|error| {
         Error::usage(format!("signals cannot be caught: {error}"), "run where the system allows signal handlers")
     })?;
     let loading = Instant::now();

@@ -3,7 +3,7 @@
 mod receiver;
 
 use std::io::{self, IsTerminal};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use finalgather::bake::{Bake, Plan, Statistics, blocks_of};
@@ -90,7 +90,7 @@ fn bake(
     progress: &Progress,
     started: Instant,
 ) -> Result<u8> {
-    let interrupt = Interrupt::watch(progress.clone()).map_err(|error| {
+    let interrupt = Interrupt::watch(progress.clone(), checkpoint.lock_path().map(Path::to_owned)).map_err(|error| {
         Error::usage(format!("signals cannot be caught: {error}"), "run where the system allows signal handlers")
     })?;
     let scene = load(args)?;
