@@ -452,9 +452,8 @@ impl Render {
 
     /// Irradiance at the points of a block by way of mirrors and glass, from photons of its own.
     fn caustics(&self, block: u32, visible: &Visible) -> Vec<Vec3> {
-        let pixels = visible.pixels();
         if !self.all.scene.is_specular() {
-            return vec![Vec3::ZERO; pixels.len()];
+            return vec![Vec3::ZERO; visible.normal.len()];
         }
         let photons = self.settings.photons;
         let numbers = u64::from(block) * photons..(u64::from(block) + 1) * photons;
@@ -462,7 +461,7 @@ impl Render {
         let tracer = PhotonTracer::new(scene, bvh, &self.lights, self.settings.seed, self.settings.bounces);
         let map = CausticMap::new(tracer.caustics(numbers), block);
         let see = |point: Option<GatherPoint>| point.map_or(Vec3::ZERO, |p| map.irradiance(p.position, p.surface_normal));
-        pixels.into_par_iter().map(see).collect()
+        visible.pixels().into_par_iter().map(see).collect()
     }
 
     /// Replaces the photon map by one of fresh photons.
@@ -602,6 +601,11 @@ impl Merge {
     pub fn picture(&self) -> Result<Image> {
         blocks_of(&self.settings).check_whole(&self.film)?;
         Ok(self.film.image(self.settings.size, &self.space))
+    }
+
+    /// As [`Render::job`].
+    pub fn job(&self) -> &Value {
+        &self.job
     }
 
     /// What it was rendered by.

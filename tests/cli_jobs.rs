@@ -227,6 +227,51 @@ fn a_second_run_is_refused_and_what_a_killed_one_left_goes() {
     assert_eq!(locks.count(), 0, "a lock is left");
 }
 
+/// Whether it gathered.
+fn gathers(command: &mut Command) -> bool {
+    let output = command.args(["--resume", "--json"]).output().unwrap();
+    assert!(output.status.success(), "{}", said(&output));
+    let report: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let done = [&report["gather"]["directions"], &report["bake"]["directions_done"]].into_iter().find_map(Value::as_u64).unwrap();
+    assert_eq!(done == 0, said(&output).contains("finished by an earlier run"), "{done} directions: {}", said(&output));
+    done > 0
+}
+
+#[test]
+fn what_is_finished_is_not_made_again() {
+    let folder = folder();
+    let state = |names: &[&str]| -> Vec<_> {
+        let of = |name: &&str| (bytes(&folder, name), fs::metadata(folder.path().join(name)).unwrap().modified().unwrap());
+        names.iter().map(of).collect()
+    };
+    success(&mut bake(&folder, &RECEIVERS));
+    let (names, before) = (["a.npy", "a.json"], state(&["a.npy", "a.json"]));
+    success(&mut bake(&folder, &["-o", "vertices:b.ply", "-o", "lightmap:b.exr"]));
+    assert!(!gathers(&mut bake(&folder, &["-o", "vertices:b.ply", "-o", "lightmap:b.exr"])));
+    assert!(gathers(&mut bake(&folder, &["--padding", "3", "-o", "vertices:b.ply", "-o", "lightmap:b.exr"])));
+    assert!(gathers(&mut bake(&folder, &["-o", "vertices:a.npy", "-o", "lightmap:c.exr"])), "one output is not there");
+    assert!(state(&names) != before, "the one that is there was not made again with the other");
+    assert!(gathers(&mut render(&folder, &["-o", "a.exr"])), "it was a bake's");
+    let before = state(&["a.exr"]);
+    assert!(!gathers(&mut render(&folder, &["-o", "a.exr"])));
+    assert!(state(&["a.exr"]) == before, "it was written again");
+    // A PNG does not tell.
+    assert!(gathers(&mut render(&folder, &["-o", "a.exr", "-o", "a.png"])));
+    assert!(gathers(&mut render(&folder, &["-o", "a.exr", "--exposure", "1"])));
+    assert!(gathers(&mut render(&folder, &["-o", "a.exr", "--seed", "1"])));
+    assert!(bytes(&folder, "a.exr") != before[0].0);
+    // Ended early, and what was summed is lost.
+    let settings = ["--directions", "1500", "--checkpoint-every", "0", "-o", "a.exr"];
+    let child = render(&folder, &settings).stderr(Stdio::piped()).spawn().unwrap();
+    while !folder.path().join("a.exr.checkpoint").exists() {
+        sleep(Duration::from_millis(10));
+    }
+    assert!(Command::new("kill").args(["-TERM", &child.id().to_string()]).status().unwrap().success());
+    assert_eq!(child.wait_with_output().unwrap().status.code(), Some(143));
+    fs::remove_file(folder.path().join("a.exr.checkpoint")).unwrap();
+    assert!(gathers(&mut render(&folder, &settings)));
+}
+
 #[test]
 fn what_does_not_belong_together_is_refused_by_name() {
     let folder = folder();

@@ -319,7 +319,7 @@ pub struct JobArgs {
     #[arg(long, value_name = "SECONDS", default_value_t = 30, value_parser = clap::value_parser!(u64).range(..=86_400))]
     pub checkpoint_every: u64,
 
-    /// Go on from the checkpoint, or with --shard from its part, if there is one
+    /// Go on from the checkpoint, or with --shard from its part, if there is one; outputs of the same job that are finished and can tell (.exr, .npy, .ply) stay as they are
     #[arg(long)]
     pub resume: bool,
 

@@ -119,6 +119,11 @@ impl Checkpoint {
         &self.path
     }
 
+    /// Whether the job that is to go on may be one that has ended, and left nothing but its outputs.
+    pub fn may_be_over(&self) -> bool {
+        self.resume && self.kind == Kind::Automatic && !self.path.exists()
+    }
+
     /// What is there for as long as this run is.
     pub fn lock_path(&self) -> Option<&Path> {
         self.lock.as_ref().map(Lock::path)
