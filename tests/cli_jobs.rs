@@ -273,6 +273,33 @@ fn what_is_finished_is_not_made_again() {
 }
 
 #[test]
+fn memory_is_bounded_by_what_is_said_before() {
+    let folder = folder();
+    // On a software driver, whose memory is the process's.
+    let run = |size: &str, memory: &str| {
+        let args = ["--size", size, "--directions", "16", "--gl-device", "sw", "-o", "a.exr", "--json", "--memory", memory];
+        render(&folder, &args).output().unwrap()
+    };
+    for size in ["320", "640"] {
+        let said = said(&run(size, "1"));
+        let needed = said.split_once("may take ").and_then(|(_, rest)| rest.split_once(" MiB")?.0.parse::<u64>().ok());
+        let needed = needed.unwrap_or_else(|| panic!("{said}"));
+        assert!(!folder.path().join("a.exr").exists() && said.contains(&format!("--memory {needed}")), "{said}");
+        let output = run(size, &needed.to_string());
+        let report: Value = serde_json::from_slice(&output.stdout).unwrap_or_else(|error| panic!("{error}: {output:?}"));
+        let peak = report["peak_memory_bytes"].as_u64().unwrap() as f64 / f64::from(1 << 20);
+        let ratio = needed as f64 / peak;
+        assert!((1.0..1.5).contains(&ratio), "{size}: {needed} MiB were said, and {peak:.1} taken");
+        fs::remove_file(folder.path().join("a.exr")).unwrap();
+    }
+    let output = run("640", "250");
+    let said = said(&output);
+    assert_eq!(output.status.code(), Some(2), "{said}");
+    let (_, size) = said.split_once("--size ").unwrap_or_else(|| panic!("{said}"));
+    assert!(run(size.split_once(' ').unwrap().0, "250").status.success(), "{said}");
+}
+
+#[test]
 fn what_does_not_belong_together_is_refused_by_name() {
     let folder = folder();
     let shard = |shard: &str, name: &str, args: &[&str]| {

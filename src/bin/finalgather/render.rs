@@ -1,6 +1,7 @@
 //! `finalgather render`: everything that can be refused early first, then the render, then the files and the report.
 
 use std::io::{self, IsTerminal};
+use std::iter::successors;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -9,7 +10,8 @@ use finalgather::error::{Error, Result};
 use finalgather::export;
 use finalgather::gpu::Gpu;
 use finalgather::image::{Image, WriteOptions, check_writable};
-use finalgather::render::{Render, blocks_of};
+use finalgather::render::{Render, blocks_of, memory_of};
+use finalgather::scene::Scene;
 use finalgather::settings::{PointSource, Settings};
 use serde_json::{Value, json};
 
@@ -61,6 +63,7 @@ fn render(
         return Err(Error::usage("a shard cannot tell the error of the whole picture", "give --until 0"));
     }
     let found = checkpoint.found(progress)?;
+    check_memory(args.memory, &scene, &settings)?;
 
     progress.stage("starting OpenGL");
     let gpu = Gpu::headless(args.backend, args.gl_device)?;
@@ -149,6 +152,26 @@ fn render(
         })?;
     }
     Ok(stopped.unwrap_or(0))
+}
+
+/// Whether the render fits into so many MiB.
+fn check_memory(allowed: Option<usize>, scene: &Scene, settings: &Settings) -> Result<()> {
+    let of = |settings: &Settings| memory_of(scene, settings).div_ceil(1 << 20);
+    let (Some(allowed), needed) = (allowed, of(settings)) else { return Ok(()) };
+    let fits = |settings: &Settings| of(settings) <= allowed as u64;
+    if fits(settings) {
+        return Ok(());
+    }
+    let of_size = |size: [u32; 2]| Settings { size, ..settings.clone() };
+    let smaller = successors(Some(settings.size), |size| Some(size.map(|side| side * 15 / 16)));
+    let fitting = smaller.take_while(|size| !size.contains(&0)).find(|&size| fits(&of_size(size)));
+    let fewer = successors(Some(settings.directions), |directions| Some(directions / 2));
+    let fewer =
+        fewer.take_while(|&directions| directions > 0).find(|&directions| fits(&Settings { directions, ..settings.clone() }));
+    let fitting = fitting.map(|[width, height]| format!("--size {width}x{height}"));
+    let cures = fitting.into_iter().chain(fewer.map(|directions| format!("--directions {directions}")));
+    let cure = cures.chain([format!("--memory {needed}")]).collect::<Vec<_>>().join(" or ");
+    Err(Error::usage(format!("the render may take {needed} MiB, and --memory allows {allowed}"), format!("give {cure}")))
 }
 
 /// What to add where something is kept.
