@@ -250,10 +250,14 @@ fn load(args: &BakeArgs) -> Result<Scene> {
 fn outputs_of(args: &BakeArgs) -> Result<Vec<Vec<PathBuf>>> {
     let mut outputs = vec![Vec::new(); args.to.len()];
     for output in &args.outputs {
-        let of = |to: &To| output.strip_prefix(to.name()).and_then(|rest| rest.strip_prefix(':'));
-        let named = args.to.iter().enumerate().find_map(|(i, to)| of(to).map(|path| (i, path)));
+        let of = |name: &str| output.strip_prefix(name).and_then(|rest| rest.strip_prefix(':'));
+        let named = args.to.iter().enumerate().find_map(|(i, to)| of(to.name()).map(|path| (i, path)));
         match named {
             Some((i, path)) => outputs[i].push(PathBuf::from(path)),
+            None if let Some(name) = To::NAMES.into_iter().find(|name| of(name).is_some()) => {
+                let cure = format!("add --to {name}, or give a file of what is baked");
+                return Err(Error::usage(format!("-o {output}: {name} was not asked for"), cure));
+            }
             None if args.to.len() == 1 => outputs[0].push(PathBuf::from(output)),
             None => {
                 let names: Vec<_> = args.to.iter().map(|to| format!("{}:{output}", to.name())).collect();
