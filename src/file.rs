@@ -1,8 +1,9 @@
 //! Files out: whole under their names, or not at all. Files in: no more than they may be.
 
+use std::ffi::OsString;
 use std::fs::{self, File, Permissions};
 use std::io::{self, ErrorKind, Read, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use tempfile::NamedTempFile;
 
@@ -48,7 +49,7 @@ pub fn check_writable(path: &Path) -> Result<()> {
         let folder = folder.display();
         return Err(Error::usage(format!("{folder}: there is no such folder"), format!("make it first: mkdir -p {folder}")));
     }
-    temporary_in(folder).map(drop).map_err(|error| {
+    temporary_of(path).map(drop).map_err(|error| {
         let problem = format!("{}: no file can be made in this folder: {error}", folder.display());
         Error::usage(problem, "give a path in a folder that can be written")
     })
@@ -74,7 +75,7 @@ pub fn write_by(path: &Path, fill: impl FnOnce(&File) -> io::Result<()>) -> Resu
 
 fn write_atomically(path: &Path, fill: impl FnOnce(&File) -> io::Result<()>) -> io::Result<()> {
     // Dropping the temporary file removes it, so that every early return leaves nothing behind.
-    let file = temporary_in(folder_of(path))?;
+    let file = temporary_of(path)?;
     // Through the file itself, whose errors do not speak of the temporary name.
     fill(file.as_file())?;
     // A name that outlives a power cut must not outlive its content.
@@ -84,13 +85,89 @@ fn write_atomically(path: &Path, fill: impl FnOnce(&File) -> io::Result<()>) -> 
 }
 
 /// In the same folder, because a file can be renamed in one step only within its file system.
-fn temporary_in(folder: &Path) -> io::Result<NamedTempFile> {
+fn temporary_of(path: &Path) -> io::Result<NamedTempFile> {
+    let prefix = temporary_prefix(path);
     let mut builder = tempfile::Builder::new();
-    builder.prefix(".finalgather-").suffix(".part");
+    builder.prefix(&prefix).rand_bytes(RANDOM).suffix(SUFFIX);
     // As for any new file, the umask decides; tempfile's own default is for secrets.
     #[cfg(unix)]
     builder.permissions(<Permissions as std::os::unix::fs::PermissionsExt>::from_mode(0o666));
-    builder.tempfile_in(folder)
+    builder.tempfile_in(folder_of(path))
+}
+
+/// Of a temporary file's name: random letters, and what stands after them.
+const RANDOM: usize = 6;
+const SUFFIX: &str = ".part";
+
+/// Names the file that it is to be.
+fn temporary_prefix(path: &Path) -> OsString {
+    let mut prefix = OsString::from(".finalgather-");
+    prefix.push(path.file_name().unwrap_or_default());
+    prefix.push("-");
+    prefix
+}
+
+/// Keeps other runs from writing a file, by a lock on one beside it that is there for as long. A lock is the system's, and ends with the process.
+pub struct Lock {
+    path: PathBuf,
+    _held: File,
+}
+
+impl Lock {
+    /// Takes it, and removes what runs that were killed have left of the file unfinished.
+    ///
+    /// # Errors
+    /// [`ErrorKind::WouldBlock`] when another run has it; others where there are no locks.
+    pub fn take(path: &Path) -> io::Result<Self> {
+        let mut name = path.as_os_str().to_owned();
+        name.push(".lock");
+        let name = PathBuf::from(name);
+        loop {
+            let held = File::options().create(true).append(true).open(&name)?;
+            held.try_lock()?;
+            // Unless a run that just ended has removed the file that was opened.
+            if is_at(&held, &name) {
+                remove_temporaries(path);
+                return Ok(Self { path: name, _held: held });
+            }
+        }
+    }
+
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+}
+
+impl Drop for Lock {
+    fn drop(&mut self) {
+        // One that stays does no harm.
+        let _ = fs::remove_file(&self.path);
+    }
+}
+
+#[cfg(unix)]
+fn is_at(file: &File, path: &Path) -> bool {
+    use std::os::unix::fs::MetadataExt;
+    let identity = |about: &fs::Metadata| (about.dev(), about.ino());
+    matches!((file.metadata(), fs::metadata(path)), (Ok(a), Ok(b)) if identity(&a) == identity(&b))
+}
+
+#[cfg(not(unix))]
+fn is_at(_: &File, path: &Path) -> bool {
+    path.exists()
+}
+
+/// Those of this file. None is in use, for the lock is held.
+fn remove_temporaries(path: &Path) {
+    let prefix = temporary_prefix(path);
+    for entry in fs::read_dir(folder_of(path)).into_iter().flatten().flatten() {
+        let name = entry.file_name();
+        let middle =
+            name.as_encoded_bytes().strip_prefix(prefix.as_encoded_bytes()).and_then(|rest| rest.strip_suffix(SUFFIX.as_bytes()));
+        if middle.is_some_and(|middle| middle.len() == RANDOM) {
+            let _ = fs::remove_file(entry.path());
+        }
+    }
 }
 
 /// The folder that a file is in.

@@ -54,6 +54,8 @@ fn quotient(sum: Vec3, by: f32) -> Vec3 {
 }
 
 impl Film {
+    pub const BYTES_PER_PIXEL: usize = size_of::<Pixel>();
+
     /// The sum of nothing.
     pub fn empty(size: [u32; 2]) -> Self {
         let [width, height] = size.map(|side| side as usize);
@@ -184,7 +186,7 @@ impl FilmSum {
         let mut image = self.total().unwrap_or_else(|| Film::empty(size)).image(space);
         let Some((earlier, later)) = self.halves() else { return image };
         for (k, name) in ["Error.R", "Error.G", "Error.B"].into_iter().enumerate() {
-            let error = |pixel| standard_error(&earlier, &later, pixel)[k];
+            let error = |pixel| standard_error(earlier, &later, pixel)[k];
             let samples = (0..earlier.pixels.len()).into_par_iter().map(error).collect();
             image.channels.push(Channel { name: name.to_owned(), samples });
         }
@@ -197,7 +199,7 @@ impl FilmSum {
         let (earlier, later) = self.halves()?;
         let (mut squares, mut sum) = (0.0, 0.0);
         for pixel in 0..earlier.pixels.len() {
-            squares += f64::from(standard_error(&earlier, &later, pixel).length_squared()) / 3.0;
+            squares += f64::from(standard_error(earlier, &later, pixel).length_squared()) / 3.0;
             sum += f64::from(earlier.reflected(pixel).element_sum()) / 3.0;
         }
         let count = earlier.pixels.len() as f64;

@@ -8,6 +8,7 @@
 //! traced afresh now and then, so that their noise averages out in long renders as the directions' does.
 
 mod layers;
+mod memory;
 
 use std::ops::Range;
 use std::path::Path;
@@ -37,6 +38,7 @@ use crate::scene::{Camera, Scene, UnitSpace};
 use crate::settings::{DIRECTIONS_PER_PHOTON_MAP, Estimator, Pipeline, PointSource, Settings};
 
 pub use layers::{End, LayerTexel, Layers, Probe};
+pub use memory::memory_of;
 
 /// A render in progress.
 pub struct Render {
@@ -426,15 +428,14 @@ impl Render {
 
     /// Irradiance at the points of a block by way of mirrors and glass, from photons of its own.
     fn caustics(&self, block: u32, visible: &Visible) -> Vec<Vec3> {
-        let pixels = visible.pixels();
         if !self.all.scene.is_specular() {
-            return vec![Vec3::ZERO; pixels.len()];
+            return vec![Vec3::ZERO; visible.normal.len()];
         }
         let photons = self.settings.photons;
         let numbers = u64::from(block) * photons..(u64::from(block) + 1) * photons;
         let map = CausticMap::new(self.all.photons(&self.settings).caustics(numbers), block);
         let see = |point: Option<GatherPoint>| point.map_or(Vec3::ZERO, |p| map.irradiance(p.position, p.surface_normal));
-        pixels.into_par_iter().map(see).collect()
+        visible.pixels().into_par_iter().map(see).collect()
     }
 
     fn gather_directions(&mut self, block: &mut Block) -> Result<()> {
@@ -559,6 +560,11 @@ impl Merge {
     pub fn picture(&self) -> Result<Image> {
         blocks_of(&self.settings).check_whole(&self.film)?;
         Ok(self.film.image(self.settings.size, &self.space))
+    }
+
+    /// As [`Render::job`].
+    pub fn job(&self) -> &Value {
+        &self.job
     }
 
     /// What it was rendered by.

@@ -196,6 +196,110 @@ fn termination_keeps_a_checkpoint_and_what_is_done_is_not_done_again() {
 }
 
 #[test]
+fn a_second_run_is_refused_and_what_a_killed_one_left_goes() {
+    let folder = folder();
+    let path = |name: &str| folder.path().join(name);
+    let long = ["--directions", "100000", "--checkpoint-every", "0", "--resume", "-o", "a.png", "--checkpoint", "a.sums"];
+    let mut child = render(&folder, &long).stderr(Stdio::null()).spawn().unwrap();
+    while !path("a.sums").exists() {
+        sleep(Duration::from_millis(10));
+    }
+    // Another result, the same sums.
+    let second = ["--directions", "100000", "--resume", "-o", "b.png", "--checkpoint", "a.sums"];
+    let said = refusal(&mut render(&folder, &second), 75);
+    assert!(said.contains("a.sums: another run is writing it") && said.contains("cure: "), "{said}");
+    assert!(child.try_wait().unwrap().is_none(), "the first run has ended");
+    child.kill().unwrap();
+    child.wait().unwrap();
+    // As from a run that was killed while it wrote, and of files that are not this one.
+    let temporary = |of: &str| path(&format!(".finalgather-{of}-aB3dE6.part"));
+    let others = ["b.sums", "a.sums-b", "a.su"];
+    ["a.sums"].iter().chain(&others).for_each(|of| fs::write(temporary(of), "unfinished").unwrap());
+    assert!(path("a.sums.lock").exists(), "nothing was locked");
+    success(&mut render(&folder, &["-o", "b.png", "--checkpoint", "b.checkpoint"]));
+    assert!(temporary("a.sums").exists(), "removed by a run that has no right to");
+    fs::remove_file(path("a.sums")).unwrap();
+    success(&mut render(&folder, &["-o", "a.png", "--checkpoint", "a.sums"]));
+    assert!(!temporary("a.sums").exists(), "what the killed run has left is there still");
+    assert!(others.iter().all(|of| temporary(of).exists()), "another file's is gone");
+    let locks =
+        fs::read_dir(&folder).unwrap().filter(|entry| entry.as_ref().unwrap().path().extension().is_some_and(|e| e == "lock"));
+    assert_eq!(locks.count(), 0, "a lock is left");
+}
+
+/// Whether it gathered.
+fn gathers(command: &mut Command) -> bool {
+    let output = command.args(["--resume", "--json"]).output().unwrap();
+    assert!(output.status.success(), "{}", said(&output));
+    let report: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let done = [&report["gather"]["directions"], &report["bake"]["directions_done"]].into_iter().find_map(Value::as_u64).unwrap();
+    assert_eq!(done == 0, said(&output).contains("finished by an earlier run"), "{done} directions: {}", said(&output));
+    done > 0
+}
+
+#[test]
+fn what_is_finished_is_not_made_again() {
+    let folder = folder();
+    let state = |names: &[&str]| -> Vec<_> {
+        let of = |name: &&str| (bytes(&folder, name), fs::metadata(folder.path().join(name)).unwrap().modified().unwrap());
+        names.iter().map(of).collect()
+    };
+    success(&mut bake(&folder, &RECEIVERS));
+    let (names, before) = (["a.npy", "a.json"], state(&["a.npy", "a.json"]));
+    success(&mut bake(&folder, &["-o", "vertices:b.ply", "-o", "lightmap:b.exr"]));
+    assert!(!gathers(&mut bake(&folder, &["-o", "vertices:b.ply", "-o", "lightmap:b.exr"])));
+    assert!(gathers(&mut bake(&folder, &["--padding", "3", "-o", "vertices:b.ply", "-o", "lightmap:b.exr"])));
+    assert!(gathers(&mut bake(&folder, &["-o", "vertices:a.npy", "-o", "lightmap:c.exr"])), "one output is not there");
+    assert!(state(&names) != before, "the one that is there was not made again with the other");
+    assert!(gathers(&mut render(&folder, &["-o", "a.exr"])), "it was a bake's");
+    let before = state(&["a.exr"]);
+    assert!(!gathers(&mut render(&folder, &["-o", "a.exr"])));
+    assert!(state(&["a.exr"]) == before, "it was written again");
+    // A PNG does not tell.
+    assert!(gathers(&mut render(&folder, &["-o", "a.exr", "-o", "a.png"])));
+    assert!(gathers(&mut render(&folder, &["-o", "a.exr", "--exposure", "1"])));
+    assert!(gathers(&mut render(&folder, &["-o", "a.exr", "--seed", "1"])));
+    assert!(bytes(&folder, "a.exr") != before[0].0);
+    // Ended early, and what was summed is lost.
+    let settings = ["--directions", "1500", "--checkpoint-every", "0", "-o", "a.exr"];
+    let child = render(&folder, &settings).stderr(Stdio::piped()).spawn().unwrap();
+    while !folder.path().join("a.exr.checkpoint").exists() {
+        sleep(Duration::from_millis(10));
+    }
+    assert!(Command::new("kill").args(["-TERM", &child.id().to_string()]).status().unwrap().success());
+    assert_eq!(child.wait_with_output().unwrap().status.code(), Some(143));
+    fs::remove_file(folder.path().join("a.exr.checkpoint")).unwrap();
+    assert!(gathers(&mut render(&folder, &settings)));
+}
+
+#[test]
+fn memory_is_bounded_by_what_is_said_before() {
+    let folder = folder();
+    // On a software driver, whose memory is the process's.
+    let run = |size: &str, memory: &str| {
+        let args = ["--size", size, "--directions", "16", "--gl-device", "sw", "-o", "a.exr", "--json", "--memory", memory];
+        render(&folder, &args).output().unwrap()
+    };
+    for size in ["320", "640"] {
+        let said = said(&run(size, "1"));
+        let needed = said.split_once("may take ").and_then(|(_, rest)| rest.split_once(" MiB")?.0.parse::<u64>().ok());
+        let needed = needed.unwrap_or_else(|| panic!("{said}"));
+        assert!(!folder.path().join("a.exr").exists() && said.contains(&format!("--memory {needed}")), "{said}");
+        let output = run(size, &needed.to_string());
+        let report: Value = serde_json::from_slice(&output.stdout).unwrap_or_else(|error| panic!("{error}: {output:?}"));
+        let peak = report["peak_memory_bytes"].as_u64().unwrap() as f64 / f64::from(1 << 20);
+        let ratio = needed as f64 / peak;
+        assert!((1.0..1.5).contains(&ratio), "{size}: {needed} MiB were said, and {peak:.1} taken");
+        fs::remove_file(folder.path().join("a.exr")).unwrap();
+    }
+    let output = run("640", "250");
+    let said = said(&output);
+    assert_eq!(output.status.code(), Some(2), "{said}");
+    let (_, size) = said.split_once("--size ").unwrap_or_else(|| panic!("{said}"));
+    assert!(run(size.split_once(' ').unwrap().0, "250").status.success(), "{said}");
+}
+
+#[test]
 fn what_does_not_belong_together_is_refused_by_name() {
     let folder = folder();
     let shard = |shard: &str, name: &str, args: &[&str]| {

@@ -457,7 +457,7 @@ fn failures_have_exit_codes() {
         assert!(stderr.contains(words) && stderr.contains("cure: "), "{stderr}");
     };
     refusal(view(&display).env_remove("DISPLAY"), 69, "no window system");
-    refusal(view(&display).args(["--gl-device", "99"]), 69, "no such device");
+    refusal(view(&display).args(["--gl-device", "99"]), 69, "no EGL device 99");
     refusal(view(&display).arg("none.toml"), 65, "none.toml");
 
     // A panic on the renderer's thread, and what goes wrong while the window is already there.

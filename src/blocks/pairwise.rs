@@ -5,6 +5,7 @@
 //! come out depends on this tree alone and not on who summed which blocks when, as long as each sums whole nodes; and the error of 32-bit floats grows
 //! with the logarithm of the number of blocks, where that of a running sum grows with the number.
 
+use std::borrow::Cow;
 use std::ops::Range;
 
 /// What adds up.
@@ -116,24 +117,30 @@ impl<T: Sum> PairwiseSum<T> {
 
     /// The sum of all blocks; `None` of none. Of the tree only where none is missing before the last.
     pub fn total(&self) -> Option<T> {
-        total(&self.nodes)
+        total(&self.nodes).map(Cow::into_owned)
     }
 
     /// Two sums that make up the whole: the halves of a full tree, else its largest node and the rest. `None` before there are two blocks.
-    pub fn halves(&self) -> Option<(T, T)> {
+    pub fn halves(&self) -> Option<(&T, Cow<'_, T>)> {
         let (earlier, rest) = self.nodes.split_first()?;
-        Some((earlier.sum.clone(), total(rest)?))
+        Some((&earlier.sum, total(rest)?))
+    }
+
+    /// The most nodes there are at a time while so many blocks come in order, with the one that comes.
+    pub fn most_nodes(blocks: u32) -> u32 {
+        1 + blocks.saturating_sub(1).checked_ilog2().map_or(0, |log| log + 1)
     }
 }
 
-fn total<T: Sum>(nodes: &[Node<T>]) -> Option<T> {
-    let later = |later: T, earlier: &Node<T>| {
+/// Without a copy where there is but one.
+fn total<T: Sum>(nodes: &[Node<T>]) -> Option<Cow<'_, T>> {
+    let later = |later: Cow<T>, earlier: &Node<T>| {
         let mut sum = earlier.sum.clone();
         sum.add(&later);
-        sum
+        Cow::Owned(sum)
     };
     let (last, earlier) = nodes.split_last()?;
-    Some(earlier.iter().rev().fold(last.sum.clone(), later))
+    Some(earlier.iter().rev().fold(Cow::Borrowed(&last.sum), later))
 }
 
 #[cfg(test)]
@@ -168,11 +175,28 @@ mod tests {
         assert_eq!(in_order(0).total(), None);
     }
 
+    fn halves(count: u32) -> Option<[String; 2]> {
+        in_order(count).halves().map(|(earlier, later)| [earlier.clone(), later.into_owned()])
+    }
+
+    #[test]
+    fn most_nodes_are_reached_and_not_passed() {
+        for count in 1..200 {
+            let (mut sum, mut most) = (PairwiseSum::default(), 0);
+            for index in 0..count {
+                most = most.max(sum.nodes().len() + 1);
+                sum.insert_block(index, 1.0);
+            }
+            let bound = PairwiseSum::<f32>::most_nodes(count) as usize;
+            assert!((most..=most + 1).contains(&bound), "{most} of {count} blocks, and {bound} was said");
+        }
+    }
+
     #[test]
     fn halves_are_those_of_the_tree_or_its_largest_node_and_the_rest() {
-        assert_eq!(in_order(1).halves(), None);
-        assert_eq!(in_order(4).halves().unwrap(), ("(0+1)".into(), "(2+3)".into()));
-        assert_eq!(in_order(7).halves().unwrap(), ("((0+1)+(2+3))".into(), "((4+5)+6)".into()));
+        assert_eq!(halves(1), None);
+        assert_eq!(halves(4).unwrap(), ["(0+1)", "(2+3)"]);
+        assert_eq!(halves(7).unwrap(), ["((0+1)+(2+3))", "((4+5)+6)"]);
     }
 
     #[test]

@@ -6,8 +6,10 @@ use std::f32::consts::{FRAC_1_PI, PI};
 use std::path::Path;
 
 use glam::{Vec2, Vec3};
+use serde_json::Value;
 
 use crate::error::{Error, Result};
+use crate::file::{MOST_BYTES, read_file};
 use crate::image::{Channel, Image, WriteOptions, tone};
 use crate::scene::{Material, Mesh, Texture};
 
@@ -157,6 +159,15 @@ impl Surface<'_> {
     /// A material's reflectance where a texture's place is taken by another: with the mean of its own.
     fn mean_albedo(&self, material: &Material) -> Vec3 {
         material.albedo * material.albedo_texture.map_or(Vec3::ONE, |texture| self.textures[texture].mean_linear())
+    }
+}
+
+/// What [`WriteOptions::metadata`] was when this file was written, of kinds that tell: OpenEXR, NumPy, PLY.
+pub fn metadata_of(path: &Path) -> Option<Value> {
+    match ending(path, &["exr", "npy", "ply"]).ok()? {
+        "exr" => serde_json::from_str(&Image::exr_metadata(path, &read_file(path, MOST_BYTES).ok()?)?).ok(),
+        "npy" => npy::metadata(path),
+        _ => ply::metadata(&read_file(path, MOST_BYTES).ok()?),
     }
 }
 

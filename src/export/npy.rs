@@ -15,6 +15,8 @@ use crate::file::{MOST_BYTES, MOST_WORDS, read_file, write_file};
 use crate::image::{Channel, WriteOptions};
 use crate::npy::{self, Array};
 
+/// The metadata's name.
+const ABOUT: &str = "finalgather";
 /// The checksum's name.
 const POSITIONS: &str = "positions_sha256";
 const BASIS: &str =
@@ -53,11 +55,17 @@ pub fn write(path: &Path, values: &Values, options: &WriteOptions) -> Result<()>
         about["basis"] = BASIS.into();
     }
     if let Some(metadata) = options.metadata {
-        about["finalgather"] = serde_json::from_str(metadata).unwrap_or_else(|_| metadata.into());
+        about[ABOUT] = serde_json::from_str(metadata).unwrap_or_else(|_| metadata.into());
     }
     let rows = (0..points).flat_map(|i| columns.iter().map(move |column| column.samples[i]));
     write_file(&path.with_extension("json"), format!("{about:#}\n").as_bytes())?;
     write_file(path, &npy::encode(&shape, rows))
+}
+
+/// Of an array that is there, from the file beside it.
+pub fn metadata(path: &Path) -> Option<Value> {
+    let about = read_file(&path.with_extension("json"), MOST_WORDS).ok().filter(|_| path.exists())?;
+    Some(serde_json::from_slice::<Value>(&about).ok()?[ABOUT].take())
 }
 
 fn quantity(column: &Channel) -> &str {

@@ -5,17 +5,28 @@
 use std::fmt::Write;
 use std::path::Path;
 
+use serde_json::Value;
+
 use super::{Values, snake_case};
 use crate::error::Result;
 use crate::file::write_file;
 use crate::image::{WriteOptions, encode_srgb};
+
+/// The metadata's line, but for the values.
+const ABOUT: &str = "comment finalgather ";
+
+/// What the third line of a file that [`write`] made says.
+pub fn metadata(bytes: &[u8]) -> Option<Value> {
+    let line = bytes.split(|&byte| byte == b'\n').nth(2)?;
+    serde_json::from_slice(line.strip_prefix(ABOUT.as_bytes())?).ok()
+}
 
 pub fn write(path: &Path, values: &Values, options: &WriteOptions) -> Result<()> {
     let triangles = values.surface.map_or(&[][..], |surface| &surface.mesh.triangles);
     let mut header = String::from("ply\nformat binary_little_endian 1.0\n");
     // A line of a header is a comment as long as it has no break.
     if let Some(metadata) = options.metadata {
-        let _ = writeln!(header, "comment finalgather {}", metadata.replace(['\r', '\n'], " "));
+        let _ = writeln!(header, "{ABOUT}{}", metadata.replace(['\r', '\n'], " "));
     }
     let _ = writeln!(header, "element vertex {}", values.positions.len());
     for name in ["x", "y", "z", "nx", "ny", "nz"] {

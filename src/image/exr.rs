@@ -58,6 +58,15 @@ impl Image {
         Ok(bytes.into_inner())
     }
 
+    /// The JSON that [`Self::to_exr`] was given, of the file's `bytes`.
+    pub(crate) fn exr_metadata(path: &Path, bytes: &[u8]) -> Option<String> {
+        let meta = metadata(path, bytes).ok()?;
+        match meta.headers.first()?.own_attributes.other.get(METADATA.as_bytes())? {
+            AttributeValue::Text(json) => String::from_utf8(json.as_slice().to_vec()).ok(),
+            _ => None,
+        }
+    }
+
     /// Width and height that the header of the file's `bytes` states.
     ///
     /// # Errors

@@ -215,6 +215,10 @@ pub struct RenderArgs {
     #[arg(long)]
     pub json: bool,
 
+    /// MiB that the render may take on the GL side and the CPU's together: one that would take more is refused at once. Not counted: layers beyond the first eight, caustics' photons
+    #[arg(long, value_name = "MIB", value_parser = count::<usize>)]
+    pub memory: Option<usize>,
+
     #[command(flatten)]
     overrides: Overrides,
 
@@ -288,7 +292,7 @@ pub struct BakeArgs {
     #[arg(long, value_name = "N", default_value_t = 4, value_parser = square, help_heading = "Light map")]
     pub samples_per_texel: u32,
 
-    /// MiB that points and their sums may take on the GL side at a time; more take turns
+    /// MiB that points and their sums may take on the GL side at a time; more take turns. On top come the scene, and on the CPU 0.7 KB for each point in all
     #[arg(long, value_name = "MIB", default_value_t = 1024, value_parser = count::<usize>)]
     pub memory: usize,
 
@@ -319,7 +323,7 @@ pub struct JobArgs {
     #[arg(long, value_name = "SECONDS", default_value_t = 30, value_parser = clap::value_parser!(u64).range(..=86_400))]
     pub checkpoint_every: u64,
 
-    /// Go on from the checkpoint, or with --shard from its part, if there is one
+    /// Go on from the checkpoint, or with --shard from its part, if there is one; outputs of the same job that are finished and can tell (.exr, .npy, .ply) stay as they are
     #[arg(long)]
     pub resume: bool,
 
@@ -374,6 +378,7 @@ impl To {
     pub const LIGHT_MAP: &'static str = "lightmap";
     pub const CAMERA: &'static str = "camera";
     pub const POINTS: &'static str = "points";
+    pub const NAMES: [&'static str; 4] = [Self::VERTICES, Self::LIGHT_MAP, Self::CAMERA, Self::POINTS];
 
     pub fn name(&self) -> &'static str {
         match self {
@@ -767,7 +772,11 @@ fn count<T: TryFrom<u64>>(text: &str) -> Result<T, String> {
         let float = digits.parse::<f64>().ok()?;
         ((0.0..INEXACT).contains(&float) && float.fract() == 0.0).then_some(float as u64)
     });
-    let number = number.ok_or("not a whole number such as 1000, 1_000 or 1e3")?;
+    let number = number.ok_or_else(|| match digits.parse::<f64>() {
+        Ok(float) if float < 0.0 => "negative",
+        Ok(float) if float >= INEXACT => "too large",
+        _ => "not a whole number such as 1000, 1_000 or 1e3",
+    })?;
     T::try_from(number).map_err(|_| "too large".into())
 }
 

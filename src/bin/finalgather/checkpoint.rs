@@ -1,14 +1,16 @@
 //! Checkpoints of a job, and parts of its shards: one kind of file, written whole or not at all.
 
 use std::fs;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use finalgather::blocks::{Part, Shard};
+use finalgather::blocks::{Lock, Part, Shard};
 use finalgather::error::{Error, Result};
 
 use crate::args::JobArgs;
 use crate::progress::Progress;
+use crate::report;
 
 /// Unless asked for, from so many times the interval on: a job that takes less is soon done again.
 const PATIENCE: u32 = 2;
@@ -32,6 +34,8 @@ pub struct Checkpoint {
     written: Vec<String>,
     /// Whether it could not be written the last time, which is said once.
     failing: bool,
+    /// So that no other run writes it meanwhile.
+    lock: Option<Lock>,
 }
 
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -50,7 +54,8 @@ impl Checkpoint {
     /// Of a job that writes `outputs`, or of a shard.
     ///
     /// # Errors
-    /// [`Error::Usage`] when the file cannot be written, or would be over what an earlier run has summed.
+    /// [`Error::Usage`] when the file cannot be written, or would be over what an earlier run has summed; [`Error::Output`] while another run
+    /// writes it.
     pub fn new(args: &JobArgs, outputs: &[PathBuf]) -> Result<Self> {
         let shard = args.shard()?;
         let (path, kind) = match (&args.checkpoint, shard) {
@@ -68,6 +73,7 @@ impl Checkpoint {
             }
         };
         Part::check_writable(&path)?;
+        let lock = lock(&path)?;
         if kind != Kind::Automatic && !args.resume && path.exists() {
             let shown = path.display();
             return Err(match Part::read(&path) {
@@ -83,7 +89,7 @@ impl Checkpoint {
         let (begun, every) = (Instant::now(), Duration::from_secs(args.checkpoint_every));
         let first = if kind == Kind::Automatic { PATIENCE * every } else { every };
         let (own, written) = (false, Vec::new());
-        Ok(Self { path, kind, shard, resume: args.resume, own, every, begun, due: begun + first, written, failing: false })
+        Ok(Self { path, kind, shard, resume: args.resume, own, every, begun, due: begun + first, written, failing: false, lock })
     }
 
     /// That of a job that is done as soon as it begins.
@@ -101,6 +107,7 @@ impl Checkpoint {
             due: now,
             written,
             failing: false,
+            lock: None,
         }
     }
 
@@ -110,6 +117,16 @@ impl Checkpoint {
 
     pub fn path(&self) -> &Path {
         &self.path
+    }
+
+    /// Whether the job that is to go on may be one that has ended, and left nothing but its outputs.
+    pub fn may_be_over(&self) -> bool {
+        self.resume && self.kind == Kind::Automatic && !self.path.exists()
+    }
+
+    /// What is there for as long as this run is.
+    pub fn lock_path(&self) -> Option<&Path> {
+        self.lock.as_ref().map(Lock::path)
     }
 
     /// Whether a run that ends now leaves it behind.
@@ -208,6 +225,20 @@ impl Checkpoint {
         self.due = Instant::now() + pause;
         written
     }
+}
+
+/// Where the file system has no locks, as on some clusters, a job is done all the same.
+fn lock(path: &Path) -> Result<Option<Lock>> {
+    Lock::take(path).map(Some).or_else(|error| match error.kind() {
+        ErrorKind::WouldBlock => {
+            Err(Error::output(path, "another run is writing it", "wait until that has ended or end it, or give another name"))
+        }
+        _ => {
+            let path = path.display();
+            report::say(&format!("warning: {path}: cannot be locked ({error}): let no other run write it meanwhile"));
+            Ok(None)
+        }
+    })
 }
 
 /// The one output of a shard.

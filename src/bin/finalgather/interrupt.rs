@@ -4,7 +4,9 @@
 //! keep and the process ends at once, instead of after a photon trace that nobody wants any more.
 
 use std::cell::Cell;
+use std::fs;
 use std::io;
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU8, Ordering::SeqCst};
 use std::thread;
@@ -34,8 +36,8 @@ struct State {
 }
 
 impl Interrupt {
-    /// Takes the signals over for the rest of the process.
-    pub fn watch(progress: Progress) -> io::Result<Self> {
+    /// Takes the signals over for the rest of the process, which at its end leaves no `lock`.
+    pub fn watch(progress: Progress, lock: Option<PathBuf>) -> io::Result<Self> {
         // Its default action would end the process in the middle of a file; caught, the write fails like any other.
         flag::register(SIGXFSZ, Arc::default())?;
 
@@ -55,6 +57,8 @@ impl Interrupt {
                 if !has_picture {
                     report::say("stopped before there was anything to write; nothing written");
                 }
+                // What cannot be removed does no harm.
+                let _ = lock.as_ref().map(fs::remove_file);
                 // Not process::exit: its handlers would take the GL driver down under the thread that is using it.
                 low_level::exit(code.into());
             }

@@ -63,7 +63,7 @@ fn merge_renders(args: &MergeArgs) -> Result<u8> {
     let image = merge.picture()?;
     let own = merge.settings();
     let settings = Settings { exposure: args.exposure.unwrap_or(own.exposure), ..own.clone() };
-    let metadata = metadata(merge.renderer(), &settings, settings.directions);
+    let metadata = metadata(merge.renderer(), &settings, merge.job(), (settings.directions, true));
     write_all(&image, &outputs, &WriteOptions { exposure: settings.exposure, metadata: Some(&metadata) })?;
     Ok(0)
 }

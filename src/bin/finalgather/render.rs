@@ -1,15 +1,19 @@
 //! `finalgather render`: everything that can be refused early first, then the render, then the files and the report.
 
 use std::io::{self, IsTerminal};
+use std::iter::successors;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+use finalgather::blocks::sha256;
 use finalgather::error::{Error, Result};
+use finalgather::export;
 use finalgather::gpu::Gpu;
 use finalgather::image::{Image, WriteOptions, check_writable};
-use finalgather::render::{Render, blocks_of};
+use finalgather::render::{Render, blocks_of, memory_of};
+use finalgather::scene::Scene;
 use finalgather::settings::{PointSource, Settings};
-use serde_json::json;
+use serde_json::{Value, json};
 
 use crate::args::RenderArgs;
 use crate::checkpoint::Checkpoint;
@@ -40,7 +44,7 @@ fn render(
     progress: &Progress,
     started: Instant,
 ) -> Result<u8> {
-    let interrupt = Interrupt::watch(progress.clone()).map_err(|error| {
+    let interrupt = Interrupt::watch(progress.clone(), checkpoint.lock_path().map(Path::to_owned)).map_err(|error| {
         Error::usage(format!("signals cannot be caught: {error}"), "run where the system allows signal handlers")
     })?;
     let loading = Instant::now();
@@ -59,6 +63,7 @@ fn render(
         return Err(Error::usage("a shard cannot tell the error of the whole picture", "give --until 0"));
     }
     let found = checkpoint.found(progress)?;
+    check_memory(args.memory, &scene, &settings)?;
 
     progress.stage("starting OpenGL");
     let gpu = Gpu::headless(args.backend, args.gl_device)?;
@@ -73,9 +78,11 @@ fn render(
         let (done, path) = (render.directions_done(), checkpoint.path().display());
         progress.say(&format!("going on from {done} of {directions} directions in {path}"));
     }
+    let wanted = || metadata(&gpu.info().renderer, &settings, &render.job(), (directions, true));
+    let over = checkpoint.may_be_over() && are_done(outputs.iter(), &wanted());
     progress.begin_directions(directions);
     let mut failure = None;
-    while failure.is_none() && !render.is_done() && interrupt.leaves_time(render.is_between_blocks()) {
+    while !over && failure.is_none() && !render.is_done() && interrupt.leaves_time(render.is_between_blocks()) {
         failure = render.step().err();
         interrupt.picture_begun();
         progress.directions_done(render.directions_done());
@@ -86,18 +93,20 @@ fn render(
         return Err(error);
     }
     let done = render.directions_done();
-    let stopped = interrupt.requested().filter(|_| !render.is_done());
+    let stopped = interrupt.requested().filter(|_| !over && !render.is_done());
     let ended = failure.is_some() || stopped.is_some();
     let kept = if ended { checkpoint.stop(|| render.save()) } else { Ok(false) };
     let writing = Instant::now();
     let (outputs, what) = if checkpoint.shard().is_some() {
         (vec![checkpoint.path().to_owned()], "kept in")
+    } else if over {
+        (outputs.to_vec(), "")
     } else {
         let image = render.picture();
         if done > 0 && is_black(&image)? {
             progress.say("warning: the picture is black: the camera sees no surface that light reaches; turn it or the lights");
         }
-        let metadata = metadata(&gpu.info().renderer, &settings, done);
+        let metadata = metadata(&gpu.info().renderer, &settings, &render.job(), (done, render.is_done()));
         let options = WriteOptions { exposure: settings.exposure, metadata: Some(&metadata) };
         if let Err(error) = write_all(&image, outputs, &options) {
             if !ended && checkpoint.stop(|| render.save())? {
@@ -118,6 +127,8 @@ fn render(
     if ended {
         let how = if failure.is_some() { "failed" } else { "stopped" };
         report::say(&format!("{how} after {done} of {directions} directions; {what} {paths}{}", resume_of(&kept)));
+    } else if over {
+        report::say(&format!("{paths}: finished by an earlier run, and left as it was"));
     } else if io::stderr().is_terminal() {
         report::say(&format!("written to {paths} after {:.1} s", started.elapsed().as_secs_f64()));
     }
@@ -143,6 +154,26 @@ fn render(
     Ok(stopped.unwrap_or(0))
 }
 
+/// Whether the render fits into so many MiB.
+fn check_memory(allowed: Option<usize>, scene: &Scene, settings: &Settings) -> Result<()> {
+    let of = |settings: &Settings| memory_of(scene, settings).div_ceil(1 << 20);
+    let (Some(allowed), needed) = (allowed, of(settings)) else { return Ok(()) };
+    let fits = |settings: &Settings| of(settings) <= allowed as u64;
+    if fits(settings) {
+        return Ok(());
+    }
+    let of_size = |size: [u32; 2]| Settings { size, ..settings.clone() };
+    let smaller = successors(Some(settings.size), |size| Some(size.map(|side| side * 15 / 16)));
+    let fitting = smaller.take_while(|size| !size.contains(&0)).find(|&size| fits(&of_size(size)));
+    let fewer = successors(Some(settings.directions), |directions| Some(directions / 2));
+    let fewer =
+        fewer.take_while(|&directions| directions > 0).find(|&directions| fits(&Settings { directions, ..settings.clone() }));
+    let fitting = fitting.map(|[width, height]| format!("--size {width}x{height}"));
+    let cures = fitting.into_iter().chain(fewer.map(|directions| format!("--directions {directions}")));
+    let cure = cures.chain([format!("--memory {needed}")]).collect::<Vec<_>>().join(" or ");
+    Err(Error::usage(format!("the render may take {needed} MiB, and --memory allows {allowed}"), format!("give {cure}")))
+}
+
 /// What to add where something is kept.
 pub fn resume_of(kept: &Result<bool>) -> &'static str {
     if matches!(kept, Ok(true)) { "; --resume goes on" } else { "" }
@@ -153,15 +184,27 @@ fn is_black(image: &Image) -> Result<bool> {
     Ok(image.rgb()?.iter().all(|channel| channel.iter().all(|&sample| sample < 1e-6)))
 }
 
-/// What made the picture. No times and no paths: the same render gives the same file.
-pub fn metadata(renderer: &str, settings: &Settings, directions_done: u32) -> String {
+/// What made the picture, by which a finished one is known. No times and no paths: the same render gives the same file.
+pub fn metadata(renderer: &str, settings: &Settings, job: &Value, (directions_done, complete): (u32, bool)) -> String {
     json!({
         "version": env!("CARGO_PKG_VERSION"),
         "renderer": renderer,
         "settings": settings,
+        "job_sha256": sha256(job.to_string().as_bytes()),
         "directions_done": directions_done,
+        "complete": complete,
     })
     .to_string()
+}
+
+/// Whether all of these files are there and say that they are of this job, which may have ended after any number of directions.
+pub fn are_done<'a>(mut outputs: impl Iterator<Item = &'a PathBuf>, metadata: &str) -> bool {
+    let about = |mut about: Value| {
+        about["directions_done"].take();
+        about
+    };
+    let ours = serde_json::from_str(metadata).ok().map(about);
+    outputs.all(|path| export::metadata_of(path).filter(Value::is_object).map(about) == ours)
 }
 
 /// Writes every file that can be written, and only then fails with the first error: a render may have taken long.

@@ -113,6 +113,13 @@ impl Unwrap for Atlas {
         let input = uvunwrap::MeshInput { seams: Some(cuts), ..uvunwrap::MeshInput::new(&positions, &indices) };
         let settings = uvunwrap::Options { density, padding: options.padding, ..Default::default() };
         let cure = "ask for a larger map, fewer texels per unit or less padding";
+        if let Resolution::Pixels(side) = options.resolution
+            && side <= 2 * options.padding
+        {
+            let problem =
+                format!("a light map of {side} texels a side has no room for charts with a padding of {}", options.padding);
+            return Err(Error::usage(problem, cure));
+        }
         let atlas = uvunwrap::generate(&[input], &settings).map_err(|error| Error::usage(format!("no atlas: {error}"), cure))?;
         if atlas.page_count > 1 {
             let charts = atlas.chart_count;

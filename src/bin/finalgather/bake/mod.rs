@@ -3,11 +3,11 @@
 mod receiver;
 
 use std::io::{self, IsTerminal};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use finalgather::bake::{Bake, Plan, Statistics, blocks_of};
-use finalgather::blocks::Part;
+use finalgather::blocks::{Part, sha256};
 use finalgather::error::{Error, Result};
 use finalgather::gpu::Gpu;
 use finalgather::image::{Channel, WriteOptions};
@@ -25,7 +25,7 @@ use crate::inputs::check_kept;
 use crate::interrupt::Interrupt;
 use crate::merge::COMMAND;
 use crate::progress::Progress;
-use crate::render::resume_of;
+use crate::render::{are_done, resume_of};
 use crate::report::{self, Gl};
 
 /// Bounces of gathered light, unless said otherwise.
@@ -90,7 +90,7 @@ fn bake(
     progress: &Progress,
     started: Instant,
 ) -> Result<u8> {
-    let interrupt = Interrupt::watch(progress.clone()).map_err(|error| {
+    let interrupt = Interrupt::watch(progress.clone(), checkpoint.lock_path().map(Path::to_owned)).map_err(|error| {
         Error::usage(format!("signals cannot be caught: {error}"), "run where the system allows signal handlers")
     })?;
     let scene = load(args)?;
@@ -145,9 +145,10 @@ fn bake(
     if !parts.is_empty() {
         bake.check_whole()?;
     }
+    let over = checkpoint.may_be_over() && are_done(outputs.iter().flatten(), &metadata(args, &bake, &settings, true));
     progress.begin_directions(bake.statistics().directions_total);
     let mut failure = None;
-    while failure.is_none() && !bake.is_done() && interrupt.leaves_time(bake.is_between_blocks()) {
+    while !over && failure.is_none() && !bake.is_done() && interrupt.leaves_time(bake.is_between_blocks()) {
         failure = bake.step().err();
         // Before there is a value for each point there may be a checkpoint.
         if bake.has_values() || checkpoint.is_kept() {
@@ -156,7 +157,7 @@ fn bake(
         progress.directions_done(bake.statistics().directions_done);
         checkpoint.keep(progress, || save(&bake));
     }
-    let stopped = interrupt.requested().filter(|_| !bake.is_done());
+    let stopped = interrupt.requested().filter(|_| !over && !bake.is_done());
     let ended = failure.is_some() || stopped.is_some();
     let kept = if ended { checkpoint.stop(|| save(&bake)) } else { Ok(false) };
     let resume = resume_of(&kept);
@@ -165,10 +166,10 @@ fn bake(
     let how = if failure.is_some() { "failed" } else { "stopped" };
     let so_far = format!("{how} after {directions_done} of {directions_total} directions");
     let writing = Instant::now();
-    let options = WriteOptions { exposure: settings.exposure, metadata: Some(&metadata(&bake, &settings)) };
+    let options = WriteOptions { exposure: settings.exposure, metadata: Some(&metadata(args, &bake, &settings, bake.is_done())) };
     let (mut first, mut baked, mut failures) = (0, Vec::new(), Vec::new());
     // A shard has a part to make, and a bake that ends early may not have a value for each point.
-    let columns = bake.columns().filter(|_| checkpoint.shard().is_none());
+    let columns = bake.columns().filter(|_| !over && checkpoint.shard().is_none());
     for (receiver, paths) in receivers.iter().zip(outputs) {
         let Some((columns, inside)) = &columns else { break };
         let range = first..first + receiver.points().len();
@@ -190,7 +191,10 @@ fn bake(
         report::say(&format!("{so_far}; {what}{resume}"));
     } else if failures.is_empty() {
         checkpoint.finish(|| save(&bake))?;
-        if columns.is_some() && io::stderr().is_terminal() {
+        if over {
+            let paths: Vec<_> = outputs.iter().flatten().map(|path| path.display().to_string()).collect();
+            report::say(&format!("{}: finished by an earlier run, and left as it was", paths.join(", ")));
+        } else if columns.is_some() && io::stderr().is_terminal() {
             report::say(&format!("written to {} after {:.1} s", paths.join(", "), started.elapsed().as_secs_f64()));
         }
     }
@@ -246,10 +250,14 @@ fn load(args: &BakeArgs) -> Result<Scene> {
 fn outputs_of(args: &BakeArgs) -> Result<Vec<Vec<PathBuf>>> {
     let mut outputs = vec![Vec::new(); args.to.len()];
     for output in &args.outputs {
-        let of = |to: &To| output.strip_prefix(to.name()).and_then(|rest| rest.strip_prefix(':'));
-        let named = args.to.iter().enumerate().find_map(|(i, to)| of(to).map(|path| (i, path)));
+        let of = |name: &str| output.strip_prefix(name).and_then(|rest| rest.strip_prefix(':'));
+        let named = args.to.iter().enumerate().find_map(|(i, to)| of(to.name()).map(|path| (i, path)));
         match named {
             Some((i, path)) => outputs[i].push(PathBuf::from(path)),
+            None if let Some(name) = To::NAMES.into_iter().find(|name| of(name).is_some()) => {
+                let cure = format!("add --to {name}, or give a file of what is baked");
+                return Err(Error::usage(format!("-o {output}: {name} was not asked for"), cure));
+            }
             None if args.to.len() == 1 => outputs[0].push(PathBuf::from(output)),
             None => {
                 let names: Vec<_> = args.to.iter().map(|to| format!("{}:{output}", to.name())).collect();
@@ -267,13 +275,18 @@ fn outputs_of(args: &BakeArgs) -> Result<Vec<Vec<PathBuf>>> {
 }
 
 /// What made the values. No times and no paths: the same bake gives the same files.
-fn metadata(bake: &Bake, settings: &Settings) -> String {
+fn metadata(args: &BakeArgs, bake: &Bake, settings: &Settings, complete: bool) -> String {
     serde_json::json!({
         "version": env!("CARGO_PKG_VERSION"),
         "renderer": bake.renderer(),
         "settings": settings,
         "plan": bake.plan(),
+        "to": args.to.iter().map(To::name).collect::<Vec<_>>(),
+        // Of a light map's options the only one that shapes no point.
+        "padding": args.padding,
+        "job_sha256": sha256(bake.job().to_string().as_bytes()),
         "directions_done": bake.directions_done(),
+        "complete": complete,
     })
     .to_string()
 }

@@ -461,7 +461,8 @@ impl Job {
         // The picture's own: the view's may be of one to come, but for the exposure.
         let exposure = self.view.settings.exposure;
         let settings = Settings { exposure, ..self.render.settings().clone() };
-        let metadata = crate::render::metadata(&gpu.info().renderer, &settings, self.render.directions_done());
+        let done = (self.render.directions_done(), self.render.is_done());
+        let metadata = crate::render::metadata(&gpu.info().renderer, &settings, &self.render.job(), done);
         self.render.picture().write(path, &WriteOptions { exposure, metadata: Some(&metadata) })
     }
 }
