@@ -50,7 +50,11 @@ fn pixels_given_back_as_points_are_the_same() {
     ));
     for ending in ["ply", "npy"] {
         let [camera, points] = ["camera", "points"].map(|name| fs::read(folder.path().join(format!("{name}.{ending}"))).unwrap());
-        assert!(camera == points, "{ending} differs");
+        // But for the line of a PLY that says which job it is of.
+        let values = |bytes: &[u8]| {
+            bytes.split_inclusive(|&b| b == b'\n').filter(|line| !line.starts_with(b"comment")).collect::<Vec<_>>().concat()
+        };
+        assert!(values(&camera) == values(&points), "{ending} differs");
         assert!(camera.len() > 10_000, "{ending}: {} bytes", camera.len());
     }
 }

@@ -281,7 +281,6 @@ fn metadata(args: &BakeArgs, bake: &Bake, settings: &Settings, complete: bool) -
         "renderer": bake.renderer(),
         "settings": settings,
         "plan": bake.plan(),
-        "to": args.to.iter().map(To::name).collect::<Vec<_>>(),
         // Of a light map's options the only one that shapes no point.
         "padding": args.padding,
         "job_sha256": sha256(bake.job().to_string().as_bytes()),
