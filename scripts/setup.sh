@@ -74,6 +74,8 @@ if [[ $tests ]]; then
         at_hand munged || missing munge munge "" ""
         at_hand slurmctld && at_hand slurmd && at_hand srun || missing Slurm "slurmctld slurmd slurm-client" "" ""
         python3 -c 'import ensurepip, venv' 2>/dev/null || missing "Python's venv" python3-venv "" ""
+        # For the validator of glTF; tests/common/khronos.rs says when tests go without.
+        command -v npm >/dev/null || missing npm "nodejs npm" "" ""
     fi
 fi
 
@@ -85,8 +87,16 @@ python_packages() {
     python3 -m venv "$folder" && "$folder/bin/pip" install --quiet --retries 1 "${packages[@]}" ||
         echo "warning: not installed; the tests of Open Job Description and of Kubernetes manifests will not run" >&2
 }
+# Khronos' validator of glTF, beside it.
+node_packages() {
+    local folder=${CARGO_TARGET_DIR:-target}/node version=2.0.0-dev.3.10
+    grep -qsF "\"version\": \"$version\"" "$folder/node_modules/gltf-validator/package.json" && return
+    echo "installing gltf-validator $version" >&2
+    npm install --prefix "$folder" --silent --no-audit --no-fund --no-save "gltf-validator@$version" >&2 ||
+        echo "warning: not installed; glTF will not be validated" >&2
+}
 finish() {
-    [[ $tests ]] && python_packages
+    [[ $tests ]] && python_packages && node_packages
     exit 0
 }
 

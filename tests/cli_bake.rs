@@ -1,6 +1,9 @@
 //! `finalgather bake` and `relight` from outside: what goes in, what comes out, and what is refused.
 #![cfg(unix)]
 
+#[path = "common/khronos.rs"]
+mod khronos;
+
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -116,6 +119,7 @@ fn all_receivers_and_formats_in_one_run() {
     for file in receivers.iter().flat_map(|receiver| receiver["outputs"].as_array().unwrap()) {
         assert!(fs::metadata(folder.path().join(file.as_str().unwrap())).unwrap().len() > 0, "{file} is empty");
     }
+    ["v.glb", "m.glb"].iter().for_each(|name| khronos::check(&folder.path().join(name)));
     // Every column has its channel, and R G B is irradiance.
     let map = Image::read(&folder.path().join("m.exr")).unwrap();
     assert_eq!(map.width, 32);
@@ -157,6 +161,7 @@ fn relit_by_a_constant_sky() {
         "-o",
         "light.npy",
     ]));
+    khronos::check(&folder.path().join("relit.glb"));
     success(&relight(&["-o", "alone.npy"]));
     let moved = fs::read_to_string(self::scene("cornell.obj")).unwrap().replacen("552.8", "553.8", 1);
     fs::write(folder.path().join("cornell.obj"), moved).unwrap();

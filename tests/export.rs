@@ -1,5 +1,8 @@
 //! What is exported comes back through other readers: PLY through ply-rs, NumPy byte by byte, OBJ as a scene, glTF through its
-//! crate.
+//! crate and the Khronos validator.
+
+#[path = "common/khronos.rs"]
+mod khronos;
 
 use std::collections::BTreeMap;
 use std::f32::consts::{FRAC_1_PI, PI};
@@ -273,7 +276,7 @@ fn obj_with_a_light_map_is_a_scene() {
     assert_eq!(texels, shown(1.0, irradiance.rgb().unwrap()));
 }
 
-/// A GLB with what its specification says of it and its crate does not check.
+/// A GLB that the Khronos validator passes.
 struct Glb {
     root: Value,
     blob: Vec<u8>,
@@ -281,92 +284,47 @@ struct Glb {
 
 impl Glb {
     fn read(path: &Path) -> Self {
-        let bytes = fs::read(path).unwrap();
-        assert_eq!(u32::from_le_bytes(bytes[8..12].try_into().unwrap()) as usize, bytes.len());
-        // Its own reader refuses indices out of range and what is missing.
-        let blob = gltf::Gltf::from_slice(&bytes).unwrap().blob.unwrap();
-        let length = u32::from_le_bytes(bytes[12..16].try_into().unwrap()) as usize;
-        let root: Value = serde_json::from_slice(&bytes[20..20 + length]).unwrap();
-        assert_eq!((length % 4, blob.len() % 4), (0, 0));
-        let glb = Self { root, blob };
-        glb.check();
-        glb
-    }
-
-    fn check(&self) {
-        let list = |name: &str| self.root[name].as_array().cloned().unwrap_or_default();
-        let mut end = 0;
-        for view in list("bufferViews") {
-            let (offset, length) = (view["byteOffset"].as_u64().unwrap(), view["byteLength"].as_u64().unwrap());
-            assert!(offset % 4 == 0 && offset >= end && length > 0, "{view}");
-            end = offset + length;
-        }
-        assert!(end <= self.root["buffers"][0]["byteLength"].as_u64().unwrap() && self.blob.len() as u64 >= end);
-        for (i, accessor) in list("accessors").iter().enumerate() {
-            let view = &self.root["bufferViews"][accessor["bufferView"].as_u64().unwrap() as usize];
-            let (size, width) = sizes(accessor);
-            assert_eq!(view["byteLength"], accessor["count"].as_u64().unwrap() * (size * width) as u64, "{accessor}");
-            assert!(size * width % 4 == 0, "{accessor}");
-            if accessor["componentType"] == 5126 {
-                assert!(self.floats(i).iter().all(|value| value.is_finite()), "{accessor}");
-            }
-        }
-        for primitive in self.root["meshes"][0]["primitives"].as_array().unwrap() {
-            let accessor = |name: &str| primitive["attributes"][name].as_u64().map(|index| index as usize);
-            let position = accessor("POSITION").unwrap();
-            let count = &self.root["accessors"][position]["count"];
-            for (name, index) in primitive["attributes"].as_object().unwrap() {
-                assert_eq!(&self.root["accessors"][index.as_u64().unwrap() as usize]["count"], count, "{name}");
-            }
-            let positions: Vec<_> = self.floats(position).as_chunks::<3>().0.iter().copied().map(Vec3::from).collect();
-            let bounds = |name: &str, merge: fn(Vec3, Vec3) -> Vec3| {
-                let stated: Vec<f32> = self.root["accessors"][position][name]
-                    .as_array()
-                    .unwrap()
-                    .iter()
-                    .map(|v| v.as_f64().unwrap() as f32)
-                    .collect();
-                assert_eq!(stated, positions.iter().copied().reduce(merge).unwrap().to_array(), "{name}");
-            };
-            bounds("min", Vec3::min);
-            bounds("max", Vec3::max);
-            if let Some(normal) = accessor("NORMAL") {
-                assert!(self.floats(normal).as_chunks::<3>().0.iter().all(|n| (Vec3::from(*n).length() - 1.0).abs() < 5e-4));
-            }
-        }
-    }
-
-    fn bytes(&self, accessor: usize) -> &[u8] {
-        let view = &self.root["bufferViews"][self.root["accessors"][accessor]["bufferView"].as_u64().unwrap() as usize];
-        let offset = view["byteOffset"].as_u64().unwrap() as usize;
-        &self.blob[offset..offset + view["byteLength"].as_u64().unwrap() as usize]
+        khronos::check(path);
+        let gltf::Glb { json, bin, .. } = gltf::Glb::from_reader(fs::File::open(path).unwrap()).unwrap();
+        Self { root: serde_json::from_slice(&json).unwrap(), blob: bin.unwrap().into_owned() }
     }
 
     fn floats(&self, accessor: usize) -> Vec<f32> {
         assert_eq!(self.root["accessors"][accessor]["componentType"], 5126);
-        self.bytes(accessor).as_chunks::<4>().0.iter().map(|&bytes| f32::from_le_bytes(bytes)).collect()
+        let view = self.root["accessors"][accessor]["bufferView"].as_u64().unwrap();
+        self.view(view).as_chunks::<4>().0.iter().map(|&bytes| f32::from_le_bytes(bytes)).collect()
+    }
+
+    fn view(&self, index: u64) -> &[u8] {
+        let view = &self.root["bufferViews"][index as usize];
+        let offset = view["byteOffset"].as_u64().unwrap() as usize;
+        &self.blob[offset..offset + view["byteLength"].as_u64().unwrap() as usize]
     }
 
     /// A picture's pixels.
     fn picture(&self, texture: &Value) -> Vec<u8> {
         let image = &self.root["textures"][texture["index"].as_u64().unwrap() as usize]["source"];
         let view = &self.root["images"][image.as_u64().unwrap() as usize]["bufferView"];
-        let view = &self.root["bufferViews"][view.as_u64().unwrap() as usize];
-        let offset = view["byteOffset"].as_u64().unwrap() as usize;
-        let png = &self.blob[offset..offset + view["byteLength"].as_u64().unwrap() as usize];
+        let png = self.view(view.as_u64().unwrap());
         ::image::load_from_memory_with_format(png, ::image::ImageFormat::Png).unwrap().into_rgb8().into_raw()
     }
 }
 
-/// Bytes of a component and components of an element.
-fn sizes(accessor: &Value) -> (usize, usize) {
-    let size = match accessor["componentType"].as_u64().unwrap() {
-        5123 => 2,
-        5125 | 5126 => 4,
-        other => panic!("component type {other}"),
-    };
-    let width = ["SCALAR", "VEC2", "VEC3", "VEC4"].iter().position(|kind| accessor["type"] == *kind).unwrap() + 1;
-    (size, width)
+/// The validator looks: a file that says of an accessor what is not so does not pass.
+#[test]
+fn wrong_gltf_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.glb");
+    let (tent, columns) = (Tent::new(), columns(&["AO"]));
+    tent.values(&columns).write(&path, &WriteOptions::default()).unwrap();
+    let mut bytes = fs::read(&path).unwrap();
+    let (right, wrong) = (br#""count":12"#, br#""count":13"#);
+    let place = bytes.windows(right.len()).position(|window| window == right).expect("it has twelve vertices");
+    bytes[place..place + wrong.len()].copy_from_slice(wrong);
+    fs::write(&path, &bytes).unwrap();
+    if let Some(issues) = khronos::issues(&path) {
+        assert!(issues["numErrors"].as_u64().unwrap() > 0, "{issues:#}");
+    }
 }
 
 #[test]

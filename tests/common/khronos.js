@@ -1,0 +1,6 @@
+// Prints what the Khronos validator says of a glTF file, as JSON.
+const { validateBytes } = require("gltf-validator");
+
+validateBytes(new Uint8Array(require("fs").readFileSync(process.argv[2]))).then(
+    ({ issues }) => console.log(JSON.stringify(issues)),
+    (error) => { console.error(error); process.exitCode = 1; });
