@@ -57,6 +57,11 @@ struct Picture {
 }
 
 impl Environment {
+    /// How many texels it has.
+    pub fn texels(&self) -> usize {
+        self.picture.texels.len()
+    }
+
     /// A checksum of all that it is.
     pub fn digest(&self) -> String {
         let Picture { width, height, texels, .. } = &*self.picture;

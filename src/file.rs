@@ -124,7 +124,14 @@ impl Lock {
         let name = PathBuf::from(name);
         loop {
             let held = File::options().create(true).append(true).open(&name)?;
-            held.try_lock()?;
+            if let Err(error) = held.try_lock() {
+                let error = io::Error::from(error);
+                if error.kind() != ErrorKind::WouldBlock {
+                    // Where there are no locks it would stay for ever.
+                    let _ = fs::remove_file(&name);
+                }
+                return Err(error);
+            }
             // Unless a run that just ended has removed the file that was opened.
             if is_at(&held, &name) {
                 remove_temporaries(path);

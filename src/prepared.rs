@@ -106,9 +106,12 @@ impl Photons {
     /// When the device fails.
     pub fn renew(&mut self, gpu: &Gpu, all: &Prepared, settings: &Settings, number: u64) -> Result<()> {
         if number != self.number {
+            // Neither the one nor the other, should this fail.
+            self.number = u64::MAX;
             self.grid.clear_flux();
-            self.counts += trace(all, settings, number, &mut self.grid);
+            let counts = trace(all, settings, number, &mut self.grid);
             self.texture = PhotonTexture::upload(gpu, &self.grid)?;
+            self.counts += counts;
             self.number = number;
         }
         Ok(())

@@ -7,7 +7,7 @@ use std::process::{Command, Output, Stdio};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
-use serde_json::Value;
+use serde_json::{Value, json};
 use tempfile::TempDir;
 
 const SCENE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/cornell.toml");
@@ -234,6 +234,7 @@ fn gathers(command: &mut Command) -> bool {
     let report: Value = serde_json::from_slice(&output.stdout).unwrap();
     let done = [&report["gather"]["directions"], &report["bake"]["directions_done"]].into_iter().find_map(Value::as_u64).unwrap();
     assert_eq!(done == 0, said(&output).contains("finished by an earlier run"), "{done} directions: {}", said(&output));
+    assert!(done > 0 || !said(&output).contains("beginning"), "{}", said(&output));
     done > 0
 }
 
@@ -248,9 +249,18 @@ fn what_is_finished_is_not_made_again() {
     let (names, before) = (["a.npy", "a.json"], state(&["a.npy", "a.json"]));
     success(&mut bake(&folder, &["-o", "vertices:b.ply", "-o", "lightmap:b.exr"]));
     assert!(!gathers(&mut bake(&folder, &["-o", "vertices:b.ply", "-o", "lightmap:b.exr"])));
+    let reported = bake(&folder, &["-o", "vertices:b.ply", "-o", "lightmap:b.exr", "--resume", "--json"]).output().unwrap();
+    let reported: Value = serde_json::from_slice(&reported.stdout).unwrap();
+    assert_eq!(reported["receivers"][0]["outputs"], json!(["b.ply"]), "{reported}");
     assert!(gathers(&mut bake(&folder, &["--padding", "3", "-o", "vertices:b.ply", "-o", "lightmap:b.exr"])));
     assert!(gathers(&mut bake(&folder, &["-o", "vertices:a.npy", "-o", "lightmap:c.exr"])), "one output is not there");
     assert!(state(&names) != before, "the one that is there was not made again with the other");
+    // An array's description may be of another run's.
+    let array = bytes(&folder, "a.npy");
+    assert!(!gathers(&mut bake(&folder, &["-o", "vertices:a.npy", "-o", "lightmap:c.exr"])));
+    fs::write(folder.path().join("a.npy"), &array[..array.len() - 4]).unwrap();
+    assert!(gathers(&mut bake(&folder, &["-o", "vertices:a.npy", "-o", "lightmap:c.exr"])), "the array is another");
+    assert!(bytes(&folder, "a.npy") == array);
     assert!(gathers(&mut render(&folder, &["-o", "a.exr"])), "it was a bake's");
     let before = state(&["a.exr"]);
     assert!(!gathers(&mut render(&folder, &["-o", "a.exr"])));

@@ -180,7 +180,7 @@ mod tests {
     }
 
     #[test]
-    fn most_nodes_are_reached_and_not_passed() {
+    fn most_nodes_are_not_passed_and_one_too_many_at_most() {
         for count in 1..200 {
             let (mut sum, mut most) = (PairwiseSum::default(), 0);
             for index in 0..count {

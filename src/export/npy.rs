@@ -17,7 +17,9 @@ use crate::npy::{self, Array};
 
 /// The metadata's name.
 const ABOUT: &str = "finalgather";
-/// The checksum's name.
+/// The checksum's name, of the array's file.
+const ARRAY: &str = "npy_sha256";
+/// And of the positions.
 const POSITIONS: &str = "positions_sha256";
 const BASIS: &str =
     "real orthonormal spherical harmonics without the Condon-Shortley phase, at index l (l + 1) + m; z is the polar axis";
@@ -58,14 +60,18 @@ pub fn write(path: &Path, values: &Values, options: &WriteOptions) -> Result<()>
         about[ABOUT] = serde_json::from_str(metadata).unwrap_or_else(|_| metadata.into());
     }
     let rows = (0..points).flat_map(|i| columns.iter().map(move |column| column.samples[i]));
+    let array = npy::encode(&shape, rows);
+    // One of the two may be written and the other not.
+    about[ARRAY] = sha256(&array).into();
     write_file(&path.with_extension("json"), format!("{about:#}\n").as_bytes())?;
-    write_file(path, &npy::encode(&shape, rows))
+    write_file(path, &array)
 }
 
-/// Of an array that is there, from the file beside it.
+/// From the file beside an array, if it is of this array.
 pub fn metadata(path: &Path) -> Option<Value> {
-    let about = read_file(&path.with_extension("json"), MOST_WORDS).ok().filter(|_| path.exists())?;
-    Some(serde_json::from_slice::<Value>(&about).ok()?[ABOUT].take())
+    let mut about: Value = serde_json::from_slice(&read_file(&path.with_extension("json"), MOST_WORDS).ok()?).ok()?;
+    let array = read_file(path, MOST_BYTES).ok()?;
+    (about[ARRAY] == sha256(&array)).then(|| about[ABOUT].take())
 }
 
 fn quantity(column: &Channel) -> &str {

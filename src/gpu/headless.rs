@@ -176,11 +176,11 @@ fn egl(choice: DeviceChoice) -> Result<Created> {
     if failures.is_empty() {
         let listed: Vec<_> = devices.iter().map(|(info, _)| info.to_string()).collect();
         let listed = if listed.is_empty() { "none".to_owned() } else { listed.join(", ") };
-        let problem = match choice {
-            DeviceChoice::Index(index) => format!("there is no EGL device {index}; there is {listed}"),
-            _ => format!("there is no such EGL device; there is {listed}"),
-        };
-        return Err(Error::gl(problem, "give --gl-device the number of one that is there, or auto"));
+        if let DeviceChoice::Index(index) = choice {
+            let problem = format!("there is no EGL device {index}; there is {listed}");
+            return Err(Error::gl(problem, "give --gl-device the number of one that is there, or auto"));
+        }
+        failures.push(format!("no such device; there is {listed}"));
     }
     Err(Error::gl(
         format!("no OpenGL 3.3 core context through EGL: {}", failures.join("; ")),

@@ -215,7 +215,7 @@ pub struct RenderArgs {
     #[arg(long)]
     pub json: bool,
 
-    /// MiB that the render may take on the GL side and the CPU's together: one that would take more is refused at once. Not counted: layers beyond the first eight, caustics' photons
+    /// MiB that the render may take on the GL side and the CPU's together: one that would take more is refused at once. Not counted: layers beyond the first eight, caustics' photons, the checkpoint that --resume reads
     #[arg(long, value_name = "MIB", value_parser = count::<usize>)]
     pub memory: Option<usize>,
 
@@ -323,7 +323,7 @@ pub struct JobArgs {
     #[arg(long, value_name = "SECONDS", default_value_t = 30, value_parser = clap::value_parser!(u64).range(..=86_400))]
     pub checkpoint_every: u64,
 
-    /// Go on from the checkpoint, or with --shard from its part, if there is one; outputs of the same job that are finished and can tell (.exr, .npy, .ply) stay as they are
+    /// Go on from the checkpoint, or with --shard from its part, if there is one. Without --checkpoint, outputs stay as they are if all are finished ones of the same job and can tell (.exr, .npy, .ply)
     #[arg(long)]
     pub resume: bool,
 

@@ -145,7 +145,7 @@ impl Checkpoint {
     pub fn found(&mut self, progress: &Progress) -> Result<Option<Part<'static>>> {
         let there = self.kind != Kind::None && self.path.exists();
         let path = self.path.display();
-        if self.resume && !there {
+        if self.resume && !there && !self.may_be_over() {
             progress.say(&format!("nothing to go on from in {path}; beginning"));
         } else if there && !self.resume {
             progress.say(&format!(

@@ -62,8 +62,8 @@ fn render(
     if mine.is_some() && settings.until > 0.0 {
         return Err(Error::usage("a shard cannot tell the error of the whole picture", "give --until 0"));
     }
+    check_memory(args.memory, &scene, &settings, mine.as_ref().map(|mine| mine.len() as u32))?;
     let found = checkpoint.found(progress)?;
-    check_memory(args.memory, &scene, &settings)?;
 
     progress.stage("starting OpenGL");
     let gpu = Gpu::headless(args.backend, args.gl_device)?;
@@ -155,8 +155,10 @@ fn render(
 }
 
 /// Whether the render fits into so many MiB.
-fn check_memory(allowed: Option<usize>, scene: &Scene, settings: &Settings) -> Result<()> {
-    let of = |settings: &Settings| memory_of(scene, settings).div_ceil(1 << 20);
+/// Of a shard of so many blocks, or of all.
+fn check_memory(allowed: Option<usize>, scene: &Scene, settings: &Settings, shard: Option<u32>) -> Result<()> {
+    let blocks = |settings: &Settings| shard.unwrap_or_else(|| blocks_of(settings).count());
+    let of = |settings: &Settings| memory_of(scene, settings, blocks(settings), shard.is_some()).div_ceil(1 << 20);
     let (Some(allowed), needed) = (allowed, of(settings)) else { return Ok(()) };
     let fits = |settings: &Settings| of(settings) <= allowed as u64;
     if fits(settings) {
@@ -169,7 +171,8 @@ fn check_memory(allowed: Option<usize>, scene: &Scene, settings: &Settings) -> R
     let fewer =
         fewer.take_while(|&directions| directions > 0).find(|&directions| fits(&Settings { directions, ..settings.clone() }));
     let fitting = fitting.map(|[width, height]| format!("--size {width}x{height}"));
-    let cures = fitting.into_iter().chain(fewer.map(|directions| format!("--directions {directions}")));
+    let cures =
+        fitting.into_iter().chain(fewer.filter(|_| shard.is_none()).map(|directions| format!("--directions {directions}")));
     let cure = cures.chain([format!("--memory {needed}")]).collect::<Vec<_>>().join(" or ");
     Err(Error::usage(format!("the render may take {needed} MiB, and --memory allows {allowed}"), format!("give {cure}")))
 }

@@ -59,7 +59,8 @@ struct Seconds {
 struct Baked {
     to: &'static str,
     points: usize,
-    counts: Counts,
+    /// None where an earlier run has done it.
+    counts: Option<Counts>,
     outputs: Vec<String>,
 }
 
@@ -145,7 +146,11 @@ fn bake(
     if !parts.is_empty() {
         bake.check_whole()?;
     }
-    let over = checkpoint.may_be_over() && are_done(outputs.iter().flatten(), &metadata(args, &bake, &settings, true));
+    let over = checkpoint.may_be_over()
+        && receivers
+            .iter()
+            .zip(outputs)
+            .all(|(receiver, paths)| are_done(paths.iter(), &metadata(args, &bake, &settings, receiver, true)));
     progress.begin_directions(bake.statistics().directions_total);
     let mut failure = None;
     while !over && failure.is_none() && !bake.is_done() && interrupt.leaves_time(bake.is_between_blocks()) {
@@ -166,20 +171,25 @@ fn bake(
     let how = if failure.is_some() { "failed" } else { "stopped" };
     let so_far = format!("{how} after {directions_done} of {directions_total} directions");
     let writing = Instant::now();
-    let options = WriteOptions { exposure: settings.exposure, metadata: Some(&metadata(args, &bake, &settings, bake.is_done())) };
     let (mut first, mut baked, mut failures) = (0, Vec::new(), Vec::new());
     // A shard has a part to make, and a bake that ends early may not have a value for each point.
     let columns = bake.columns().filter(|_| !over && checkpoint.shard().is_none());
     for (receiver, paths) in receivers.iter().zip(outputs) {
+        let outputs = paths.iter().map(|path| path.display().to_string()).collect();
+        if over {
+            baked.push(Baked { to: receiver.name(), points: receiver.points().len(), counts: None, outputs });
+            continue;
+        }
         let Some((columns, inside)) = &columns else { break };
         let range = first..first + receiver.points().len();
         first = range.end;
         let part = |column: &Channel| Channel { name: column.name.clone(), samples: column.samples[range.clone()].to_vec() };
         let own = columns.iter().map(part).collect();
+        let about = metadata(args, &bake, &settings, receiver, bake.is_done());
+        let options = WriteOptions { exposure: settings.exposure, metadata: Some(&about) };
         let (counts, errors) = receiver.write(own, &inside[range.clone()], paths, &scene, bake.prepared(), &options);
         failures.extend(errors);
-        let outputs = paths.iter().map(|path| path.display().to_string()).collect();
-        baked.push(Baked { to: receiver.name(), points: range.len(), counts, outputs });
+        baked.push(Baked { to: receiver.name(), points: range.len(), counts: Some(counts), outputs });
     }
     let paths: Vec<_> = baked.iter().flat_map(|baked| baked.outputs.iter().map(String::as_str)).collect();
     if ended {
@@ -192,7 +202,6 @@ fn bake(
     } else if failures.is_empty() {
         checkpoint.finish(|| save(&bake))?;
         if over {
-            let paths: Vec<_> = outputs.iter().flatten().map(|path| path.display().to_string()).collect();
             report::say(&format!("{}: finished by an earlier run, and left as it was", paths.join(", ")));
         } else if columns.is_some() && io::stderr().is_terminal() {
             report::say(&format!("written to {} after {:.1} s", paths.join(", "), started.elapsed().as_secs_f64()));
@@ -275,12 +284,13 @@ fn outputs_of(args: &BakeArgs) -> Result<Vec<Vec<PathBuf>>> {
 }
 
 /// What made the values. No times and no paths: the same bake gives the same files.
-fn metadata(args: &BakeArgs, bake: &Bake, settings: &Settings, complete: bool) -> String {
+fn metadata(args: &BakeArgs, bake: &Bake, settings: &Settings, receiver: &Receiver, complete: bool) -> String {
     serde_json::json!({
         "version": env!("CARGO_PKG_VERSION"),
         "renderer": bake.renderer(),
         "settings": settings,
         "plan": bake.plan(),
+        "receiver": receiver.name(),
         // Of a light map's options the only one that shapes no point.
         "padding": args.padding,
         "job_sha256": sha256(bake.job().to_string().as_bytes()),
