@@ -113,6 +113,22 @@ fn unusable_outputs_are_refused_before_anything_else() {
     assert_eq!(names_in(&folder), ["folder.exr"]);
 }
 
+/// Those that the scene names either.
+#[test]
+fn inputs_are_not_written_over() {
+    let folder = folder();
+    let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes");
+    for name in ["cornell_textured.toml", "cornell_textured.obj", "cornell_textured.mtl", "tiles.png"] {
+        fs::copy(scenes.join(name), folder.path().join(name)).unwrap();
+    }
+    for command in [&["render", "-o", "./tiles.png"][..], &["bake", "--to", "camera", "--what", "ao", "-o", "tiles.png"]] {
+        let said =
+            refusal(tool(&folder).args(command).arg("cornell_textured.toml").args(["--size", "8", "--directions", "8"]), 2);
+        assert!(said.contains("tiles.png: is an input"), "{said}");
+    }
+    assert!(fs::read(folder.path().join("tiles.png")).unwrap() == fs::read(scenes.join("tiles.png")).unwrap());
+}
+
 #[test]
 fn unusable_scenes_are_bad_data() {
     let folder = folder();

@@ -265,6 +265,8 @@ fn what_is_finished_is_not_made_again() {
     let before = state(&["a.exr"]);
     assert!(!gathers(&mut render(&folder, &["-o", "a.exr"])));
     assert!(state(&["a.exr"]) == before, "it was written again");
+    fs::write(folder.path().join("a.exr"), &before[0].0[..before[0].0.len() / 2]).unwrap();
+    assert!(gathers(&mut render(&folder, &["-o", "a.exr"])), "half of it is gone");
     // A PNG does not tell.
     assert!(gathers(&mut render(&folder, &["-o", "a.exr", "-o", "a.png"])));
     assert!(gathers(&mut render(&folder, &["-o", "a.exr", "--exposure", "1"])));
@@ -364,6 +366,8 @@ fn what_does_not_belong_together_is_refused_by_name() {
         let said = refusal(&mut render(&folder, args), 2);
         assert!(said.contains(what), "{args:?}: {said}");
     }
+    let over_description = ["-o", "vertices:x.npy", "-o", "lightmap:x.exr", "--checkpoint", "x.json"];
+    assert!(refusal(&mut bake(&folder, &over_description), 2).contains("two names"));
     let named_alike = ["--shard", "auto/4", "-o", "x.part"];
     assert!(
         refusal(render(&folder, &named_alike).env("JOB_COMPLETION_INDEX", "1"), 2).contains("all tasks would write this file")

@@ -92,6 +92,7 @@ fn scene(mesh: Mesh, camera: Camera) -> Scene {
         environment: None,
         settings: Settings::default(),
         warnings: Vec::new(),
+        files: Vec::new(),
     };
     UnitSpace::enter(&scene).0
 }

@@ -165,7 +165,11 @@ impl Surface<'_> {
 /// What [`WriteOptions::metadata`] was when this file was written, of kinds that tell: OpenEXR, NumPy, PLY.
 pub fn metadata_of(path: &Path) -> Option<Value> {
     match ending(path, &["exr", "npy", "ply"]).ok()? {
-        "exr" => serde_json::from_str(&Image::exr_metadata(path, &read_file(path, MOST_BYTES).ok()?)?).ok(),
+        "exr" => {
+            let about = Image::exr_metadata(path, &read_file(path, MOST_BYTES).ok()?)?;
+            // A file may have been cut since.
+            Image::read(path).ok().and_then(|_| serde_json::from_str(&about).ok())
+        }
         "npy" => npy::metadata(path),
         _ => ply::metadata(&read_file(path, MOST_BYTES).ok()?),
     }

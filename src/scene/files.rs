@@ -1,6 +1,7 @@
 //! Files that a scene names. Who opens a scene from elsewhere asks for what is in its folder, and for nothing else that this machine can read.
 
 use std::borrow::Cow;
+use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::path::{Component, Path, PathBuf};
 use std::{fs, io};
@@ -25,6 +26,8 @@ pub(super) struct Reader<'a> {
     /// The file that was asked for, wherever it may lie.
     scene: &'a Path,
     files: &'a Files,
+    /// All that were read so far, by the paths of [`Self::find`].
+    done: RefCell<Vec<PathBuf>>,
 }
 
 /// Why a file was not read, and the cure where a better one is known than to put it there.
@@ -35,7 +38,7 @@ pub(super) struct Unread {
 
 impl<'a> Reader<'a> {
     pub fn new(scene: &'a Path, files: &'a Files) -> Self {
-        Self { scene, files }
+        Self { scene, files, done: RefCell::default() }
     }
 
     /// The one path of a file, by whatever name it goes, if it may be read.
@@ -56,10 +59,16 @@ impl<'a> Reader<'a> {
 
     /// What is in a file that [`Self::find`] found: at most so many bytes.
     pub fn read(&self, file: &Path, most: u64) -> Result<Cow<'_, [u8]>, Unread> {
+        self.done.borrow_mut().push(file.to_owned());
         match self.files {
             Files::Memory(files) => files.get(file).map(Cow::from).ok_or_else(|| unread(io::ErrorKind::NotFound.into())),
             _ => read_file(file, most).map(Cow::from).map_err(unread),
         }
+    }
+
+    /// All files that were read.
+    pub fn into_done(self) -> Vec<PathBuf> {
+        self.done.into_inner()
     }
 
     /// What is in a file of this name.

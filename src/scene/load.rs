@@ -68,7 +68,9 @@ impl Scene {
 
     /// The same as these options have it.
     pub fn load_with(path: &Path, options: LoadOptions) -> Result<Self> {
-        let scene = load(&Reader::new(path, &options.files), path, options.environment)?;
+        let reader = Reader::new(path, &options.files);
+        let mut scene = load(&reader, path, options.environment)?;
+        scene.files = reader.into_done();
         let is_emissive = |triangle| scene.material(triangle).is_emissive();
         if options.unlit || scene.has_sky() || (0..scene.mesh.triangles.len()).any(is_emissive) {
             return Ok(scene);
@@ -300,5 +302,5 @@ fn build(
     }
     let framed = camera.is_none();
     let camera = camera.unwrap_or_else(|| Camera::framing(mesh.bounds(), settings.size));
-    Ok(Scene { mesh, materials, textures: textures.list, environment, camera, framed, settings, warnings })
+    Ok(Scene { mesh, materials, textures: textures.list, environment, camera, framed, settings, warnings, files: Vec::new() })
 }

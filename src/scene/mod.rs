@@ -6,6 +6,8 @@
 //! [`Scene::load`] is the entry point. After it returns, every index is in range, every number is finite, every albedo lies in
 //! [0, 1], every triangle has an area, and at least one triangle or the environment sends light; later stages rely on that and check nothing again.
 
+use std::path::PathBuf;
+
 use glam::{Vec2, Vec3};
 
 use crate::environment::Environment;
@@ -50,6 +52,8 @@ pub struct Scene {
     pub settings: Settings,
     /// What was mended or looks wrong, in sentences for a person (degenerate triangles skipped, unused files).
     pub warnings: Vec<String>,
+    /// What it was read from: the scene file, and all that it names.
+    pub files: Vec<PathBuf>,
 }
 
 impl Scene {

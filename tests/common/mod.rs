@@ -76,6 +76,7 @@ impl Model {
             camera,
             settings: Settings::default(),
             warnings: Vec::new(),
+            files: Vec::new(),
         };
         let mut model = Self { scene };
         model.material(Vec3::ONE, Vec3::ZERO);

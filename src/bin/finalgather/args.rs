@@ -658,6 +658,11 @@ impl RenderArgs {
         self.overrides.load_scene(&self.scene)
     }
 
+    /// The environment in place of the scene's.
+    pub fn env(&self) -> Option<&Path> {
+        self.overrides.env.as_deref()
+    }
+
     pub fn override_settings(&self, settings: Settings) -> Settings {
         self.overrides.put_over(settings)
     }

@@ -60,7 +60,7 @@ impl Checkpoint {
         let shard = args.shard()?;
         let (path, kind) = match (&args.checkpoint, shard) {
             (_, Some(shard)) => (part_of(shard, args.is_automatic(), outputs)?, Kind::Part),
-            (Some(path), None) if outputs.contains(path) => {
+            (Some(path), None) if outputs.iter().any(|output| output == path || is_beside(output, path)) => {
                 let problem = format!("{}: is to hold the checkpoint and the result", path.display());
                 return Err(Error::usage(problem, "give them two names"));
             }
@@ -239,6 +239,11 @@ fn lock(path: &Path) -> Result<Option<Lock>> {
             Ok(None)
         }
     })
+}
+
+/// Whether it is the description of an array.
+fn is_beside(array: &Path, path: &Path) -> bool {
+    array.extension().is_some_and(|ending| ending == "npy") && array.with_extension("json") == path
 }
 
 /// The one output of a shard.

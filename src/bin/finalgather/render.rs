@@ -49,6 +49,7 @@ fn render(
     })?;
     let loading = Instant::now();
     let scene = args.load_scene()?;
+    check_kept(outputs, scene.files.iter().map(PathBuf::as_path).chain(args.env()))?;
     let load = loading.elapsed().as_secs_f64();
     scene.warnings.iter().for_each(|warning| progress.say(&format!("warning: {warning}")));
     let settings = args.override_settings(scene.settings.clone());
@@ -98,7 +99,7 @@ fn render(
     let kept = if ended { checkpoint.stop(|| render.save()) } else { Ok(false) };
     let writing = Instant::now();
     let (outputs, what) = if checkpoint.shard().is_some() {
-        (vec![checkpoint.path().to_owned()], "kept in")
+        (vec![checkpoint.path().to_owned()], if kept.is_ok() { "kept in" } else { "not kept in" })
     } else if over {
         (outputs.to_vec(), "")
     } else {

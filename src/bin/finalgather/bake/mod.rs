@@ -95,6 +95,7 @@ fn bake(
         Error::usage(format!("signals cannot be caught: {error}"), "run where the system allows signal handlers")
     })?;
     let scene = load(args)?;
+    check_kept(&args.paths(), scene.files.iter().map(PathBuf::as_path))?;
     scene.warnings.iter().for_each(|warning| progress.say(&format!("warning: {warning}")));
     let mut settings = args.overrides.put_over(scene.settings.clone());
     // Transfer may do without bounces; photons may not.
