@@ -84,6 +84,19 @@ fn flux_at_the_first_surface_is_what_was_emitted() {
     }
 }
 
+/// The walls lie between cells, and rounding would put photons on both sides.
+#[test]
+fn there_is_no_flux_without_area() {
+    let mut grid = traced(&room().finish(), 16, 100_000, 4);
+    let alone = |grid: &PhotonGrid| grid.sums.iter().filter(|sums| sums[0] > 0.0 && sums[3] == 0.0).count();
+    assert_eq!(alone(&grid), 0);
+    // Nor does it come with further photons.
+    grid.clear_flux();
+    counted(&room().finish(), &Bvh::new(&room().finish().mesh), 100_000, 4, &mut grid);
+    assert_eq!(alone(&grid), 0);
+    assert!(total(&grid).x > 0.0);
+}
+
 #[test]
 fn white_surfaces_reflect_all_of_it() {
     let scene = room().finish();

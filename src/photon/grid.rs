@@ -6,7 +6,7 @@
 //! Of the area, only the share counts that light can reach: floor under a closed block receives no photon, and would darken the
 //! floor around the block that shares its cells. Readers interpolate flux and area between cells and divide last.
 
-use glam::{UVec3, Vec3, Vec4};
+use glam::{IVec3, UVec3, Vec3, Vec4};
 use rayon::prelude::*;
 
 use crate::math::{Aabb, cosine_direction, dominant_axis};
@@ -122,6 +122,35 @@ impl PhotonGrid {
                 // Where photons are, some of the area was reached, whatever the probes missed.
                 let lit = lit.max(u32::from(self.is_lit(index)));
                 self.sums[index][3] *= lit as f32 / probes as f32;
+            }
+        }
+        self.settle();
+    }
+
+    /// Puts flux that met a cell without area into the nearest with some: a surface between two cells has its area in one of them, and of the
+    /// photons that meet it, rounding takes some to the other. Where a reader is almost alone with it, the quotient would be without bounds.
+    /// Changes nothing before there is area.
+    pub(super) fn settle(&mut self) {
+        let size = self.cells.as_ivec3();
+        for bin in 0..BINS {
+            let first = bin * self.cells.element_product() as usize;
+            let index = |cell: IVec3| first + ((cell.z * size.y + cell.y) * size.x + cell.x) as usize;
+            // Across the surface first, then beyond its edges.
+            let mut steps: Vec<IVec3> = (0..27).map(|step| IVec3::new(step % 3, step / 3 % 3, step / 9) - 1).collect();
+            steps.sort_by_key(|step| (step.length_squared(), step[bin / 2] == 0));
+            for at in 0..size.element_product() {
+                let cell = IVec3::new(at % size.x, at / size.x % size.y, at / (size.x * size.y));
+                let [red, green, blue, area] = self.sums[index(cell)];
+                if area > 0.0 || !self.is_lit(index(cell)) {
+                    continue;
+                }
+                let mut near = steps.iter().map(|&step| cell + step);
+                let has_area =
+                    |near: &IVec3| near.cmpge(IVec3::ZERO).all() && near.cmplt(size).all() && self.sums[index(*near)][3] > 0.0;
+                if let Some(near) = near.find(has_area) {
+                    self.sums[index(cell)] = [0.0; 4];
+                    self.add_flux(index(near), Vec3::new(red, green, blue));
+                }
             }
         }
     }

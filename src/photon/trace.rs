@@ -110,6 +110,7 @@ impl<'a> PhotonTracer<'a> {
                 }
             }
         }
+        grid.settle();
         counts
     }
 
