@@ -177,7 +177,7 @@ impl Render {
             ..Statistics::default()
         };
         statistics.seconds.photons = start.elapsed().as_secs_f64();
-        statistics.gather.layer_size = settings.layer_size;
+        statistics.gather.layer_size = settings.layers();
         gpu.finish();
         gpu.check("preparing a render")?;
         Ok(Self {
@@ -211,7 +211,7 @@ impl Render {
         }
         settings.validate()?;
         let passes =
-            |of: &Settings| (of.size, of.points, of.layer_size, of.pipeline, of.interleave, of.stop_fraction, of.shadow_size);
+            |of: &Settings| (of.size, of.points, of.layers(), of.pipeline, of.interleave, of.stop_fraction, of.shadow_size);
         if passes(settings) != passes(&self.settings) {
             self.passes = Passes::new(&self.gpu, &self.gathered.scene, settings)?;
         }
@@ -243,7 +243,7 @@ impl Render {
             self.photons.counts = PhotonCounts::default();
         }
         self.statistics = Statistics { scene: self.statistics.scene, photons: self.photons.counts, ..Statistics::default() };
-        self.statistics.gather.layer_size = self.settings.layer_size;
+        self.statistics.gather.layer_size = self.settings.layers();
     }
 
     /// What it is rendered by.
@@ -602,7 +602,7 @@ impl Passes {
         let sums = || Sums::new(gpu, interleave.sums_size());
         // Sums first: what gathers makes do with the memory that is left.
         let gl = |sums, gather: Box<dyn Gather>| Method::Gl { gather, sums };
-        let (layers, tile, stop) = (settings.layer_size, interleave.tile(), settings.stop_fraction);
+        let (layers, tile, stop) = (settings.layers(), interleave.tile(), settings.stop_fraction);
         let method = match settings.pipeline {
             Pipeline::Kill => gl(sums()?, Box::new(KillGather::new(gpu, layers, tile, stop)?)),
             Pipeline::EarlyKill => gl(sums()?, Box::new(KillGather::early(gpu, layers, tile, stop)?)),

@@ -1,8 +1,11 @@
 //! What shapes a picture beside the scene: one flat value, read from the scene file and overridden by the command line.
 
-use serde::{Deserialize, Serialize};
+use std::fmt::{self, Display, Formatter};
 
-use crate::error::{Error, Result};
+use serde::de::{self, Unexpected, Visitor};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+use crate::error::Error;
 
 /// Settings of a render. Every field has a default, so that a scene file names only what differs.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -12,8 +15,8 @@ pub struct Settings {
     pub size: [u32; 2],
     /// Number of global directions N, each shared by all points.
     pub directions: u32,
-    /// Side of the square depth layers in texels.
-    pub layer_size: u32,
+    /// Side of the square depth layers; [`Self::layers`] has it in texels.
+    pub layer_size: LayerSize,
     pub points: PointSource,
     pub pipeline: Pipeline,
     pub estimator: Estimator,
@@ -47,7 +50,7 @@ impl Default for Settings {
         Self {
             size: [512, 512],
             directions: 1000,
-            layer_size: 256,
+            layer_size: LayerSize::Auto,
             points: PointSource::Camera,
             pipeline: Pipeline::Fused,
             estimator: Estimator::SelfNormalised,
@@ -79,6 +82,65 @@ pub enum PointSource {
     Camera,
     /// Rays on the CPU, through mirrors, glass and the camera's lens to the first diffuse surface.
     Traced,
+}
+
+/// Side of the square depth layers.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum LayerSize {
+    /// What the directions are worth: see [`Settings::layers`].
+    #[default]
+    Auto,
+    Texels(u32),
+}
+
+impl Display for LayerSize {
+    fn fmt(&self, f: &mut Formatter) -> fmt::Result {
+        match self {
+            Self::Auto => f.pad("auto"),
+            Self::Texels(side) => Display::fmt(side, f),
+        }
+    }
+}
+
+impl Serialize for LayerSize {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match *self {
+            Self::Auto => serializer.serialize_str("auto"),
+            Self::Texels(side) => serializer.serialize_u32(side),
+        }
+    }
+}
+
+impl<'de> Deserialize<'de> for LayerSize {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Size;
+
+        impl Visitor<'_> for Size {
+            type Value = LayerSize;
+
+            fn expecting(&self, f: &mut Formatter) -> fmt::Result {
+                f.write_str("a number of texels, or \"auto\"")
+            }
+
+            fn visit_i64<E: de::Error>(self, side: i64) -> Result<LayerSize, E> {
+                let texels = u32::try_from(side).map(LayerSize::Texels);
+                texels.map_err(|_| E::invalid_value(Unexpected::Signed(side), &self))
+            }
+
+            fn visit_u64<E: de::Error>(self, side: u64) -> Result<LayerSize, E> {
+                self.visit_i64(side.try_into().unwrap_or(i64::MAX))
+            }
+
+            fn visit_str<E: de::Error>(self, text: &str) -> Result<LayerSize, E> {
+                match text {
+                    "auto" => Ok(LayerSize::Auto),
+                    _ => Err(E::invalid_value(Unexpected::Str(text), &self)),
+                }
+            }
+        }
+
+        deserializer.deserialize_any(Size)
+    }
 }
 
 /// How the gather is computed.
@@ -142,8 +204,26 @@ pub enum Sequence {
 const MOST_PIXELS: u64 = 1 << 28;
 
 impl Settings {
+    /// Side of the square depth layers in texels.
+    ///
+    /// What a texel is off by differs from one direction to the next, so that more directions even it out as they do their own noise, though less
+    /// well. The side grows with their root, or with that of as many as the wanted error takes, and adds a twentieth to a quarter to the error of so
+    /// many (ARCHITECTURE has the measurements): in the end both vanish.
+    pub fn layers(&self) -> u32 {
+        match self.layer_size {
+            LayerSize::Texels(side) => side,
+            LayerSize::Auto => {
+                // About 1024 of low discrepancy to a percent, falling as their number to the power of 3/4.
+                let wanted = 1024.0 * (0.01 / self.until).powf(4.0 / 3.0);
+                let side = 128.0 * (wanted.min(self.directions.into()) / 1024.0).sqrt();
+                // Fewer texels would save little.
+                ((side / 64.0).round() as u32 * 64).clamp(128, 1024)
+            }
+        }
+    }
+
     /// Checks every number that does not depend on the GL device.
-    pub fn validate(&self) -> Result<()> {
+    pub fn validate(&self) -> crate::error::Result<()> {
         let at_least_one = |name: &str, value: u64| match value {
             0 => Err(Error::usage(format!("{name} is 0"), format!("give {name} of 1 or more"))),
             _ => Ok(()),
@@ -156,10 +236,10 @@ impl Settings {
             return Err(Error::usage(problem, format!("give at most {MOST_PIXELS} pixels")));
         }
         at_least_one("directions", self.directions.into())?;
-        if self.layer_size < 4 {
+        if matches!(self.layer_size, LayerSize::Texels(0..4)) {
             return Err(Error::usage(
                 format!("layer-size is {}", self.layer_size),
-                "give 4 texels or more, two of which are the layer's border",
+                "give 4 texels or more, two of which are the layer's border, or auto",
             ));
         }
         at_least_one("photons", self.photons)?;
@@ -198,5 +278,33 @@ impl Settings {
             return Err(Error::usage(format!("exposure is {}", self.exposure), "give stops from -64 to 64"));
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn layers_grow_with_what_is_wanted() {
+        let layers = |directions, until| Settings { directions, until, ..Settings::default() }.layers();
+        assert_eq!([1, 1000, 4096, 16384, 1 << 30].map(|directions| layers(directions, 0.0)), [128, 128, 256, 512, 1024]);
+        // A thousand directions to a percent, and eight times as many to a fifth of it.
+        assert_eq!([layers(1 << 30, 0.01), layers(1 << 30, 0.002), layers(100, 0.002)], [128, 384, 128]);
+        assert_eq!(Settings { layer_size: LayerSize::Texels(96), directions: 1 << 20, ..Settings::default() }.layers(), 96);
+    }
+
+    #[test]
+    fn layer_sizes_are_written_as_they_are_read() {
+        for (size, text) in [(LayerSize::Auto, "layer_size = \"auto\"\n"), (LayerSize::Texels(96), "layer_size = 96\n")] {
+            let settings: Settings = toml::from_str(text).unwrap();
+            assert_eq!(settings.layer_size, size);
+            assert!(toml::to_string(&settings).unwrap().contains(text), "{text}");
+            assert_eq!(serde_json::from_value::<Settings>(serde_json::to_value(&settings).unwrap()).unwrap(), settings);
+        }
+        for wrong in ["layer_size = \"big\"", "layer_size = -1", "layer_size = 5_000_000_000", "layer_size = 1.5"] {
+            let error = toml::from_str::<Settings>(wrong).unwrap_err().to_string();
+            assert!(error.contains("a number of texels, or \"auto\""), "{error}");
+        }
     }
 }

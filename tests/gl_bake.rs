@@ -16,7 +16,7 @@ use finalgather::points::{GatherPoint, Vertices};
 use finalgather::prepared::Prepared;
 use finalgather::quantity::Quantity;
 use finalgather::scene::{Bvh, RAY_OFFSET, Scene};
-use finalgather::settings::{Pipeline, Sequence, Settings};
+use finalgather::settings::{LayerSize, Pipeline, Sequence, Settings};
 use glam::{Vec3, vec3};
 
 const PLAN: Plan = Plan { what: Vec::new(), order: 3, bounces: 0, ao_distance: None, rough: Rough::Photons, memory: 256 };
@@ -76,7 +76,9 @@ fn every_quantity_is_that_of_exact_rays() {
     let (count, along) = sized(&gpu, (8192, 256), (256, 16));
     let points = cornell_points(&gpu, &scene, count);
     let plan = Plan { what: Quantity::ALL.to_vec(), bounces: 2, ao_distance: Some(100.0), ..PLAN };
-    let by = |pipeline| bake(&gpu, &scene, &points, &Settings { pipeline, ..settings(along) }, &plan).0;
+    let by = |pipeline| {
+        bake(&gpu, &scene, &points, &Settings { pipeline, layer_size: LayerSize::Texels(256), ..settings(along) }, &plan).0
+    };
     let exact = by(Pipeline::Raycast);
     // What differs is aliasing of layers (measured at 256²: irradiance 0.5 %, transfer 0.2 %); rays on the GL side differ by rounding.
     // Where little is open, few rays make a bent normal (1.1 %).
@@ -135,7 +137,7 @@ fn irradiance_is_that_of_the_gather() {
         .trace(0..settings.photons, &mut grid);
     grid.add_area(&unit.mesh, &bvh, settings.seed);
     let photons = PhotonTexture::upload(&gpu, &grid).unwrap();
-    let sums = gather_fused(&gpu, &unit, &photons, &points, &directions(Sequence::R2, along), settings.layer_size).0;
+    let sums = gather_fused(&gpu, &unit, &photons, &points, &directions(Sequence::R2, along), settings.layers()).0;
     for (i, expected) in irradiance(&sums).iter().enumerate() {
         let found = Vec3::from(["R", "G", "B"].map(|c| column(&baked, &format!("IrradianceIndirect.{c}"))[i]));
         // Order of summation.

@@ -80,7 +80,7 @@ fn a_table_of_those_asked_for() {
     let output = bench(&[&SMALL[..], &["--pipelines", "raycast,fused"]].concat()).output().unwrap();
     let table = String::from_utf8_lossy(&output.stdout).into_owned();
     assert!(output.status.success() && output.stderr.is_empty(), "{}", String::from_utf8_lossy(&output.stderr));
-    assert!(table.contains("points (32x32), 16 directions, 256x256 layers, medians of 2 rounds"), "{table}");
+    assert!(table.contains("points (32x32), 16 directions, 128x128 layers, medians of 2 rounds"), "{table}");
     let names: Vec<_> = table.lines().skip(4).map_while(|line| line.split_whitespace().next()).collect();
     assert_eq!(names, ["fused", "raycast"], "{table}");
 }

@@ -18,7 +18,7 @@ use finalgather::points::GatherPoint;
 use finalgather::reference::Reference;
 use finalgather::render::Render;
 use finalgather::scene::{Bvh, Camera, Lights, Scene};
-use finalgather::settings::{Pipeline, Sequence, Settings};
+use finalgather::settings::{LayerSize, Pipeline, Sequence, Settings};
 use glam::{Vec3, vec3};
 
 /// Of radiance 1 + y: bright above, black below.
@@ -146,8 +146,14 @@ fn a_block_in_a_furnace_shows_its_albedo() {
     model.scene.environment = Some(Environment::constant(Vec3::ONE).unwrap());
     model.scene.camera.eye = vec3(1.0, 2.0, 3.0);
     for pipeline in PIPELINES {
-        let settings =
-            Settings { size: [24, 20], directions: 64, layer_size: 128, photons: 20_000, pipeline, ..Settings::default() };
+        let settings = Settings {
+            size: [24, 20],
+            directions: 64,
+            layer_size: LayerSize::Texels(128),
+            photons: 20_000,
+            pipeline,
+            ..Settings::default()
+        };
         let image = picture(&gpu, &model.scene, &settings);
         let channel = |name: &str| image.channel(name).unwrap();
         let (coverage, rgb) = (channel("A"), image.rgb().unwrap());
@@ -186,7 +192,8 @@ fn the_background_is_what_the_camera_looks_at() {
         lens: None,
     };
     model.scene.camera = camera;
-    let settings = Settings { size: [30, 20], directions: 32, layer_size: 16, photons: 1000, ..Settings::default() };
+    let settings =
+        Settings { size: [30, 20], directions: 32, layer_size: LayerSize::Texels(16), photons: 1000, ..Settings::default() };
     let image = picture(&gpu, &model.scene, &settings);
     let ([r, g, _], coverage) = (image.rgb().unwrap(), image.channel("A").unwrap());
     let mut seen = 0;
@@ -207,7 +214,8 @@ fn pipelines_agree_under_a_sky() {
     let gpu = gpu();
     let scene = Scene::load(Path::new("scenes/open.toml")).unwrap();
     let size = sized(&gpu, [48, 48], [24, 24]);
-    let settings = Settings { size, directions: 256, layer_size: 256, photons: 100_000, ..scene.settings.clone() };
+    let settings =
+        Settings { size, directions: 256, layer_size: LayerSize::Texels(256), photons: 100_000, ..scene.settings.clone() };
     let [fused, kill, early, rays_gl, rays] =
         PIPELINES.map(|pipeline| picture(&gpu, &scene, &Settings { pipeline, ..settings.clone() }));
     let check = |name: &str, a: &Image, b: &Image, limit: f64| {

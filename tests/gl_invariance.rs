@@ -9,7 +9,7 @@ use finalgather::image::Image;
 use finalgather::image::compare::{Comparison, Selection, compare};
 use finalgather::render::Render;
 use finalgather::scene::Scene;
-use finalgather::settings::Settings;
+use finalgather::settings::{LayerSize, Settings};
 use glam::{Affine3A, Quat, Vec3, vec3};
 
 /// The Cornell box in its own coordinates.
@@ -33,7 +33,8 @@ fn moved(by: Affine3A) -> Scene {
 /// The light that surfaces reflect, and its relative standard error by the render's own account. Emission is left out, as in that account: it is
 /// exact but for the lamp's outline, which would outshine all else.
 fn picture(gpu: &Gpu, scene: &Scene) -> (Image, f64) {
-    let (side, directions, layer_size, light_samples) = sized(gpu, (64, 256, 128, 128), (24, 64, 64, 32));
+    let (side, directions, layer_size, light_samples) =
+        sized(gpu, (64, 256, LayerSize::Texels(128), 128), (24, 64, LayerSize::Texels(64), 32));
     let size = [side; 2];
     let settings =
         Settings { size, directions, layer_size, light_samples, photons: 200_000, shadow_size: 64, ..scene.settings.clone() };

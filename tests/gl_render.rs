@@ -12,7 +12,7 @@ use finalgather::image::compare::{Selection, compare};
 use finalgather::image::{Channel, Image};
 use finalgather::render::{End, Render};
 use finalgather::scene::{Bvh, Camera, RAY_OFFSET, Scene, UnitSpace};
-use finalgather::settings::{Estimator, Pipeline, Settings};
+use finalgather::settings::{Estimator, LayerSize, Pipeline, Settings};
 use glam::Vec3;
 
 /// The Cornell box, small.
@@ -21,7 +21,7 @@ fn cornell() -> (Scene, Settings) {
     let settings = Settings {
         size: [48, 40],
         directions: 64,
-        layer_size: 64,
+        layer_size: LayerSize::Texels(64),
         photons: 50_000,
         grid_cells: 16,
         light_samples: 32,
@@ -73,7 +73,7 @@ fn begun_again_is_begun_anew() {
     render.restart(camera, &settings).unwrap();
     render.step().unwrap();
     assert!(render.directions_done() < 64, "something is left to interrupt");
-    let other = Settings { size: [24, 20], pipeline: Pipeline::Kill, layer_size: 32, ..settings.clone() };
+    let other = Settings { size: [24, 20], pipeline: Pipeline::Kill, layer_size: LayerSize::Texels(32), ..settings.clone() };
     render.restart(camera, &other).unwrap();
     let moved = gather(&mut render);
     assert!(same(&moved, &gather(&mut Render::new(&gpu, &Scene { camera, ..scene.clone() }, &other).unwrap())));
@@ -82,7 +82,7 @@ fn begun_again_is_begun_anew() {
     assert_eq!(render.statistics().gather.directions, 64);
 
     // A refused restart leaves everything as it is.
-    let refused = render.restart(camera, &Settings { layer_size: 1, ..settings.clone() });
+    let refused = render.restart(camera, &Settings { layer_size: LayerSize::Texels(1), ..settings.clone() });
     assert!(refused.is_err());
     let other_photons = render.restart(camera, &Settings { seed: settings.seed + 1, ..settings.clone() });
     assert!(matches!(other_photons, Err(Error::Usage { .. })));
@@ -99,7 +99,7 @@ fn begun_again_is_begun_anew() {
 fn begun_again_with_the_first_photons() {
     let gpu = gpu();
     let (scene, settings) = cornell();
-    let settings = Settings { size: [16, 12], directions: 1056, layer_size: 32, photons: 10_000, ..settings };
+    let settings = Settings { size: [16, 12], directions: 1056, layer_size: LayerSize::Texels(32), photons: 10_000, ..settings };
     let mut render = Render::new(&gpu, &scene, &settings).unwrap();
     let first = render.statistics().photons;
     let gather = |render: &mut Render, directions: u32| {
@@ -220,7 +220,7 @@ fn layers_and_rays_make_the_same_picture() {
         let change = |pipeline| {
             move |settings: &mut Settings| {
                 (settings.pipeline, settings.interleave, settings.layer_size, settings.size) =
-                    (pipeline, interleave, 128, [47, 37]);
+                    (pipeline, interleave, LayerSize::Texels(128), [47, 37]);
             }
         };
         for pair in [[Pipeline::Kill, Pipeline::Raycast], [Pipeline::Fused, Pipeline::RaycastGl]] {
@@ -303,7 +303,7 @@ fn both_ends_of_a_direction_are_worth_two() {
         let change = |settings: &mut Settings| {
             (settings.pipeline, settings.directions) = (pipeline, directions);
             (settings.interleave, settings.estimator) = (interleave, estimator);
-            (settings.size, settings.layer_size) = ([65, 53], 128);
+            (settings.size, settings.layer_size) = ([65, 53], LayerSize::Texels(128));
         };
         indirect(&picture_with(&gpu, None, change))
     };

@@ -7,7 +7,7 @@ use finalgather::geometry::Geometry;
 use finalgather::points::{CameraPoints, EyeRays, GatherPoint};
 use finalgather::render::Render;
 use finalgather::scene::{Bvh, Camera, Surface};
-use finalgather::settings::{PointSource, Settings};
+use finalgather::settings::{LayerSize, PointSource, Settings};
 use glam::{Vec2, Vec3, Vec4, vec3};
 
 #[test]
@@ -68,7 +68,7 @@ fn furnace_with_mirror_and_glass() {
         directions,
         photons,
         light_samples: 1024,
-        layer_size: 128,
+        layer_size: LayerSize::Texels(128),
         ..Settings::default()
     };
     let mut render = Render::new(&gpu, &scene, &settings).unwrap();

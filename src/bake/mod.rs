@@ -226,7 +226,7 @@ impl Plan {
 
 /// How far from a vertex its gather point lies, in unit space: half a texel of a layer, for nearer to the foot of a wall light is lost.
 pub fn vertex_inset(settings: &Settings) -> f32 {
-    1.0 / settings.layer_size as f32
+    1.0 / settings.layers() as f32
 }
 
 impl Bake {
@@ -746,7 +746,7 @@ fn light(round: usize) -> String {
 
 /// A way to find hits, of so many points at a time.
 fn find_by(gpu: &Gpu, settings: &Settings, prepared: &Prepared, points: usize) -> Result<Box<dyn Find>> {
-    let (layers, size) = (settings.layer_size, PointList::size(points));
+    let (layers, size) = (settings.layers(), PointList::size(points));
     Ok(match settings.pipeline {
         Pipeline::Fused => Box::new(FusedFind::new(gpu, layers, size)?),
         Pipeline::Kill => Box::new(KillFind::new(KillGather::new(gpu, layers, size, settings.stop_fraction)?)),

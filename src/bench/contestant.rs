@@ -40,7 +40,7 @@ pub const CONTESTANTS: &[Contestant] = &[
         about: "the method of 2004",
         kind: Kind::Gl(|bench| {
             let settings = &bench.settings;
-            Ok(Box::new(KillGather::new(&bench.gpu, settings.layer_size, bench.points().size(), settings.stop_fraction)?))
+            Ok(Box::new(KillGather::new(&bench.gpu, settings.layers(), bench.points().size(), settings.stop_fraction)?))
         }),
     },
     Contestant {
@@ -48,13 +48,13 @@ pub const CONTESTANTS: &[Contestant] = &[
         about: "the same with an early KILL",
         kind: Kind::Gl(|bench| {
             let settings = &bench.settings;
-            Ok(Box::new(KillGather::early(&bench.gpu, settings.layer_size, bench.points().size(), settings.stop_fraction)?))
+            Ok(Box::new(KillGather::early(&bench.gpu, settings.layers(), bench.points().size(), settings.stop_fraction)?))
         }),
     },
     Contestant {
         name: FUSED,
         about: "all layers of a direction in one pass, both its ends",
-        kind: Kind::Gl(|bench| Ok(Box::new(FusedGather::new(&bench.gpu, bench.settings.layer_size)?))),
+        kind: Kind::Gl(|bench| Ok(Box::new(FusedGather::new(&bench.gpu, bench.settings.layers())?))),
     },
     Contestant {
         name: "raycast-gl",

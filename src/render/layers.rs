@@ -83,7 +83,7 @@ impl Render {
     /// # Errors
     /// When a program does not compile or the device fails.
     pub fn layers(&mut self, end: End) -> Result<Layers> {
-        let (bundle, size) = (self.bundle(end), self.settings.layer_size);
+        let (bundle, size) = (self.bundle(end), self.settings.layers());
         let scene = &self.gathered.scene;
         let order = triangle_order(scene);
         let from_layer = bundle.to_layer.inverse();
@@ -149,6 +149,6 @@ impl Render {
         let direction = self.directions.get(end.number);
         let vector = self.camera.axes() * direction.vector;
         let vector = if end.opposite { -vector } else { vector };
-        Bundle::new(&Direction { vector, ..direction }, &self.gathered.geometry.positions, self.settings.layer_size)
+        Bundle::new(&Direction { vector, ..direction }, &self.gathered.geometry.positions, self.settings.layers())
     }
 }

@@ -25,8 +25,8 @@ pub fn memory_of(scene: &Scene, settings: &Settings, blocks: u32, shard: bool) -
     let scene = scenes * (TRIANGLE * scene.mesh.triangles.len() + 10 * texels) + 4 * texels + 28 * beyond;
     let photons = 3 * TEXEL * BINS * (settings.grid_cells as usize + 2).pow(3);
     let shadows = (TEXEL + 4) * 3 * square(settings.shadow_size);
-    let batch = (2048 / settings.layer_size as usize).clamp(1, 8);
-    let layers = batch * square(settings.layer_size) * (8 * 12 + 16);
+    let batch = (2048 / settings.layers() as usize).clamp(1, 8);
+    let layers = batch * square(settings.layers()) * (8 * 12 + 16);
     // On the GL side: visible points with their depth, direct and rough light, sums.
     let gl = 4 * TEXEL + 4 + 3 * TEXEL;
     // Visible points, rough light, caustics; at the end of a block sums, the same in order, and direct light.

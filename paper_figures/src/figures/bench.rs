@@ -62,7 +62,7 @@ impl Figure for SideBySide {
             points: bench.point_count(),
             triangles: bench.triangle_count(),
             directions: plan.directions,
-            layer_size: settings.layer_size,
+            layer_size: settings.layers(),
             rounds: plan.rounds,
             converged_directions: plan.converged,
             fused_against: rows.iter().map(|row| (row.name.clone(), row.ms_per_sample / fused)).collect(),

@@ -3,6 +3,7 @@
 //! Each picture is held against the path-traced one, which has noise of its own, and against the default's: where two errors are
 //! independent, the squares of their sizes add up, and a cause whose cure changes little has a small share.
 
+use finalgather::settings::LayerSize;
 use finalgather::{Image, Pipeline, Settings};
 use serde::{Deserialize, Serialize};
 
@@ -62,7 +63,7 @@ fn changes(default: &Settings, parameters: &Parameters) -> Vec<Change> {
         changes.push(Change { cause, value, settings });
     };
     for &size in &parameters.layer_sizes {
-        change("layers", format!("{size}²"), &|settings| settings.layer_size = size);
+        change("layers", format!("{size}²"), &|settings| settings.layer_size = LayerSize::Texels(size));
     }
     change("layers", "exact rays".into(), &|settings| settings.pipeline = Pipeline::Raycast);
     for factor in &parameters.direction_factors {
@@ -92,7 +93,9 @@ impl Figure for Causes {
         let scale = task.scale;
         let pictures = Pictures::new()?;
         // Of both ends, rays on the CPU have one only.
-        let default = Settings { pipeline: parameters.pipeline, ..pictures.settings(scale.of(parameters.directions, 8)) };
+        let mut default = Settings { pipeline: parameters.pipeline, ..pictures.settings(scale.of(parameters.directions, 8)) };
+        // For more directions would have finer ones.
+        default.layer_size = LayerSize::Texels(default.layers());
         let changes = changes(&default, parameters);
         let mut first: Option<Image> = None;
         let mut run = |Change { cause, value, settings }| {

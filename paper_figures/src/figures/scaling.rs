@@ -7,6 +7,7 @@ use std::collections::BTreeSet;
 
 use finalgather::bench::{Bench, Contestant, FUSED, Plan, Row, Where};
 use finalgather::scene::{Scene, UnitSpace};
+use finalgather::settings::LayerSize;
 use finalgather::{Gpu, Settings};
 use serde::{Deserialize, Serialize};
 
@@ -150,7 +151,14 @@ impl Figure for Scaling {
             steps: steps(&parameters.layer_sizes),
             budget: budget(4.0),
             contestants: all(),
-            step: &|layer_size| Ok((cornell.clone(), Where::Camera, Settings { layer_size, ..settings(256) }, plan(few))),
+            step: &|layer_size| {
+                Ok((
+                    cornell.clone(),
+                    Where::Camera,
+                    Settings { layer_size: LayerSize::Texels(layer_size), ..settings(256) },
+                    plan(few),
+                ))
+            },
         })?;
         add(Recipe {
             of: "triangles",
@@ -233,7 +241,7 @@ impl Recipe<'_> {
                 points,
                 triangles,
                 directions: plan.directions,
-                layer_size: settings.layer_size,
+                layer_size: settings.layers(),
                 rounds: plan.rounds,
                 left_out: left_out.iter().map(|name: &&str| (*name).to_owned()).collect(),
                 costs: rows.iter().map(Cost::of).collect(),

@@ -85,7 +85,7 @@ impl Figure for TimeToError {
         let most = scale.of(parameters.most_directions, 256);
         let run = |(contestant, ms): (&&Contestant, f64)| run(&bench, contestant, &truth, ms, (parameters, most));
         let runs = contestants.iter().zip(times).map(run).collect::<Result<_>>()?;
-        let layer_size = settings.layer_size;
+        let layer_size = settings.layers();
         Ok(Self { goal: parameters.goal, size, layer_size, seeds: parameters.seeds, error_points, oracle_directions, runs })
     }
 

@@ -16,7 +16,7 @@ use finalgather::harmonics::MAX_ORDER;
 use finalgather::points::UvSource;
 use finalgather::quantity::Quantity;
 use finalgather::scene::{Files, LoadOptions, Scene};
-use finalgather::settings::{Estimator, Pipeline, PointSource, Sequence, Settings};
+use finalgather::settings::{Estimator, LayerSize, Pipeline, PointSource, Sequence, Settings};
 use serde::Deserialize;
 use serde::de::IntoDeserializer;
 use serde::de::value::Error as ValueError;
@@ -445,8 +445,8 @@ pub struct Overrides {
     #[arg(long, value_name = "N", value_parser = count::<u32>, help = setting("Global directions, each shared by all points", |s| s.directions))]
     directions: Option<u32>,
 
-    #[arg(long, value_name = "N", value_parser = count::<u32>, help = setting("Side of the depth layers in texels", |s| s.layer_size))]
-    layer_size: Option<u32>,
+    #[arg(long, value_name = "auto|N", value_parser = layer_size, help = setting("Side of the depth layers in texels; auto: what so many directions are worth, 128 for up to a thousand, 256 for four thousand, 1024 at most", |s| s.layer_size))]
+    layer_size: Option<LayerSize>,
 
     #[arg(long, value_parser = named::<PointSource>(&["camera", "traced"]), help = setting("Where the points come from: rasterised, or by rays through mirrors, glass and the camera's lens", |s| name(s.points)))]
     points: Option<PointSource>,
@@ -607,9 +607,9 @@ pub struct BenchArgs {
     #[arg(long, value_name = "N", default_value = "5", value_parser = count::<u32>)]
     pub rounds: u32,
 
-    /// Side of the depth layers in texels [default: the scene file's, else 256]
-    #[arg(long, value_name = "N", value_parser = count::<u32>)]
-    pub layer_size: Option<u32>,
+    /// Side of the depth layers in texels, or what a render of the scene would have [default: the scene file's, else auto]
+    #[arg(long, value_name = "auto|N", value_parser = layer_size)]
+    pub layer_size: Option<LayerSize>,
 
     /// Photons emitted from the lights [default: the scene file's, else 1000000]
     #[arg(long, value_name = "N", value_parser = count::<u64>)]
@@ -785,6 +785,10 @@ fn count<T: TryFrom<u64>>(text: &str) -> Result<T, String> {
     T::try_from(number).map_err(|_| "too large".into())
 }
 
+fn layer_size(text: &str) -> Result<LayerSize, String> {
+    if text == "auto" { Ok(LayerSize::Auto) } else { count(text).map(LayerSize::Texels) }
+}
+
 /// What can be left out without leaving nothing.
 fn share(text: &str) -> Result<f32, String> {
     let share = text.parse().ok().filter(|share| (0.0..1.0).contains(share));
@@ -857,7 +861,7 @@ mod tests {
         let expected = Settings {
             size: [3, 4],
             directions: 5,
-            layer_size: 6,
+            layer_size: LayerSize::Texels(6),
             points: PointSource::Traced,
             pipeline: Pipeline::RaycastGl,
             photons: 100,

@@ -7,7 +7,7 @@ use finalgather::bench::{Bench, CONTESTANTS, Contestant, FUSED, Plan, Row, Where
 use finalgather::error::{Error, Result};
 use finalgather::gpu::Gpu;
 use finalgather::scene::{Camera, LoadOptions, Scene, UnitSpace};
-use finalgather::settings::Settings;
+use finalgather::settings::{LayerSize, Settings};
 use serde::Serialize;
 
 use crate::args::BenchArgs;
@@ -59,10 +59,12 @@ fn bench(args: &BenchArgs, progress: &Progress) -> Result<()> {
     let scene = Scene::load_with(&file, LoadOptions { files: args.files.files(), ..LoadOptions::default() })?;
     scene.warnings.iter().for_each(|warning| progress.say(&format!("warning: {warning}")));
     let from_scene = &scene.settings;
+    // A round is of few directions, and stands for the many of a render.
+    let layers = Settings { layer_size: args.layer_size.unwrap_or(from_scene.layer_size), ..from_scene.clone() }.layers();
     let settings = Settings {
         size: args.size,
         directions: args.directions,
-        layer_size: args.layer_size.unwrap_or(from_scene.layer_size),
+        layer_size: LayerSize::Texels(layers),
         photons: args.photons.unwrap_or(from_scene.photons),
         interleave: 1,
         ..from_scene.clone()
@@ -99,7 +101,7 @@ fn bench(args: &BenchArgs, progress: &Progress) -> Result<()> {
             size: settings.size,
             points: bench.point_count(),
             directions: settings.directions,
-            layer_size: settings.layer_size,
+            layer_size: settings.layers(),
             photons: settings.photons,
             rounds: args.rounds,
             converged_directions: CONVERGED,

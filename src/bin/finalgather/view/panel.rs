@@ -1,7 +1,7 @@
 //! The panel beside the picture: how far the render is, what is shown of it, and how it is made.
 
 use egui::{Checkbox, Color32, ComboBox, DragValue, Grid, ProgressBar, RichText, ScrollArea, Slider, SliderClamping, Ui, vec2};
-use finalgather::settings::Pipeline;
+use finalgather::settings::{LayerSize, Pipeline};
 
 use super::app::App;
 use super::picture::What;
@@ -154,7 +154,8 @@ fn settings(app: &mut App, ui: &mut Ui) {
         ui.label("Layer size");
         ui.add_enabled_ui(layered, |ui| {
             ComboBox::from_id_salt("layer size").selected_text(settings.layer_size.to_string()).show_ui(ui, |ui| {
-                for size in [64, 128, 256, 512, 1024] {
+                let texels = [64, 128, 256, 512, 1024].map(LayerSize::Texels);
+                for size in [LayerSize::Auto].into_iter().chain(texels) {
                     ui.selectable_value(&mut settings.layer_size, size, size.to_string());
                 }
             });

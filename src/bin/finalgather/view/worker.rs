@@ -18,7 +18,7 @@ use finalgather::image::{Image, WriteOptions};
 use finalgather::math::Aabb;
 use finalgather::render::{End, Layers, Probe, Render, Statistics};
 use finalgather::scene::Camera;
-use finalgather::settings::Settings;
+use finalgather::settings::{LayerSize, Settings};
 use finalgather::shaders;
 use glam::Vec2;
 
@@ -419,7 +419,7 @@ impl Job {
         let mut settings = self.view.settings.clone();
         if self.view.moving {
             settings.size = settings.size.map(|side| side.div_ceil(SHRINK));
-            settings.layer_size = settings.layer_size.min(128);
+            settings.layer_size = LayerSize::Texels(settings.layers().min(128));
             // Blocks of eight directions, with a few samples of the lights each.
             settings.directions = 256;
             settings.light_samples = 128;
