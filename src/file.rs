@@ -80,8 +80,13 @@ fn write_atomically(path: &Path, fill: impl FnOnce(&File) -> io::Result<()>) -> 
     fill(file.as_file())?;
     // A name that outlives a power cut must not outlive its content.
     file.as_file().sync_all()?;
-    file.persist(path)?;
+    file.persist(target_of(path))?;
     Ok(())
+}
+
+/// A link stays one, and what it leads to is written.
+fn target_of(path: &Path) -> PathBuf {
+    fs::canonicalize(path).ok().filter(|_| path.is_symlink()).unwrap_or_else(|| path.to_owned())
 }
 
 /// In the same folder, because a file can be renamed in one step only within its file system.
@@ -92,7 +97,7 @@ fn temporary_of(path: &Path) -> io::Result<NamedTempFile> {
     // As for any new file, the umask decides; tempfile's own default is for secrets.
     #[cfg(unix)]
     builder.permissions(<Permissions as std::os::unix::fs::PermissionsExt>::from_mode(0o666));
-    builder.tempfile_in(folder_of(path))
+    builder.tempfile_in(folder_of(&target_of(path)))
 }
 
 /// Of a temporary file's name: random letters, and what stands after them.
@@ -167,7 +172,7 @@ fn is_at(_: &File, path: &Path) -> bool {
 /// Those of this file. None is in use, for the lock is held.
 fn remove_temporaries(path: &Path) {
     let prefix = temporary_prefix(path);
-    for entry in fs::read_dir(folder_of(path)).into_iter().flatten().flatten() {
+    for entry in fs::read_dir(folder_of(&target_of(path))).into_iter().flatten().flatten() {
         let name = entry.file_name();
         let middle =
             name.as_encoded_bytes().strip_prefix(prefix.as_encoded_bytes()).and_then(|rest| rest.strip_suffix(SUFFIX.as_bytes()));

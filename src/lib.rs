@@ -53,6 +53,7 @@ pub mod gpu;
 pub mod harmonics;
 pub mod image;
 pub mod math;
+mod memory;
 pub mod npy;
 pub mod photon;
 pub mod photon_map;

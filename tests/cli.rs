@@ -126,7 +126,26 @@ fn inputs_are_not_written_over() {
             refusal(tool(&folder).args(command).arg("cornell_textured.toml").args(["--size", "8", "--directions", "8"]), 2);
         assert!(said.contains("tiles.png: is an input"), "{said}");
     }
+    for args in [&["tiles.png", "other.png"][..], &["other.png", "tiles.png"], &["other.png", "other.png", "--mask", "tiles.png"]]
+    {
+        fs::copy(scenes.join("tiles.png"), folder.path().join("other.png")).unwrap();
+        let said = refusal(tool(&folder).arg("compare").args(args).args(["-o", "tiles.png"]), 2);
+        assert!(said.contains("tiles.png: is an input"), "{said}");
+    }
     assert!(fs::read(folder.path().join("tiles.png")).unwrap() == fs::read(scenes.join("tiles.png")).unwrap());
+}
+
+#[test]
+fn a_link_leads_to_what_is_written() {
+    let folder = folder();
+    let path = |name: &str| folder.path().join(name);
+    fs::create_dir(path("results")).unwrap();
+    fs::write(path("results/a.png"), "before").unwrap();
+    std::os::unix::fs::symlink("results/a.png", path("a.png")).unwrap();
+    success(&mut small_render(&folder, &["-o", "a.png"]));
+    assert!(path("a.png").is_symlink());
+    assert!(fs::read(path("results/a.png")).unwrap().starts_with(b"\x89PNG"));
+    assert_eq!(fs::read_dir(path("results")).unwrap().count(), 1, "something is left beside it");
 }
 
 #[test]
@@ -261,6 +280,26 @@ fn interrupt_keeps_the_picture_so_far() {
 #[test]
 fn termination_keeps_the_picture_so_far() {
     stops_with("TERM", 143);
+}
+
+#[test]
+fn a_closed_terminal_keeps_the_picture_so_far() {
+    stops_with("HUP", 129);
+}
+
+/// As `nohup` starts it.
+#[test]
+fn who_is_to_outlive_the_terminal_does() {
+    let folder = folder();
+    let run = format!("trap '' HUP; exec {} render {} --directions 1e9", env!("CARGO_BIN_EXE_finalgather"), scene().display());
+    let mut child = Command::new("sh").current_dir(&folder).args(["-c", &run]).stderr(Stdio::null()).spawn().unwrap();
+    let send = |signal: &str| Command::new("kill").args([signal, &child.id().to_string()]).status().unwrap().success();
+    for _ in 0..20 {
+        sleep(Duration::from_millis(50));
+        assert!(send("-HUP"));
+    }
+    assert!(send("-TERM"));
+    assert_eq!(child.wait().unwrap().code(), Some(143));
 }
 
 /// Nothing outside tells when the first direction is done, so the signal comes later and later until one was.

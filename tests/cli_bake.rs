@@ -208,6 +208,7 @@ fn refusals() {
     let folder = folder();
     let write = |name: &str, text: &str| fs::write(folder.path().join(name), text).unwrap();
     write("empty.csv", "");
+    write("package.json", "{}");
     write("nan.csv", "0,0,0,0,1,0\n0,nan,0,0,1,0\n");
     write("zero.csv", "0,0,0,0,0,0\n");
     write("bare.csv", "0,0,0\n");
@@ -249,6 +250,13 @@ fn refusals() {
         (&none, &["--to", "vertices", "--what", "irradiance", "-o", "a.ply"], 65, "no light"),
         (&none, &["--to", "points:zero.npy", "--what", "ao", "-o", "./zero.npy"], 2, "zero.npy: is an input"),
         (&none, &["--to", "lightmap", "--what", "irradiance", "-o", "none.obj"], 2, "none.obj: is an input"),
+        (&none, &["--to", "vertices", "--what", "ao", "-o", "vertex:a.ply"], 2, "there is no receiver vertex"),
+        (
+            &none,
+            &["--to", "vertices", "--what", "ao", "-o", "package.npy"],
+            2,
+            "package.json: is there already, and describes no array",
+        ),
         (
             &none,
             &["--to", "lightmap", "--what", "irradiance", "-o", "quad.obj"],

@@ -252,6 +252,10 @@ fn what_is_finished_is_not_made_again() {
     let reported = bake(&folder, &["-o", "vertices:b.ply", "-o", "lightmap:b.exr", "--resume", "--json"]).output().unwrap();
     let reported: Value = serde_json::from_slice(&reported.stdout).unwrap();
     assert_eq!(reported["receivers"][0]["outputs"], json!(["b.ply"]), "{reported}");
+    let points = bytes(&folder, "b.ply");
+    fs::write(folder.path().join("b.ply"), &points[..points.len() - 4]).unwrap();
+    assert!(gathers(&mut bake(&folder, &["-o", "vertices:b.ply", "-o", "lightmap:b.exr"])), "some of its points are gone");
+    assert!(bytes(&folder, "b.ply") == points);
     assert!(gathers(&mut bake(&folder, &["--padding", "3", "-o", "vertices:b.ply", "-o", "lightmap:b.exr"])));
     assert!(gathers(&mut bake(&folder, &["-o", "vertices:a.npy", "-o", "lightmap:c.exr"])), "one output is not there");
     assert!(state(&names) != before, "the one that is there was not made again with the other");
@@ -311,6 +315,45 @@ fn memory_is_bounded_by_what_is_said_before() {
     assert!(run(size.split_once(' ').unwrap().0, "250").status.success(), "{said}");
 }
 
+/// On the CPU too, where the values of all points are.
+#[test]
+fn memory_of_a_bake_is_bounded() {
+    let folder = folder();
+    for (to, size, what) in [
+        (&["--to", "camera", "-o", "a.npy"][..], "400", "irradiance,ao,bent-normal,sky,sh,prt"),
+        (&["--to", "camera", "-o", "a.ply"], "640", "ao"),
+        (&["--to", "lightmap", "--resolution", "512", "-o", "a.exr"], "24", "irradiance,sh"),
+        (&["--to", "vertices", "-o", "a.npy"], "24", "prt,prt-unshadowed"),
+    ] {
+        let run = |memory: u64| {
+            let args = ["--what", what, "--size", size, "--directions", "64", "--layer-size", "128", "--photons", "1e4"];
+            let memory = ["--gl-device", "sw", "--json", "--memory", &memory.to_string()];
+            tool(&folder, &[&["bake", SCENE], &args, to, &memory]).output().unwrap()
+        };
+        let refused = run(1);
+        let problem = said(&refused);
+        let needed = problem.split_once("may take ").and_then(|(_, rest)| rest.split_once(" MiB")?.0.parse::<u64>().ok());
+        let needed = needed.unwrap_or_else(|| panic!("{problem}"));
+        assert!(refused.status.code() == Some(2) && problem.contains(&format!("--memory {needed}")), "{problem}");
+        let name = to.last().unwrap();
+        assert!(!folder.path().join(name).exists(), "{to:?}");
+        let output = run(needed);
+        let report: Value = serde_json::from_slice(&output.stdout).unwrap_or_else(|error| panic!("{error}: {output:?}"));
+        let peak = report["peak_memory_bytes"].as_u64().unwrap() as f64 / f64::from(1 << 20);
+        let ratio = needed as f64 / peak;
+        eprintln!("{to:?}: {needed} MiB were said, and {peak:.1} taken in {} rounds", report["bake"]["rounds"]);
+        assert!((1.0..1.6).contains(&ratio), "{to:?}: {needed} MiB were said, and {peak:.1} taken");
+        // With more there are fewer rounds, and the same values; and it is not more than that either.
+        let values = bytes(&folder, name);
+        let most = needed + 60;
+        let output = run(most);
+        let report: Value = serde_json::from_slice(&output.stdout).unwrap_or_else(|error| panic!("{error}: {output:?}"));
+        assert!(report["peak_memory_bytes"].as_u64().unwrap() <= most << 20, "{to:?}: {most} MiB were allowed: {report}");
+        assert!(bytes(&folder, name) == values, "{to:?}: other values with more memory");
+        fs::remove_file(folder.path().join(name)).unwrap();
+    }
+}
+
 #[test]
 fn what_does_not_belong_together_is_refused_by_name() {
     let folder = folder();
@@ -360,7 +403,7 @@ fn what_does_not_belong_together_is_refused_by_name() {
         (&["--shard", "1/4", "-o", "1.part"], "--resume"),
         (&["--shard", "auto/4", "-o", "{shard}.part"], "JOB_COMPLETION_INDEX"),
         (&["-o", "x.png", "--checkpoint", "x.png"], "two names"),
-        (&["-o", "x.png", "-o", "y.png", "-o", "x.png"], "written twice"),
+        (&["-o", "x.png", "-o", "y.png", "-o", "./x.png"], "written twice"),
         (&["-o", SCENE], "is an input"),
     ] {
         let said = refusal(&mut render(&folder, args), 2);

@@ -222,7 +222,11 @@ impl Values {
     pub fn append(&mut self, further: &Self) {
         self.sh.resize(further.sh.len(), Vec::new());
         self.prt.resize(further.prt.len(), Vec::new());
-        self.all_mut().zip(further.all()).for_each(|(plane, further)| plane.extend(further));
+        for (plane, further) in self.all_mut().zip(further.all()) {
+            // There are few rounds, and much in each.
+            plane.reserve_exact(further.len());
+            plane.extend(further);
+        }
     }
 
     fn all(&self) -> impl Iterator<Item = &Vec<Vec4>> {

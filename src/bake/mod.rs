@@ -13,6 +13,7 @@
 
 mod carriers;
 mod integrals;
+mod rounds;
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -25,11 +26,12 @@ use serde_json::{Value, json};
 
 use self::carriers::{Carried, Carriers};
 use self::integrals::{Integrals, Rough as Seen, Seen as Pass, Tile, Values, Wanted};
+use self::rounds::{Round, Whose, all_rounds, keeps, largest};
 use crate::blocks::{Blocks, Node, PairwiseSum, Part, Sum, sha256};
 use crate::direct::Direct;
 use crate::direction::{Direction, Directions};
 use crate::error::{Error, Result};
-use crate::gather::{Beyond, ExactFind, Find, FusedFind, HIT_BYTES, KeptHits, KillFind, KillGather, RayFind};
+use crate::gather::{Beyond, ExactFind, Find, FusedFind, KeptHits, KillFind, KillGather, RayFind};
 use crate::gpu::Gpu;
 use crate::harmonics::MAX_ORDER;
 use crate::image::Channel;
@@ -42,8 +44,6 @@ use crate::shaders::BATCH;
 
 /// Points of a tile: few enough that its hits, 16 MB, are still at hand for the passes that read them.
 const TILE: usize = 1 << 18;
-/// Fewer points at a time are not worth a walk along all directions.
-const LEAST: usize = 1 << 12;
 
 /// What a bake is to find, beside [`Settings`].
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -56,7 +56,8 @@ pub struct Plan {
     /// In world space; surfaces farther away leave a point open. `None`: none do.
     pub ao_distance: Option<f32>,
     pub rough: Rough,
-    /// MiB that points and their sums may take on the GL side at a time.
+    /// MiB that points and their sums may take on the GL side at a time. Of each point the sum is the same, however many others there are.
+    #[serde(skip)]
     pub memory: usize,
 }
 
@@ -137,29 +138,12 @@ struct Kept {
     irradiance: Vec<Vec3>,
 }
 
-/// Some points along all directions.
-#[derive(Clone, Debug)]
-struct Round {
-    whose: Whose,
-    points: Range<usize>,
-    /// Surfaces hand on what was found in the stage before.
-    stage: u32,
-    /// Whether it is about what was asked for, and not about what carriers hand on.
-    last: bool,
-}
-
 /// What a round has found.
 #[derive(Default)]
 struct Summed {
     /// From the lights; empty before the round begins.
     irradiance: Vec<Vec3>,
     values: PairwiseSum<Values>,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Whose {
-    Carriers,
-    Receivers,
 }
 
 /// A round in progress.
@@ -204,13 +188,6 @@ impl Plan {
     fn bounces_of_carriers(&self) -> u32 {
         let gathered = self.needs_radiance() && self.rough == Rough::Gathered;
         if gathered || self.wants(Quantity::Prt) { self.bounces } else { 0 }
-    }
-
-    /// Allows itself half of what the largest of these rounds takes. Returns whether that is possible.
-    fn halve(&mut self, settings: &Settings, rounds: &[Round]) -> bool {
-        let most = largest(rounds);
-        self.memory = self.memory.min((most / 2 * self.wanted(true).bytes(copies(settings))) >> 20);
-        most > LEAST
     }
 
     /// In a round that is the last or one that carriers hand on.
@@ -319,6 +296,19 @@ impl Bake {
         self.count();
     }
 
+    /// Makes do with so many MiB in all, on the GL side and here: the points at a time are those for which there is room beside all else.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] when that is not enough, with what would be.
+    pub fn fit(&mut self, most: usize) -> Result<()> {
+        let blocks = self.shard.clone().unwrap_or(0..blocks_of(&self.settings).count());
+        let points = [self.count_of_carriers(), self.points.len()];
+        self.plan.fit(most, &self.prepared.scene, &self.settings, points, blocks)?;
+        self.begin_rounds();
+        self.count();
+        Ok(())
+    }
+
     /// What it sums, by all that shapes the bits.
     pub fn job(&self) -> Value {
         let settings = Settings { exposure: 0.0, ..self.settings.clone() };
@@ -330,8 +320,7 @@ impl Bake {
             "space": self.prepared.space,
             "points": self.digest["points"],
             "settings": settings,
-            // Of each point the sum is the same, however many others there are at a time.
-            "plan": Plan { memory: 0, ..self.plan.clone() },
+            "plan": self.plan,
         })
     }
 
@@ -355,8 +344,9 @@ impl Bake {
         part.check(path, &self.job())?;
         let memory = memory_of(path, part)?;
         if memory > self.plan.memory {
-            let problem = format!("made with {memory} MiB of memory, of which there are {}", self.plan.memory);
-            return Err(Error::input(path, None, problem, format!("give --memory {memory}, or begin anew")));
+            let problem = format!("made with {memory} MiB for the points at a time, of which there are {}", self.plan.memory);
+            let more = memory - self.plan.memory;
+            return Err(Error::input(path, None, problem, format!("give --memory {more} MiB more, or begin anew")));
         }
         self.plan.memory = memory;
         self.now = None;
@@ -502,8 +492,11 @@ impl Bake {
 
     fn all_rounds(&self, plan: &Plan) -> Vec<Round> {
         let whose = self.rounds.last().map_or(Whose::Receivers, |round| round.whose);
-        let count_of_carriers = self.carriers.as_ref().map_or(0, |carriers| carriers.vertices().points().len());
-        all_rounds(plan, &self.settings, whose, [count_of_carriers, self.points.len()])
+        all_rounds(plan, &self.settings, whose, [self.count_of_carriers(), self.points.len()])
+    }
+
+    fn count_of_carriers(&self) -> usize {
+        self.carriers.as_ref().map_or(0, |carriers| carriers.vertices().points().len())
     }
 
     fn gather_some(&mut self) -> Result<()> {
@@ -756,27 +749,6 @@ fn find_by(gpu: &Gpu, settings: &Settings, prepared: &Prepared, points: usize) -
     })
 }
 
-/// Of a point's sums, all there are at a time: on the GL side, in the tree, and at the end.
-fn copies(settings: &Settings) -> usize {
-    1 + blocks_of(settings).count().ilog2() as usize + 1
-}
-
-/// Those of the bounces and the last, for so many carriers and receivers.
-fn all_rounds(plan: &Plan, settings: &Settings, whose: Whose, [carriers, receivers]: [usize; 2]) -> Vec<Round> {
-    let bounces = plan.bounces_of_carriers();
-    let of_bounces = (0..bounces).flat_map(|stage| rounds(Whose::Carriers, stage, false, carriers, plan, copies(settings)));
-    of_bounces.chain(rounds(whose, bounces, true, receivers, plan, copies(settings))).collect()
-}
-
-/// Whether hits of carriers are worth keeping, for they are wanted again, and there is memory for those of all of them.
-fn keeps(plan: &Plan, settings: &Settings, rounds: &[Round]) -> bool {
-    let mut of_carriers = rounds.iter().filter(|round| round.whose == Whose::Carriers).map(|round| &round.points);
-    let Some(first) = of_carriers.next() else { return false };
-    let bytes = plan.wanted(true).bytes(copies(settings)) + HIT_BYTES * settings.directions as usize;
-    let again = of_carriers.clone().count() > 0 && of_carriers.all(|points| points == first);
-    again && first.len() * bytes <= plan.memory << 20
-}
-
 /// MiB that a part was made with.
 fn memory_of(path: &Path, part: &Part) -> Result<usize> {
     let memory = part.state["memory"].as_u64().and_then(|memory| usize::try_from(memory).ok()).filter(|&memory| memory < 1 << 24);
@@ -793,18 +765,4 @@ fn summed_in(path: &Path, part: &Part, round: usize, points: usize, wanted: &Wan
         return Ok(Summed { irradiance, values });
     }
     Err(Error::input(path, None, "damaged: its direct light is not that of its points", "make it again"))
-}
-
-/// The most points of one of them.
-fn largest(rounds: &[Round]) -> usize {
-    rounds.iter().map(|round| round.points.len()).max().unwrap_or(0)
-}
-
-/// The rounds that so many points take in the memory there is, which holds their sums on the GL side and so many copies in all.
-fn rounds(whose: Whose, stage: u32, last: bool, count: usize, plan: &Plan, copies: usize) -> Vec<Round> {
-    let fit = (plan.memory << 20) / plan.wanted(last).bytes(copies);
-    // Whole tiles, or less than one.
-    let most = if fit < TILE { fit.max(LEAST) } else { fit / TILE * TILE };
-    let round = |first: usize| Round { whose, points: first..count.min(first + most), stage, last };
-    (0..count).step_by(most).map(round).collect()
 }

@@ -130,6 +130,17 @@ impl<T: Sum> PairwiseSum<T> {
     pub fn most_nodes(blocks: u32) -> u32 {
         1 + blocks.saturating_sub(1).checked_ilog2().map_or(0, |log| log + 1)
     }
+
+    /// The nodes that these blocks make once all are there.
+    pub fn nodes_of(blocks: Range<u32>) -> u32 {
+        let (mut count, mut at) = (0, blocks.start);
+        while at < blocks.end {
+            at += 1 << (blocks.end - at).ilog2().min(at.trailing_zeros());
+            count += 1;
+        }
+        // The two halves of everything stay apart.
+        count.max(blocks.len().min(2) as u32)
+    }
 }
 
 /// Without a copy where there is but one.
@@ -189,6 +200,17 @@ mod tests {
             }
             let bound = PairwiseSum::<f32>::most_nodes(count) as usize;
             assert!((most..=most + 1).contains(&bound), "{most} of {count} blocks, and {bound} was said");
+        }
+    }
+
+    #[test]
+    fn nodes_of_blocks_are_those_they_make() {
+        for start in 0..40 {
+            for end in start..80 {
+                let mut sum = PairwiseSum::default();
+                (start..end).for_each(|index| sum.insert_block(index, 1.0));
+                assert_eq!(PairwiseSum::<f32>::nodes_of(start..end) as usize, sum.nodes().len(), "{start}..{end}");
+            }
         }
     }
 

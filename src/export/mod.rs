@@ -177,8 +177,10 @@ pub fn metadata_of(path: &Path) -> Option<Value> {
 
 /// Whether a file with one of these endings can be expected to be written there, for asking before the work.
 pub fn check_writable(path: &Path, endings: &[&'static str]) -> Result<()> {
-    if ending(path, endings)? == "obj" {
-        obj::check_ours(path)?;
+    match ending(path, endings)? {
+        "obj" => obj::check_ours(path)?,
+        "npy" => npy::check_ours(path)?,
+        _ => {}
     }
     crate::file::check_writable(path)
 }

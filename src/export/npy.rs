@@ -74,6 +74,20 @@ pub fn metadata(path: &Path) -> Option<Value> {
     (about[ARRAY] == sha256(&array)).then(|| about[ABOUT].take())
 }
 
+/// Whether the description, which goes beside an array without being named, is not over another's file.
+///
+/// # Errors
+/// [`Error::Usage`] when it is.
+pub fn check_ours(path: &Path) -> Result<()> {
+    let path = path.with_extension("json");
+    let about = || serde_json::from_slice::<Value>(&read_file(&path, MOST_WORDS).ok()?).ok();
+    if path.exists() && !about().is_some_and(|about| about["shape"].is_array() && about["columns"].is_array()) {
+        let problem = format!("{}: is there already, and describes no array", path.display());
+        return Err(Error::usage(problem, "give the array another name, for its description goes beside it (.json)"));
+    }
+    Ok(())
+}
+
 fn quantity(column: &Channel) -> &str {
     column.name.split('.').next().unwrap_or_default()
 }

@@ -15,10 +15,18 @@ use crate::image::{WriteOptions, encode_srgb};
 /// The metadata's line, but for the values.
 const ABOUT: &str = "comment finalgather ";
 
-/// What the third line of a file that [`write`] made says.
+/// What the third line of a file that [`write`] made says, if the file has all of its bytes.
 pub fn metadata(bytes: &[u8]) -> Option<Value> {
-    let line = bytes.split(|&byte| byte == b'\n').nth(2)?;
-    serde_json::from_slice(line.strip_prefix(ABOUT.as_bytes())?).ok()
+    const END: &str = "end_header\n";
+    let end = bytes.windows(END.len()).position(|window| window == END.as_bytes())?;
+    let header = str::from_utf8(&bytes[..end]).ok()?;
+    let count = |element: &str| header.lines().find_map(|line| line.strip_prefix(element)?.parse::<usize>().ok());
+    let properties = |kind: &str| header.lines().filter(|line| line.starts_with(kind)).count();
+    let vertex = 4 * properties("property float ") + properties("property uchar ");
+    let numbers =
+        count("element vertex ")?.checked_mul(vertex)?.checked_add(count("element face ").unwrap_or(0).checked_mul(13)?)?;
+    let about = header.lines().nth(2)?.strip_prefix(ABOUT)?;
+    (bytes.len() - end - END.len() == numbers).then(|| serde_json::from_str(about).ok())?
 }
 
 pub fn write(path: &Path, values: &Values, options: &WriteOptions) -> Result<()> {

@@ -86,7 +86,7 @@ Exit codes:
     2  the request cannot be met: an option out of range, no scene named and none there
    65  the scene cannot be used: a file is missing or says something wrong
    69  no OpenGL 3.3 here, or its driver failed
-  130  stopped by SIGINT (Ctrl-C), 143 by SIGTERM: nothing is printed";
+  130  stopped by SIGINT (Ctrl-C), 143 by SIGTERM, 129 by SIGHUP: nothing is printed";
 
 #[cfg(feature = "window")]
 const VIEW_NOTES: &str = "\
@@ -139,7 +139,7 @@ Exit codes:
    65  a scene or a file of points cannot be used: it is missing or says something wrong
    69  no OpenGL 3.3 here, or its driver failed
    75  a file could not be written; trying again, elsewhere or later, may succeed
-  130  stopped by SIGINT (Ctrl-C), 143 by SIGTERM: values so far were written, if each point had
+  130  stopped by SIGINT (Ctrl-C), 143 by SIGTERM, 129 by SIGHUP: values so far were written, if each point had
        one; a second signal exits at once";
 
 const MERGE_NOTES: &str = "\
@@ -174,7 +174,7 @@ Exit codes:
    65  a scene or a picture cannot be used: a file is missing or says something wrong
    69  no OpenGL 3.3 here, or its driver failed
    75  a picture could not be written; trying again, elsewhere or later, may succeed
-  130  stopped by SIGINT (Ctrl-C), 143 by SIGTERM: the picture so far was written if at least
+  130  stopped by SIGINT (Ctrl-C), 143 by SIGTERM, 129 by SIGHUP: the picture so far was written if at least
        one direction was done; a second signal exits at once";
 
 /// Final gathering by rasterised ray bundles: renders global illumination on OpenGL 3.3, headless
@@ -292,9 +292,10 @@ pub struct BakeArgs {
     #[arg(long, value_name = "N", default_value_t = 4, value_parser = square, help_heading = "Light map")]
     pub samples_per_texel: u32,
 
-    /// MiB that points and their sums may take on the GL side at a time; more take turns. On top come the scene, and on the CPU 0.7 KB for each point in all
-    #[arg(long, value_name = "MIB", default_value_t = 1024, value_parser = count::<usize>)]
-    pub memory: usize,
+    /// MiB that all of it may take, on the GL side and on the CPU; points take turns where it is short, and what takes more in any case is refused.
+    /// Without, points take turns by 1024 MiB, beside the scene and what all of them take on the CPU
+    #[arg(long, value_name = "MIB", value_parser = count::<usize>)]
+    pub memory: Option<usize>,
 
     #[command(flatten)]
     pub overrides: Overrides,

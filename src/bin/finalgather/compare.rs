@@ -1,18 +1,20 @@
 //! `finalgather compare`: how far a picture is from its reference.
 
 use std::fmt::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use finalgather::error::{Error, Result};
 use finalgather::image::compare::{Comparison, Selection, View, compare_as, mask_of};
 use finalgather::image::{Image, check_writable};
 
 use crate::args::CompareArgs;
+use crate::inputs::check_kept;
 use crate::report;
 
 /// The exit code, unless the pictures cannot be compared.
 pub fn run(args: &CompareArgs) -> Result<u8> {
     args.outputs.iter().try_for_each(|path| check_writable(path))?;
+    check_kept(&args.outputs, [&args.picture, &args.reference].into_iter().chain(&args.mask).map(PathBuf::as_path))?;
 
     let (picture, reference) = (read(&args.picture)?, read(&args.reference)?);
     let mask = args.mask.as_deref().map(|path| read_mask(path, &picture)).transpose()?;

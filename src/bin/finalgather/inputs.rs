@@ -8,15 +8,23 @@ use finalgather::error::{Error, Result};
 /// # Errors
 /// [`Error::Usage`] when an output is one of the inputs, or another output.
 pub fn check_kept<'a>(outputs: &[PathBuf], inputs: impl IntoIterator<Item = &'a Path>) -> Result<()> {
-    let twice = outputs.iter().enumerate().find(|(i, output)| outputs[..*i].contains(output));
+    let places: Vec<_> = outputs.iter().map(|output| place_of(output)).collect();
+    let twice = outputs.iter().enumerate().find(|&(i, _)| places[..i].contains(&places[i]));
     if let Some((_, output)) = twice {
         return Err(Error::usage(format!("{}: is to be written twice", output.display()), "name each file once"));
     }
     let inputs: Vec<_> = inputs.into_iter().filter_map(|input| fs::canonicalize(input).ok()).collect();
-    match outputs.iter().find(|output| fs::canonicalize(output).is_ok_and(|output| inputs.contains(&output))) {
+    match outputs.iter().zip(&places).find(|(_, place)| inputs.contains(place)) {
         None => Ok(()),
-        Some(output) => {
+        Some((output, _)) => {
             Err(Error::usage(format!("{}: is an input, and would be written over", output.display()), "give another name"))
         }
     }
+}
+
+/// However it is spelled, and whether there is a file or not.
+fn place_of(path: &Path) -> PathBuf {
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let in_folder = || Some(fs::canonicalize(folder).ok()?.join(path.file_name()?));
+    fs::canonicalize(path).ok().or_else(in_folder).unwrap_or_else(|| path.to_owned())
 }

@@ -1,4 +1,4 @@
-//! SIGINT and SIGTERM: stop after the block in progress, keep the picture so far, and tell the two apart at exit.
+//! SIGINT, SIGTERM and, of a terminal that closes, SIGHUP: stop after the block in progress, keep the picture so far, and tell the two apart at exit.
 //!
 //! A thread waits for signals, so that it may take locks and print. Until the first direction is done there is nothing to
 //! keep and the process ends at once, instead of after a photon trace that nobody wants any more.
@@ -12,7 +12,7 @@ use std::sync::atomic::{AtomicBool, AtomicU8, Ordering::SeqCst};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use signal_hook::consts::{SIGINT, SIGTERM, SIGXFSZ};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGXFSZ};
 use signal_hook::iterator::Signals;
 use signal_hook::{flag, low_level};
 
@@ -43,7 +43,8 @@ impl Interrupt {
 
         let state = Arc::new(State::default());
         let shared = Arc::clone(&state);
-        let mut signals = Signals::new([SIGINT, SIGTERM])?;
+        let caught = [SIGINT, SIGTERM, SIGHUP].into_iter().filter(|&signal| signal != SIGHUP || !is_ignored(SIGHUP));
+        let mut signals = Signals::new(caught)?;
         thread::spawn(move || {
             for signal in signals.forever() {
                 // What a shell reports for a process that the signal has killed.
@@ -85,4 +86,11 @@ impl Interrupt {
     pub fn requested(&self) -> Option<u8> {
         Some(self.state.code.load(SeqCst)).filter(|&code| code != 0)
     }
+}
+
+/// As `nohup` asks for, where the system tells.
+fn is_ignored(signal: i32) -> bool {
+    let status = fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
+    mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok()).is_some_and(|mask| mask >> (signal - 1) & 1 == 1)
 }

@@ -31,6 +31,9 @@ use crate::report::{self, Gl};
 /// Bounces of gathered light, unless said otherwise.
 const BOUNCES: u32 = 2;
 
+/// MiB for the points at a time, unless all is to make do with so many.
+const MEMORY: usize = 1024;
+
 /// `finalgather bake --json`.
 #[derive(Serialize)]
 struct Report<'a> {
@@ -113,7 +116,7 @@ fn bake(
         bounces: args.overrides.bounces.unwrap_or(BOUNCES),
         ao_distance: args.ao_distance,
         rough: args.rough,
-        memory: args.memory,
+        memory: MEMORY,
     };
     // Before the device and the receivers, which take their time.
     settings.validate()?;
@@ -135,6 +138,10 @@ fn bake(
     let mut bake = Bake::new(&gpu, prepared, points, &settings, &plan)?;
     if let Some(mine) = mine {
         bake.only(mine);
+    }
+    // What is merged takes as much as it takes, whatever the shards were given.
+    if let Some(most) = args.memory.filter(|_| parts.is_empty()) {
+        bake.fit(most)?;
     }
     if let Some(part) = found {
         bake.resume(checkpoint.path(), &part)?;
@@ -268,6 +275,10 @@ fn outputs_of(args: &BakeArgs) -> Result<Vec<Vec<PathBuf>>> {
                 let cure = format!("add --to {name}, or give a file of what is baked");
                 return Err(Error::usage(format!("-o {output}: {name} was not asked for"), cure));
             }
+            None if let Some((name, _)) = output.split_once(':').filter(|(name, _)| is_word(name)) => {
+                let cure = format!("put {} before the colon, or ./ before a file of this name", To::NAMES.join(", "));
+                return Err(Error::usage(format!("-o {output}: there is no receiver {name}"), cure));
+            }
             None if args.to.len() == 1 => outputs[0].push(PathBuf::from(output)),
             None => {
                 let names: Vec<_> = args.to.iter().map(|to| format!("{}:{output}", to.name())).collect();
@@ -282,6 +293,11 @@ fn outputs_of(args: &BakeArgs) -> Result<Vec<Vec<PathBuf>>> {
             Err(Error::usage(format!("no file is named for {}", to.name()), "name one with -o, or leave the receiver out"))
         }
     }
+}
+
+/// Drives have names of one letter.
+fn is_word(name: &str) -> bool {
+    name.len() > 1 && name.chars().all(|letter| letter.is_ascii_alphabetic() || letter == '-')
 }
 
 /// What made the values. No times and no paths: the same bake gives the same files.
