@@ -8,7 +8,7 @@ use crate::points::GatherPoint;
 use crate::scene::Scene;
 use crate::settings::{Pipeline, PointSource, Settings};
 
-/// Bytes that a render by these settings takes at most, on the GL side and here together: what is [`common`], and what pixels need, of which a film in
+/// Bytes that a render by these settings takes at most, on the GL side and here together: what any job takes, and what pixels need, of which a film in
 /// each node of the pairwise tree over so many `blocks` is the most; then a picture, unless it is a shard's. Without what a resumed one reads, and
 /// caustics' photons.
 pub fn memory_of(scene: &Scene, settings: &Settings, blocks: u32, shard: bool) -> u64 {
