@@ -10,13 +10,13 @@ use tempfile::NamedTempFile;
 use crate::error::{Error, Result};
 
 /// The most that is read of any file.
-pub const MOST_BYTES: u64 = 4 << 30;
+pub(crate) const MOST_BYTES: u64 = 4 << 30;
 
 /// The most of a file whose statements say what else there is: scene files, material libraries, descriptions.
-pub const MOST_WORDS: u64 = 64 << 20;
+pub(crate) const MOST_WORDS: u64 = 64 << 20;
 
 /// The whole of a file, if it has at most so many bytes.
-pub fn read_file(path: &Path, most: u64) -> io::Result<Vec<u8>> {
+pub(crate) fn read_file(path: &Path, most: u64) -> io::Result<Vec<u8>> {
     let refused = |kind, problem: String| Err(io::Error::new(kind, problem));
     // Before it is opened, for a pipe would wait for its writer.
     let about = fs::metadata(path)?;
@@ -35,33 +35,38 @@ pub fn read_file(path: &Path, most: u64) -> io::Result<Vec<u8>> {
 
 /// Whether a picture file can hold what its header says, of `unpacked` bytes: a byte of deflate stands for 1032 at most, one of the other codes in use for
 /// fewer. To be asked before there is memory for that.
-pub fn can_hold(file: &[u8], unpacked: u64) -> bool {
+pub(crate) fn can_hold(file: &[u8], unpacked: u64) -> bool {
     unpacked <= 2048 * file.len() as u64
 }
 
 /// Whether [`write_file`] to this path can be expected to work, for asking before the work whose result it is to hold.
-pub fn check_writable(path: &Path) -> Result<()> {
+pub(crate) fn check_writable(path: &Path) -> Result<()> {
+    let shown = path.display();
     if path.is_dir() {
-        return Err(Error::usage(format!("{}: is a folder", path.display()), "give the path of a file in it"));
+        return Err(Error::usage(format!("{shown}: is a folder"), "give the path of a file in it"));
     }
     let folder = folder_of(path);
     if !folder.is_dir() {
         let folder = folder.display();
         return Err(Error::usage(format!("{folder}: there is no such folder"), format!("make it first: mkdir -p {folder}")));
     }
-    temporary_of(path).map(drop).map_err(|error| {
-        let problem = format!("{}: no file can be made in this folder: {error}", folder.display());
+    let new = Replacement::of(path).map_err(|error| Error::usage(format!("{shown}: {error}"), "give another name"))?;
+    new.temporary().map(drop).map_err(|error| {
+        if error.kind() == ErrorKind::InvalidFilename {
+            return Error::usage(format!("{shown}: the name is too long"), "give a shorter one, to which more can be added");
+        }
+        let problem = format!("{}: no file can be made in this folder: {error}", folder_of(&new.place).display());
         Error::usage(problem, "give a path in a folder that can be written")
     })
 }
 
 /// The file is there with all of these bytes, or as it was before.
-pub fn write_file(path: &Path, bytes: &[u8]) -> Result<()> {
+pub(crate) fn write_file(path: &Path, bytes: &[u8]) -> Result<()> {
     write_by(path, |mut file| file.write_all(bytes))
 }
 
 /// The file is there with all that `fill` writes, or as it was before.
-pub fn write_by(path: &Path, fill: impl FnOnce(&File) -> io::Result<()>) -> Result<()> {
+pub(crate) fn write_by(path: &Path, fill: impl FnOnce(&File) -> io::Result<()>) -> Result<()> {
     write_atomically(path, fill).map_err(|error| {
         let cure = match error.kind() {
             ErrorKind::StorageFull | ErrorKind::QuotaExceeded | ErrorKind::FileTooLarge => {
@@ -74,30 +79,71 @@ pub fn write_by(path: &Path, fill: impl FnOnce(&File) -> io::Result<()>) -> Resu
 }
 
 fn write_atomically(path: &Path, fill: impl FnOnce(&File) -> io::Result<()>) -> io::Result<()> {
+    let new = Replacement::of(path)?;
     // Dropping the temporary file removes it, so that every early return leaves nothing behind.
-    let file = temporary_of(path)?;
+    let file = new.temporary()?;
     // Through the file itself, whose errors do not speak of the temporary name.
     fill(file.as_file())?;
+    if let Some(permissions) = new.permissions {
+        // Not every file system has them.
+        let _ = file.as_file().set_permissions(permissions);
+    }
     // A name that outlives a power cut must not outlive its content.
     file.as_file().sync_all()?;
-    file.persist(target_of(path))?;
+    file.persist(new.place)?;
     Ok(())
 }
 
-/// A link stays one, and what it leads to is written.
-fn target_of(path: &Path) -> PathBuf {
-    fs::canonicalize(path).ok().filter(|_| path.is_symlink()).unwrap_or_else(|| path.to_owned())
+/// Where a file of this name is or will be, however it is spelled: its folder's own path, and a link is what it leads to.
+///
+/// # Errors
+/// When there is no such folder, or links lead to each other.
+pub fn place_of(path: &Path) -> io::Result<PathBuf> {
+    /// As many as Linux follows.
+    const LINKS: u32 = 40;
+    let mut place = path.to_owned();
+    for _ in 0..LINKS {
+        let name = place.file_name().ok_or_else(|| io::Error::new(ErrorKind::InvalidInput, "names no file"))?;
+        place = fs::canonicalize(folder_of(&place))?.join(name);
+        match fs::read_link(&place) {
+            Ok(next) => place = folder_of(&place).join(next),
+            Err(_) => return Ok(place),
+        }
+    }
+    Err(io::Error::other("its links lead to each other"))
 }
 
-/// In the same folder, because a file can be renamed in one step only within its file system.
-fn temporary_of(path: &Path) -> io::Result<NamedTempFile> {
-    let prefix = temporary_prefix(path);
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(&prefix).rand_bytes(RANDOM).suffix(SUFFIX);
-    // As for any new file, the umask decides; tempfile's own default is for secrets.
-    #[cfg(unix)]
-    builder.permissions(<Permissions as std::os::unix::fs::PermissionsExt>::from_mode(0o666));
-    builder.tempfile_in(folder_of(&target_of(path)))
+/// A file that takes the place of one, or of nothing.
+struct Replacement {
+    place: PathBuf,
+    /// Those of the file that is there.
+    permissions: Option<Permissions>,
+}
+
+impl Replacement {
+    /// # Errors
+    /// When there is something that is no file, or not to be written. What takes its place would do away with it.
+    fn of(path: &Path) -> io::Result<Self> {
+        let permissions = match fs::metadata(path) {
+            Ok(about) if !about.is_file() => return Err(io::Error::new(ErrorKind::InvalidInput, "is no regular file")),
+            Ok(about) if about.permissions().readonly() => {
+                return Err(io::Error::new(ErrorKind::PermissionDenied, "is read-only"));
+            }
+            there => there.ok().map(|about| about.permissions()),
+        };
+        Ok(Self { place: place_of(path)?, permissions })
+    }
+
+    /// In the same folder, because a file can be renamed in one step only within its file system.
+    fn temporary(&self) -> io::Result<NamedTempFile> {
+        let prefix = temporary_prefix(&self.place);
+        let mut builder = tempfile::Builder::new();
+        builder.prefix(&prefix).rand_bytes(RANDOM).suffix(SUFFIX);
+        // As for any new file, the umask decides; tempfile's own default is for secrets.
+        #[cfg(unix)]
+        builder.permissions(<Permissions as std::os::unix::fs::PermissionsExt>::from_mode(0o666));
+        builder.tempfile_in(folder_of(&self.place))
+    }
 }
 
 /// Of a temporary file's name: random letters, and what stands after them.
@@ -124,7 +170,8 @@ impl Lock {
     /// # Errors
     /// [`ErrorKind::WouldBlock`] when another run has it; others where there are no locks.
     pub fn take(path: &Path) -> io::Result<Self> {
-        let mut name = path.as_os_str().to_owned();
+        let path = &place_of(path)?;
+        let mut name = path.clone().into_os_string();
         name.push(".lock");
         let name = PathBuf::from(name);
         loop {
@@ -172,7 +219,7 @@ fn is_at(_: &File, path: &Path) -> bool {
 /// Those of this file. None is in use, for the lock is held.
 fn remove_temporaries(path: &Path) {
     let prefix = temporary_prefix(path);
-    for entry in fs::read_dir(folder_of(&target_of(path))).into_iter().flatten().flatten() {
+    for entry in fs::read_dir(folder_of(path)).into_iter().flatten().flatten() {
         let name = entry.file_name();
         let middle =
             name.as_encoded_bytes().strip_prefix(prefix.as_encoded_bytes()).and_then(|rest| rest.strip_suffix(SUFFIX.as_bytes()));
@@ -183,6 +230,6 @@ fn remove_temporaries(path: &Path) {
 }
 
 /// The folder that a file is in.
-pub fn folder_of(path: &Path) -> &Path {
+pub(crate) fn folder_of(path: &Path) -> &Path {
     path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }

@@ -45,7 +45,7 @@ pub mod direction;
 pub mod environment;
 pub mod error;
 pub mod export;
-mod file;
+pub mod file;
 mod film;
 pub mod gather;
 pub mod geometry;

@@ -1,7 +1,8 @@
 //! The command-line tool from outside: exit codes, what is said where, and which files there are afterwards.
 #![cfg(unix)]
 
-use std::fs;
+use std::fs::{self, Permissions};
+use std::os::unix::fs::{FileTypeExt, PermissionsExt, symlink};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 use std::thread::sleep;
@@ -113,6 +114,46 @@ fn unusable_outputs_are_refused_before_anything_else() {
     assert_eq!(names_in(&folder), ["folder.exr"]);
 }
 
+/// A file put in the place of a device would be the end of that.
+#[test]
+fn only_files_are_replaced() {
+    let folder = folder();
+    let path = |name: &str| folder.path().join(name);
+    assert!(Command::new("mkfifo").arg(path("pipe.png")).status().unwrap().success());
+    symlink("pipe.png", path("to_pipe.png")).unwrap();
+    symlink("around.png", path("around.png")).unwrap();
+    fs::write(path("kept.png"), "kept").unwrap();
+    fs::set_permissions(path("kept.png"), Permissions::from_mode(0o444)).unwrap();
+    let names = names_in(&folder);
+    for (name, problem) in [
+        ("pipe.png", "is no regular file"),
+        ("to_pipe.png", "is no regular file"),
+        ("around.png", "its links lead to each other"),
+        ("kept.png", "is read-only"),
+    ] {
+        // Of a scene that is absent, for that is found out later.
+        for command in ["render", "bake"] {
+            let bake = ["--to", "camera", "--what", "ao"];
+            let options = if command == "bake" { &bake[..] } else { &[] };
+            let said = refusal(tool(&folder).args([command, "absent.toml", "-o", name]).args(options), 2);
+            assert!(said.contains(&format!("{name}: {problem}")), "{said}");
+        }
+    }
+    assert!(fs::metadata(path("to_pipe.png")).unwrap().file_type().is_fifo());
+    assert_eq!(names_in(&folder), names);
+}
+
+#[test]
+fn who_may_read_a_file_may_read_what_replaces_it() {
+    let folder = folder();
+    let path = folder.path().join("a.png");
+    fs::write(&path, "before").unwrap();
+    fs::set_permissions(&path, Permissions::from_mode(0o604)).unwrap();
+    success(&mut small_render(&folder, &["-o", "a.png"]));
+    assert!(fs::read(&path).unwrap().starts_with(b"\x89PNG"));
+    assert_eq!(fs::metadata(&path).unwrap().permissions().mode() & 0o777, 0o604);
+}
+
 /// Those that the scene names either.
 #[test]
 fn inputs_are_not_written_over() {
@@ -141,11 +182,20 @@ fn a_link_leads_to_what_is_written() {
     let path = |name: &str| folder.path().join(name);
     fs::create_dir(path("results")).unwrap();
     fs::write(path("results/a.png"), "before").unwrap();
-    std::os::unix::fs::symlink("results/a.png", path("a.png")).unwrap();
+    symlink("results/a.png", path("a.png")).unwrap();
     success(&mut small_render(&folder, &["-o", "a.png"]));
     assert!(path("a.png").is_symlink());
     assert!(fs::read(path("results/a.png")).unwrap().starts_with(b"\x89PNG"));
     assert_eq!(fs::read_dir(path("results")).unwrap().count(), 1, "something is left beside it");
+    // To where there is nothing yet, by way of another.
+    symlink("results/b.png", path("b.png")).unwrap();
+    symlink("b.png", path("c.png")).unwrap();
+    for (output, same) in [("a.png", "results/a.png"), ("c.png", "results/b.png"), ("c.png", "./b.png")] {
+        assert!(refusal(&mut small_render(&folder, &["-o", output, "-o", same]), 2).contains("written twice"));
+    }
+    success(&mut small_render(&folder, &["-o", "c.png"]));
+    assert!(path("c.png").is_symlink() && path("b.png").is_symlink());
+    assert!(fs::read(path("results/b.png")).unwrap() == fs::read(path("results/a.png")).unwrap());
 }
 
 #[test]

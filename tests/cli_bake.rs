@@ -209,6 +209,7 @@ fn refusals() {
     let write = |name: &str, text: &str| fs::write(folder.path().join(name), text).unwrap();
     write("empty.csv", "");
     write("package.json", "{}");
+    let long = format!("{}.ply", "a".repeat(300));
     write("nan.csv", "0,0,0,0,1,0\n0,nan,0,0,1,0\n");
     write("zero.csv", "0,0,0,0,0,0\n");
     write("bare.csv", "0,0,0\n");
@@ -238,6 +239,12 @@ fn refusals() {
         (&cornell, &["--to", "vertices", "--what", "ao", "--directions=-3", "-o", "a.ply"], 2, "negative"),
         (&cornell, &["--to", "vertices", "--what", "sh", "--order", "6", "-o", "a.ply"], 2, "from 1 to 5"),
         (&cornell, &["--to", "vertices", "--what", "ao", "--ao-distance", "-1", "-o", "a.ply"], 2, "ao-distance"),
+        (&cornell, &["--to", "vertices", "--what", "ao", "--ao-distance", "inf", "-o", "a.ply"], 2, "no length above 0"),
+        (&cornell, &["--to", "lightmap", "--what", "ao", "--texels-per-unit", "0", "-o", "a.exr"], 2, "not a number above 0"),
+        (&cornell, &["--to", "vertices", "--what", "ao", "--checkpoint-every", "0.5", "-o", "a.ply"], 2, "not whole seconds"),
+        (&cornell, &["--to", "vertices", "--what", "ao", "--directions", "_1", "-o", "a.ply"], 2, "not a whole number"),
+        (&cornell, &["--to", "vertices", "--what", "ao", "--layer-size", "big", "-o", "a.ply"], 2, "nor auto"),
+        (&cornell, &["--to", "vertices", "--what", "ao", "-o", &long], 2, "the name is too long"),
         (&cornell, &["--to", "lightmap", "--what", "ao", "--resolution", "1e6", "-o", "a.exr"], 2, "16384"),
         (&cornell, &["--to", "lightmap", "--what", "ao", "-o", "a.obj"], 2, "add irradiance to --what"),
         (&cornell, &["--to", "points:gone.ply", "--what", "ao", "-o", "a.ply"], 65, "gone.ply"),
@@ -250,7 +257,9 @@ fn refusals() {
         (&none, &["--to", "vertices", "--what", "irradiance", "-o", "a.ply"], 65, "no light"),
         (&none, &["--to", "points:zero.npy", "--what", "ao", "-o", "./zero.npy"], 2, "zero.npy: is an input"),
         (&none, &["--to", "lightmap", "--what", "irradiance", "-o", "none.obj"], 2, "none.obj: is an input"),
-        (&none, &["--to", "vertices", "--what", "ao", "-o", "vertex:a.ply"], 2, "there is no receiver vertex"),
+        (&none, &["--to", "vertices", "--what", "ao", "-o", "vertex:a.ply"], 2, "there is no receiver \"vertex\""),
+        (&none, &["--to", "vertices", "--what", "ao", "-o", ":a.ply"], 2, "there is no receiver \"\""),
+        (&none, &["--to", "vertices", "--what", "ao", "-o", "vertices:"], 2, "names no file"),
         (
             &none,
             &["--to", "vertices", "--what", "ao", "-o", "package.npy"],

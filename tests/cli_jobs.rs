@@ -234,7 +234,7 @@ fn gathers(command: &mut Command) -> bool {
     let report: Value = serde_json::from_slice(&output.stdout).unwrap();
     let done = [&report["gather"]["directions"], &report["bake"]["directions_done"]].into_iter().find_map(Value::as_u64).unwrap();
     assert_eq!(done == 0, said(&output).contains("finished by an earlier run"), "{done} directions: {}", said(&output));
-    assert!(done > 0 || !said(&output).contains("beginning"), "{}", said(&output));
+    assert_eq!(done > 0, said(&output).contains("beginning"), "{}", said(&output));
     done > 0
 }
 
@@ -255,6 +255,11 @@ fn what_is_finished_is_not_made_again() {
     let points = bytes(&folder, "b.ply");
     fs::write(folder.path().join("b.ply"), &points[..points.len() - 4]).unwrap();
     assert!(gathers(&mut bake(&folder, &["-o", "vertices:b.ply", "-o", "lightmap:b.exr"])), "some of its points are gone");
+    assert!(bytes(&folder, "b.ply") == points);
+    let mut damaged = points.clone();
+    *damaged.last_mut().unwrap() ^= 1;
+    fs::write(folder.path().join("b.ply"), damaged).unwrap();
+    assert!(gathers(&mut bake(&folder, &["-o", "vertices:b.ply", "-o", "lightmap:b.exr"])), "one of its points is another");
     assert!(bytes(&folder, "b.ply") == points);
     assert!(gathers(&mut bake(&folder, &["--padding", "3", "-o", "vertices:b.ply", "-o", "lightmap:b.exr"])));
     assert!(gathers(&mut bake(&folder, &["-o", "vertices:a.npy", "-o", "lightmap:c.exr"])), "one output is not there");
@@ -286,6 +291,34 @@ fn what_is_finished_is_not_made_again() {
     assert_eq!(child.wait_with_output().unwrap().status.code(), Some(143));
     fs::remove_file(folder.path().join("a.exr.checkpoint")).unwrap();
     assert!(gathers(&mut render(&folder, &settings)));
+}
+
+/// A bake goes on whatever memory it was begun with, unless its turns take more than there is.
+#[test]
+fn a_bake_goes_on_in_other_memory() {
+    let folder = folder();
+    let job = ["--to", "camera", "--what", "ao", "--size", "128", "--directions", "64", "--layer-size", "128"];
+    let job = [&job[..], &["--photons", "1e4", "--gl-device", "sw", "-o", "a.npy", "--checkpoint", "a.sums"]].concat();
+    let run = |memory: Option<u64>| {
+        let memory = memory.map(|memory| format!("--memory={memory}"));
+        let given: Vec<_> = memory.iter().map(String::as_str).chain(["--resume"]).collect();
+        tool(&folder, &[&["bake", SCENE], &job, &given])
+    };
+    let named = |said: &str| {
+        let (_, after) = said.split_once("--memory ").and_then(|(_, rest)| rest.split_once("give --memory ")).unwrap();
+        after.split(|c: char| !c.is_ascii_digit()).next().unwrap().parse::<u64>().unwrap()
+    };
+    let least = named(&refusal(&mut run(Some(1)), 2));
+    success(&mut run(Some(least + 40)));
+    let values = bytes(&folder, "a.npy");
+    let said = refusal(&mut run(Some(least)), 65);
+    assert!(said.contains("a.sums: more points were gathered at a time"), "{said}");
+    let enough = named(&said);
+    assert!(enough > least && enough <= least + 40, "{said}");
+    for memory in [Some(enough), Some(least + 41), Some(least + 4000), None] {
+        let said = success(&mut run(memory));
+        assert!(said.contains("going on from ") && bytes(&folder, "a.npy") == values, "{memory:?}: {said}");
+    }
 }
 
 #[test]
@@ -403,6 +436,7 @@ fn what_does_not_belong_together_is_refused_by_name() {
         (&["--shard", "1/4", "-o", "1.part"], "--resume"),
         (&["--shard", "auto/4", "-o", "{shard}.part"], "JOB_COMPLETION_INDEX"),
         (&["-o", "x.png", "--checkpoint", "x.png"], "two names"),
+        (&["-o", "x.png", "--checkpoint", "./x.png"], "two names"),
         (&["-o", "x.png", "-o", "y.png", "-o", "./x.png"], "written twice"),
         (&["-o", SCENE], "is an input"),
     ] {

@@ -114,6 +114,8 @@ pub struct Bake {
     now: Option<Walk>,
     carried: Held,
     kept: Option<Kept>,
+    /// MiB that all may take, if that is bounded.
+    most: Option<usize>,
     /// The driver of parts that are merged.
     merged: Option<Value>,
     /// Checksums of scene and points.
@@ -171,7 +173,10 @@ impl Plan {
             return Err(Error::usage("light gathered in place of photons, and no bounce to gather", "give 1 bounce or more"));
         }
         if self.ao_distance.is_some_and(|distance| !(distance > 0.0 && distance.is_finite())) {
-            return Err(Error::usage("ao-distance is not above 0", "give a length in the scene's units"));
+            return Err(Error::usage(
+                "ao-distance is no length above 0",
+                "give one in the scene's units, or leave it out for any distance",
+            ));
         }
         Ok(())
     }
@@ -266,6 +271,7 @@ impl Bake {
             now: None,
             carried: Held::default(),
             kept,
+            most: None,
             merged: None,
             digest,
             statistics,
@@ -304,6 +310,7 @@ impl Bake {
         let blocks = self.shard.clone().unwrap_or(0..blocks_of(&self.settings).count());
         let points = [self.count_of_carriers(), self.points.len()];
         self.plan.fit(most, &self.prepared.scene, &self.settings, points, blocks)?;
+        self.most = Some(most);
         self.begin_rounds();
         self.count();
         Ok(())
@@ -342,13 +349,17 @@ impl Bake {
     /// [`Error::Input`] when it is of another job, damaged, or made with more memory than there is.
     pub fn resume(&mut self, path: &Path, part: &Part) -> Result<()> {
         part.check(path, &self.job())?;
-        let memory = memory_of(path, part)?;
-        if memory > self.plan.memory {
-            let problem = format!("made with {memory} MiB for the points at a time, of which there are {}", self.plan.memory);
-            let more = memory - self.plan.memory;
-            return Err(Error::input(path, None, problem, format!("give --memory {more} MiB more, or begin anew")));
+        let theirs = Plan { memory: memory_of(path, part)?, ..self.plan.clone() };
+        let points = |rounds: &[Round]| rounds.iter().map(|round| round.points.clone()).collect::<Vec<_>>();
+        // Where points take the same turns there is no need for as much.
+        if points(&self.all_rounds(&theirs)) != points(&self.rounds) {
+            if let Some(most) = self.most.filter(|_| theirs.memory > self.plan.memory) {
+                let needed = most + theirs.memory - self.plan.memory;
+                let problem = format!("more points were gathered at a time than --memory {most} allows");
+                return Err(Error::input(path, None, problem, format!("give --memory {needed}, or begin anew")));
+            }
+            self.plan = theirs;
         }
-        self.plan.memory = memory;
         self.now = None;
         self.carried = Held { stage: part.state["stage"].as_u64().unwrap_or(0).min(u32::MAX.into()) as u32, ..Held::default() };
         self.begin_rounds();

@@ -10,7 +10,6 @@ use std::path::Path;
 
 use crate::error::{Error, Result};
 
-pub use crate::file::Lock;
 pub use pairwise::{Node, PairwiseSum, Sum};
 pub use part::{Part, Planes, sha256};
 pub use shard::Shard;

@@ -2,39 +2,43 @@
 //!
 //! Written without the crate that reads points: it asks for every property of every vertex by name.
 
-use std::fmt::Write;
+use std::fmt::Write as _;
+use std::io::Write as _;
 use std::path::Path;
 
 use serde_json::Value;
 
 use super::{Values, snake_case};
+use crate::blocks::sha256;
 use crate::error::Result;
-use crate::file::write_file;
+use crate::file::write_by;
 use crate::image::{WriteOptions, encode_srgb};
+use crate::scene::Triangle;
 
 /// The metadata's line, but for the values.
 const ABOUT: &str = "comment finalgather ";
 
-/// What the third line of a file that [`write`] made says, if the file has all of its bytes.
+/// And of the checksum of all that follows the header.
+const DATA: &str = "comment sha256 ";
+
+/// What the header of a file that [`write`] made says, if what follows is what was written.
 pub fn metadata(bytes: &[u8]) -> Option<Value> {
     const END: &str = "end_header\n";
     let end = bytes.windows(END.len()).position(|window| window == END.as_bytes())?;
-    let header = str::from_utf8(&bytes[..end]).ok()?;
-    let count = |element: &str| header.lines().find_map(|line| line.strip_prefix(element)?.parse::<usize>().ok());
-    let properties = |kind: &str| header.lines().filter(|line| line.starts_with(kind)).count();
-    let vertex = 4 * properties("property float ") + properties("property uchar ");
-    let numbers =
-        count("element vertex ")?.checked_mul(vertex)?.checked_add(count("element face ").unwrap_or(0).checked_mul(13)?)?;
-    let about = header.lines().nth(2)?.strip_prefix(ABOUT)?;
-    (bytes.len() - end - END.len() == numbers).then(|| serde_json::from_str(about).ok())?
+    let mut lines = str::from_utf8(&bytes[..end]).ok()?.lines().skip(2);
+    let about = lines.next()?.strip_prefix(ABOUT)?;
+    let is_whole = lines.next()?.strip_prefix(DATA)? == sha256(&bytes[end + END.len()..]);
+    is_whole.then(|| serde_json::from_str(about).ok())?
 }
 
 pub fn write(path: &Path, values: &Values, options: &WriteOptions) -> Result<()> {
     let triangles = values.surface.map_or(&[][..], |surface| &surface.mesh.triangles);
+    let data = data(values, triangles, options.exposure);
     let mut header = String::from("ply\nformat binary_little_endian 1.0\n");
     // A line of a header is a comment as long as it has no break.
     if let Some(metadata) = options.metadata {
         let _ = writeln!(header, "{ABOUT}{}", metadata.replace(['\r', '\n'], " "));
+        let _ = writeln!(header, "{DATA}{}", sha256(&data));
     }
     let _ = writeln!(header, "element vertex {}", values.positions.len());
     for name in ["x", "y", "z", "nx", "ny", "nz"] {
@@ -51,9 +55,16 @@ pub fn write(path: &Path, values: &Values, options: &WriteOptions) -> Result<()>
     }
     header.push_str("end_header\n");
 
-    let mut bytes = header.into_bytes();
-    bytes.reserve(values.positions.len() * (27 + 4 * values.columns.len()) + 13 * triangles.len());
-    for (i, colour) in values.shown(options.exposure).into_iter().enumerate() {
+    write_by(path, |mut file| {
+        file.write_all(header.as_bytes())?;
+        file.write_all(&data)
+    })
+}
+
+/// What follows the header.
+fn data(values: &Values, triangles: &[Triangle], exposure: f32) -> Vec<u8> {
+    let mut bytes = Vec::with_capacity(values.positions.len() * (27 + 4 * values.columns.len()) + 13 * triangles.len());
+    for (i, colour) in values.shown(exposure).into_iter().enumerate() {
         for number in values.positions[i].to_array().into_iter().chain(values.normals[i].to_array()) {
             bytes.extend(number.to_le_bytes());
         }
@@ -66,5 +77,5 @@ pub fn write(path: &Path, values: &Values, options: &WriteOptions) -> Result<()>
         bytes.push(3);
         bytes.extend(triangle.vertices.into_iter().flat_map(u32::to_le_bytes));
     }
-    write_file(path, &bytes)
+    bytes
 }

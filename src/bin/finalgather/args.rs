@@ -277,7 +277,7 @@ pub struct BakeArgs {
     pub resolution: u32,
 
     /// Texels along a unit of the scene, in place of --resolution
-    #[arg(long, value_name = "F", help_heading = "Light map")]
+    #[arg(long, value_name = "F", value_parser = density, help_heading = "Light map")]
     pub texels_per_unit: Option<f32>,
 
     /// Texture coordinates: auto (the mesh's own where they serve, else an atlas), own or atlas
@@ -321,7 +321,7 @@ pub struct JobArgs {
     pub checkpoint: Option<PathBuf>,
 
     /// Seconds between two writes of the checkpoint, the next block of directions awaited; more where writing takes long; 0: after every block
-    #[arg(long, value_name = "SECONDS", default_value_t = 30, value_parser = clap::value_parser!(u64).range(..=86_400))]
+    #[arg(long, value_name = "SECONDS", default_value_t = 30, value_parser = seconds)]
     pub checkpoint_every: u64,
 
     /// Go on from the checkpoint, or with --shard from its part, if there is one. Without --checkpoint, outputs stay as they are if all are finished ones of the same job and can tell (.exr, .npy, .ply)
@@ -773,7 +773,8 @@ fn named_backend() -> impl TypedValueParser<Value = Backend> {
 fn count<T: TryFrom<u64>>(text: &str) -> Result<T, String> {
     /// The first float with a neighbour that is not 1 away, 2^53: from there a float may not be the number that was meant.
     const INEXACT: f64 = 9_007_199_254_740_992.0;
-    let digits = text.replace('_', "");
+    // Between digits.
+    let digits = if text.starts_with('_') || text.ends_with('_') { String::new() } else { text.replace('_', "") };
     let number = digits.parse::<u64>().ok().or_else(|| {
         let float = digits.parse::<f64>().ok()?;
         ((0.0..INEXACT).contains(&float) && float.fract() == 0.0).then_some(float as u64)
@@ -786,8 +787,20 @@ fn count<T: TryFrom<u64>>(text: &str) -> Result<T, String> {
     T::try_from(number).map_err(|_| "too large".into())
 }
 
+fn seconds(text: &str) -> Result<u64, String> {
+    count(text).ok().filter(|&seconds| seconds <= 86_400).ok_or("not whole seconds, 86400 at most".into())
+}
+
+fn density(text: &str) -> Result<f32, String> {
+    text.parse().ok().filter(|texels: &f32| *texels > 0.0 && texels.is_finite()).ok_or("not a number above 0".into())
+}
+
 fn layer_size(text: &str) -> Result<LayerSize, String> {
-    if text == "auto" { Ok(LayerSize::Auto) } else { count(text).map(LayerSize::Texels) }
+    if text == "auto" {
+        Ok(LayerSize::Auto)
+    } else {
+        count(text).map(LayerSize::Texels).map_err(|error| format!("{error}, nor auto"))
+    }
 }
 
 /// What can be left out without leaving nothing.

@@ -5,8 +5,9 @@ use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use finalgather::blocks::{Lock, Part, Shard};
+use finalgather::blocks::{Part, Shard};
 use finalgather::error::{Error, Result};
+use finalgather::file::{Lock, place_of};
 
 use crate::args::JobArgs;
 use crate::progress::Progress;
@@ -60,7 +61,7 @@ impl Checkpoint {
         let shard = args.shard()?;
         let (path, kind) = match (&args.checkpoint, shard) {
             (_, Some(shard)) => (part_of(shard, args.is_automatic(), outputs)?, Kind::Part),
-            (Some(path), None) if outputs.iter().any(|output| output == path || is_beside(output, path)) => {
+            (Some(path), None) if outputs.iter().any(|output| is_written_with(output, path)) => {
                 let problem = format!("{}: is to hold the checkpoint and the result", path.display());
                 return Err(Error::usage(problem, "give them two names"));
             }
@@ -146,7 +147,7 @@ impl Checkpoint {
         let there = self.kind != Kind::None && self.path.exists();
         let path = self.path.display();
         if self.resume && !there && !self.may_be_over() {
-            progress.say(&format!("nothing to go on from in {path}; beginning"));
+            self.say_beginning(progress);
         } else if there && !self.resume {
             progress.say(&format!(
                 "an earlier run has left {path}; --resume goes on from it, and without this run replaces it in time"
@@ -164,6 +165,11 @@ impl Checkpoint {
         }
         self.own = true;
         Ok(Some(part))
+    }
+
+    /// That there is nothing to go on from.
+    pub fn say_beginning(&self, progress: &Progress) {
+        progress.say(&format!("nothing to go on from in {}; beginning", self.path.display()));
     }
 
     /// Writes what `part` gives, if it is time. Where that fails the job goes on, for there may be space again later.
@@ -241,9 +247,12 @@ fn lock(path: &Path) -> Result<Option<Lock>> {
     })
 }
 
-/// Whether it is the description of an array.
-fn is_beside(array: &Path, path: &Path) -> bool {
-    array.extension().is_some_and(|ending| ending == "npy") && array.with_extension("json") == path
+/// Whether they are one file, or this the description of that array.
+fn is_written_with(output: &Path, path: &Path) -> bool {
+    let place = place_of(path).ok();
+    let is_array = output.extension().is_some_and(|ending| ending == "npy");
+    let description = is_array.then(|| output.with_extension("json"));
+    place.is_some() && [Some(output), description.as_deref()].into_iter().flatten().any(|output| place_of(output).ok() == place)
 }
 
 /// The one output of a shard.

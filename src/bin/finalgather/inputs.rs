@@ -4,11 +4,13 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use finalgather::error::{Error, Result};
+use finalgather::file::place_of;
 
 /// # Errors
 /// [`Error::Usage`] when an output is one of the inputs, or another output.
 pub fn check_kept<'a>(outputs: &[PathBuf], inputs: impl IntoIterator<Item = &'a Path>) -> Result<()> {
-    let places: Vec<_> = outputs.iter().map(|output| place_of(output)).collect();
+    // One that has no place cannot be written, and is refused for that.
+    let places: Vec<_> = outputs.iter().map(|output| place_of(output).unwrap_or_else(|_| output.clone())).collect();
     let twice = outputs.iter().enumerate().find(|&(i, _)| places[..i].contains(&places[i]));
     if let Some((_, output)) = twice {
         return Err(Error::usage(format!("{}: is to be written twice", output.display()), "name each file once"));
@@ -20,11 +22,4 @@ pub fn check_kept<'a>(outputs: &[PathBuf], inputs: impl IntoIterator<Item = &'a 
             Err(Error::usage(format!("{}: is an input, and would be written over", output.display()), "give another name"))
         }
     }
-}
-
-/// However it is spelled, and whether there is a file or not.
-fn place_of(path: &Path) -> PathBuf {
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let in_folder = || Some(fs::canonicalize(folder).ok()?.join(path.file_name()?));
-    fs::canonicalize(path).ok().or_else(in_folder).unwrap_or_else(|| path.to_owned())
 }

@@ -4,7 +4,7 @@ use std::process::ExitCode;
 use std::time::Instant;
 
 use clap::Parser;
-use finalgather::error::Error;
+use finalgather::error::{Error, Result};
 
 mod args;
 mod bake;
@@ -26,7 +26,8 @@ use args::{Args, Command};
 
 fn main() -> ExitCode {
     let started = Instant::now();
-    let outcome = match Args::parse().command {
+    let command = Args::parse().command;
+    let outcome = start_threads().and_then(|()| match command {
         Command::Render(args) => render::run(&args, started),
         #[cfg(feature = "window")]
         Command::View(args) => view::run(&args),
@@ -36,7 +37,7 @@ fn main() -> ExitCode {
         Command::Merge(args) => merge::run(&args, started),
         Command::Bench(args) => bench::run(&args),
         Command::Info(args) => info::run(&args),
-    };
+    });
     match outcome {
         Ok(code) => ExitCode::from(code),
         Err(error) => {
@@ -44,6 +45,16 @@ fn main() -> ExitCode {
             ExitCode::from(exit_code(&error))
         }
     }
+}
+
+/// Those of loops on the CPU, which would start them by themselves, but panic where that fails.
+fn start_threads() -> Result<()> {
+    rayon::ThreadPoolBuilder::new().build_global().map_err(|error| {
+        Error::usage(
+            format!("no threads can be started: {error}"),
+            "raise the limits on memory (ulimit -v) or on threads (ulimit -u)",
+        )
+    })
 }
 
 /// After sysexits.h: EX_DATAERR, EX_UNAVAILABLE and EX_TEMPFAIL; 2 is what clap uses. [`args`] lists them for --help.

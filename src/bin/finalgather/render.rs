@@ -81,6 +81,9 @@ fn render(
     }
     let wanted = || metadata(&gpu.info().renderer, &settings, &render.job(), (directions, true));
     let over = checkpoint.may_be_over() && are_done(outputs.iter(), &wanted());
+    if checkpoint.may_be_over() && !over {
+        checkpoint.say_beginning(progress);
+    }
     progress.begin_directions(directions);
     let mut failure = None;
     while !over && failure.is_none() && !render.is_done() && interrupt.leaves_time(render.is_between_blocks()) {

@@ -159,6 +159,9 @@ fn bake(
             .iter()
             .zip(outputs)
             .all(|(receiver, paths)| are_done(paths.iter(), &metadata(args, &bake, &settings, receiver, true)));
+    if checkpoint.may_be_over() && !over {
+        checkpoint.say_beginning(progress);
+    }
     progress.begin_directions(bake.statistics().directions_total);
     let mut failure = None;
     while !over && failure.is_none() && !bake.is_done() && interrupt.leaves_time(bake.is_between_blocks()) {
@@ -270,6 +273,7 @@ fn outputs_of(args: &BakeArgs) -> Result<Vec<Vec<PathBuf>>> {
         let of = |name: &str| output.strip_prefix(name).and_then(|rest| rest.strip_prefix(':'));
         let named = args.to.iter().enumerate().find_map(|(i, to)| of(to.name()).map(|path| (i, path)));
         match named {
+            Some((_, "")) => return Err(Error::usage(format!("-o {output} names no file"), "put one after the colon")),
             Some((i, path)) => outputs[i].push(PathBuf::from(path)),
             None if let Some(name) = To::NAMES.into_iter().find(|name| of(name).is_some()) => {
                 let cure = format!("add --to {name}, or give a file of what is baked");
@@ -277,7 +281,7 @@ fn outputs_of(args: &BakeArgs) -> Result<Vec<Vec<PathBuf>>> {
             }
             None if let Some((name, _)) = output.split_once(':').filter(|(name, _)| is_word(name)) => {
                 let cure = format!("put {} before the colon, or ./ before a file of this name", To::NAMES.join(", "));
-                return Err(Error::usage(format!("-o {output}: there is no receiver {name}"), cure));
+                return Err(Error::usage(format!("-o {output}: there is no receiver {name:?}"), cure));
             }
             None if args.to.len() == 1 => outputs[0].push(PathBuf::from(output)),
             None => {
@@ -297,7 +301,7 @@ fn outputs_of(args: &BakeArgs) -> Result<Vec<Vec<PathBuf>>> {
 
 /// Drives have names of one letter.
 fn is_word(name: &str) -> bool {
-    name.len() > 1 && name.chars().all(|letter| letter.is_ascii_alphabetic() || letter == '-')
+    name.len() != 1 && name.chars().all(|letter| letter.is_ascii_alphabetic() || letter == '-')
 }
 
 /// What made the values. No times and no paths: the same bake gives the same files.
