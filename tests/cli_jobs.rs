@@ -315,7 +315,7 @@ fn a_bake_goes_on_in_other_memory() {
     assert!(said.contains("a.sums: more points were gathered at a time"), "{said}");
     let enough = named(&said);
     assert!(enough > least && enough <= least + 40, "{said}");
-    for memory in [Some(enough), Some(least + 41), Some(least + 4000), None] {
+    for memory in [Some(enough), Some(least + 39), Some(least + 41), Some(least + 4000), None] {
         let said = success(&mut run(memory));
         assert!(said.contains("going on from ") && bytes(&folder, "a.npy") == values, "{memory:?}: {said}");
     }
