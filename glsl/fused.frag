@@ -17,7 +17,6 @@
 uniform int direction_count;
 uniform vec4 directions[BATCH];     // xyz: unit direction; w: clearance, see Receiver
 uniform mat4 to_layer[BATCH];       // unit space to texel x, texel y, window depth
-uniform mat4 from_layer[BATCH];
 uniform vec4 metric[BATCH];         // xyz: see Receiver
 #ifndef FIND
 
@@ -121,17 +120,20 @@ void main()
 #ifdef FIND
     vec2 found_hits[BATCH] = no_hits();
 #else
+    // It would search as long as any.
+    if (!point.exists)
+        discard;
     vec4 total = vec4(0.0);
 #endif
     int i = 0;
     do {
         vec3 direction = directions[i].xyz;
         float side = dot(point.surface_normal, direction) < 0.0 ? -1.0 : 1.0;
-        Receiver receiver = receiver(point.position, point.surface_normal, side, to_layer[i], from_layer[i], directions[i].w,
+        Receiver receiver = receiver(point.position, point.surface_normal, side, to_layer[i], directions[i].w,
                                      metric[i].xyz, ivec2(i * size, 0), float(size));
         Found found = find_hit(receiver);
         int triangle = -1;
-        float distance = found.seen.ahead * dot(direction, from_layer[i][2].xyz);
+        float distance = found.seen.ahead * inversesqrt(metric[i].z);
         if (found.seen.id > 0.0)
             triangle = fetch_triangle_in(receiver.texel + found.step, int(found.seen.id) - 1);
 #ifdef FIND

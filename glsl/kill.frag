@@ -8,7 +8,6 @@
 uniform sampler2D layer;
 uniform vec3 direction;
 uniform mat4 to_layer;              // unit space to texel x, texel y, window depth
-uniform mat4 from_layer;
 uniform float clearance;            // see Receiver
 uniform vec3 metric;                // see Receiver
 
@@ -39,7 +38,7 @@ void main()
     if (cosine(point, direction) == 0.0)
         discard;
     float size = float(textureSize(layer, 0).y);
-    Receiver receiver = receiver(point.position, point.surface_normal, 1.0, to_layer, from_layer, clearance, metric, ivec2(0), size);
+    Receiver receiver = receiver(point.position, point.surface_normal, 1.0, to_layer, clearance, metric, ivec2(0), size);
     vec4 surface = texelFetch(layer, receiver.texel, 0);
     Sample nearest = sample_surface(receiver, surface, receiver.offset);
 #ifdef FARTHEST
@@ -59,5 +58,5 @@ void main()
 #else
         discard;                    // KILL
 #endif
-    hit = vec2(nearest.ahead * dot(direction, from_layer[2].xyz), nearest.id);
+    hit = vec2(nearest.ahead * inversesqrt(metric.z), nearest.id);
 }

@@ -36,6 +36,8 @@ void main()
 #ifdef FIND
     vec2 found_hits[BATCH] = no_hits();
 #else
+    if (!point.exists)
+        discard;
     sum = vec4(0.0);
 #endif
     int i = 0;

@@ -46,6 +46,9 @@ pub(crate) fn check_writable(path: &Path) -> Result<()> {
         return Err(Error::usage(format!("{shown}: is a folder"), "give the path of a file in it"));
     }
     let folder = folder_of(path);
+    if folder.is_file() {
+        return Err(Error::usage(format!("{}: is a file, no folder", folder.display()), "give a path in a folder"));
+    }
     if !folder.is_dir() {
         let folder = folder.display();
         return Err(Error::usage(format!("{folder}: there is no such folder"), format!("make it first: mkdir -p {folder}")));

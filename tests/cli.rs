@@ -111,7 +111,9 @@ fn unusable_outputs_are_refused_before_anything_else() {
     }
     fs::create_dir(folder.path().join("folder.exr")).unwrap();
     assert!(said("folder.exr").contains("is a folder"));
-    assert_eq!(names_in(&folder), ["folder.exr"]);
+    fs::write(folder.path().join("a.txt"), "").unwrap();
+    assert!(said("a.txt/b.png").contains("a.txt: is a file, no folder"));
+    assert_eq!(names_in(&folder), ["a.txt", "folder.exr"]);
 }
 
 /// A file put in the place of a device would be the end of that.
@@ -358,11 +360,11 @@ fn stops_with(signal: &str, code: i32) {
     loop {
         assert!(delay < Duration::from_secs(120), "no direction was done after half of {delay:?}");
         let folder = folder();
-        let child = small_render(&folder, &["--directions", "1e9", "--json"])
-            .stdout(Stdio::piped())
-            .stderr(Stdio::piped())
-            .spawn()
-            .unwrap();
+        // Even where the tests were started by nohup.
+        let mut command = Command::new("env");
+        command.current_dir(&folder).args(["--default-signal", env!("CARGO_BIN_EXE_finalgather"), "render"]).arg(scene());
+        command.args(SMALL).args(["--directions", "1e9", "--json"]).stdout(Stdio::piped()).stderr(Stdio::piped());
+        let child = command.spawn().unwrap();
         sleep(delay);
         let kill = format!("kill -{signal} {}", child.id());
         assert!(Command::new("sh").args(["-c", &kill]).status().unwrap().success());

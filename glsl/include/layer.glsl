@@ -22,15 +22,15 @@ struct Sample
 const Sample NOTHING = Sample(0.0, -1.0, -1.0);
 
 // In a layer of `size` texels on a side, which begins at texel `first` of a texture. What lies outside the layer sees nothing.
-Receiver receiver(vec3 position, vec3 surface_normal, float side, mat4 to_layer, mat4 from_layer, float clearance, vec3 metric, ivec2 first, float size)
+Receiver receiver(vec3 position, vec3 surface_normal, float side, mat4 to_layer, float clearance, vec3 metric, ivec2 first, float size)
 {
     vec3 place = (to_layer * vec4(position, 1.0)).xyz;
     // A point on the scene may be rounded into the border, beyond which there are no neighbours to look at.
     vec2 texel = clamp(floor(place.xy), 1.0, size - 2.0);
     vec2 offset = place.xy - texel - 0.5;
     bool outside = max(abs(offset.x), abs(offset.y)) > 1.5;
-    vec3 normal = surface_normal * mat3(from_layer);
-    return Receiver(place, first + ivec2(texel), offset, normal, side, outside ? 1e9 : clearance, metric, side * metric * normal);
+    vec3 normal = mat3(to_layer) * surface_normal;
+    return Receiver(place, first + ivec2(texel), offset, normal / metric, side, outside ? 1e9 : clearance, metric, side * normal);
 }
 
 // How far a place of layer space, seen from the receiver, lies above its tangent plane.

@@ -66,11 +66,10 @@ impl Bundle {
     }
 
     /// The uniforms that shaders of points read.
-    pub fn uniforms(&self) -> [(&'static str, Uniform<'static>); 5] {
+    pub fn uniforms(&self) -> [(&'static str, Uniform<'static>); 4] {
         [
             ("direction", Uniform::Vec3(self.direction)),
             ("to_layer", Uniform::Mat4(self.to_layer)),
-            ("from_layer", Uniform::Mat4(self.to_layer.inverse())),
             ("clearance", Uniform::Float(self.clearance)),
             ("metric", Uniform::Vec3(self.metric())),
         ]

@@ -25,7 +25,6 @@ pub struct FusedFind {
 struct Uniforms {
     directions: Vec<Vec4>,
     to_layer: Vec<Mat4>,
-    from_layer: Vec<Mat4>,
     metric: Vec<Vec4>,
 }
 
@@ -66,18 +65,16 @@ impl Uniforms {
         let to_layer: Vec<Mat4> = bundles.iter().map(|bundle| bundle.to_layer).collect();
         Self {
             directions: bundles.iter().map(|bundle| bundle.direction.extend(bundle.clearance)).collect(),
-            from_layer: to_layer.iter().map(Mat4::inverse).collect(),
             metric: bundles.iter().map(|bundle| bundle.metric().extend(0.0)).collect(),
             to_layer,
         }
     }
 
-    fn list(&self) -> [(&'static str, Uniform<'_>); 5] {
+    fn list(&self) -> [(&'static str, Uniform<'_>); 4] {
         [
             ("direction_count", Uniform::Int(self.directions.len() as i32)),
             ("directions", Uniform::Vec4s(&self.directions)),
             ("to_layer", Uniform::Mat4s(&self.to_layer)),
-            ("from_layer", Uniform::Mat4s(&self.from_layer)),
             ("metric", Uniform::Vec4s(&self.metric)),
         ]
     }
