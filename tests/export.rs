@@ -9,6 +9,7 @@ use std::f32::consts::{FRAC_1_PI, PI};
 use std::fs;
 use std::path::Path;
 
+use finalgather::blocks::sha256;
 use finalgather::error::Error;
 use finalgather::export::{Lightmap, Surface, Values, check_writable, read_prt};
 use finalgather::image::{Channel, Image, WriteOptions};
@@ -128,7 +129,9 @@ fn ply_keeps_every_bit() {
     tent.values(&columns).write(&path, &options).unwrap();
 
     let ply = Parser::<DefaultElement>::new().read_ply(&mut fs::File::open(&path).unwrap()).unwrap();
-    assert_eq!(ply.header.comments, ["finalgather { \"a\": 1}"]);
+    let bytes = fs::read(&path).unwrap();
+    let end = bytes.windows(11).position(|window| window == b"end_header\n").unwrap() + 11;
+    assert_eq!(ply.header.comments, ["finalgather { \"a\": 1}".to_owned(), format!("sha256 {}", sha256(&bytes[end..]))]);
     let bits = |name: &str| -> Vec<u32> {
         let float = |vertex: &DefaultElement| match vertex[name] {
             Property::Float(value) => value.to_bits(),
