@@ -1,7 +1,7 @@
 //! Files out: whole under their names, or not at all. Files in: no more than they may be.
 
 use std::ffi::OsString;
-use std::fs::{self, File, Permissions};
+use std::fs::{self, File, Metadata, Permissions};
 use std::io::{self, ErrorKind, Read, Write};
 use std::path::{Path, PathBuf};
 
@@ -53,13 +53,16 @@ pub(crate) fn check_writable(path: &Path) -> Result<()> {
         let folder = folder.display();
         return Err(Error::usage(format!("{folder}: there is no such folder"), format!("make it first: mkdir -p {folder}")));
     }
-    let new = Replacement::of(path).map_err(|error| Error::usage(format!("{shown}: {error}"), "give another name"))?;
-    new.temporary().map(drop).map_err(|error| {
-        if error.kind() == ErrorKind::InvalidFilename {
-            return Error::usage(format!("{shown}: the name is too long"), "give a shorter one, to which more can be added");
+    let refused = |error: io::Error, problem: String, cure: &str| match error.kind() {
+        ErrorKind::InvalidFilename => {
+            Error::usage(format!("{shown}: the name is too long"), "give a shorter one, to which more can be added")
         }
-        let problem = format!("{}: no file can be made in this folder: {error}", folder_of(&new.place).display());
-        Error::usage(problem, "give a path in a folder that can be written")
+        _ => Error::usage(format!("{problem}: {error}"), cure),
+    };
+    let new = Replacement::of(path).map_err(|error| refused(error, shown.to_string(), "give another name"))?;
+    new.temporary().map(drop).map_err(|error| {
+        let problem = format!("{}: no file can be made in this folder", folder_of(&new.place).display());
+        refused(error, problem, "give a path in a folder that can be written")
     })
 }
 
@@ -87,10 +90,7 @@ fn write_atomically(path: &Path, fill: impl FnOnce(&File) -> io::Result<()>) -> 
     let file = new.temporary()?;
     // Through the file itself, whose errors do not speak of the temporary name.
     fill(file.as_file())?;
-    if let Some(permissions) = new.permissions {
-        // Not every file system has them.
-        let _ = file.as_file().set_permissions(permissions);
-    }
+    new.hand_over(file.as_file());
     // A name that outlives a power cut must not outlive its content.
     file.as_file().sync_all()?;
     file.persist(new.place)?;
@@ -119,33 +119,44 @@ pub fn place_of(path: &Path) -> io::Result<PathBuf> {
 /// A file that takes the place of one, or of nothing.
 struct Replacement {
     place: PathBuf,
-    /// Those of the file that is there.
-    permissions: Option<Permissions>,
+    /// Of the file that is there.
+    about: Option<Metadata>,
 }
 
 impl Replacement {
     /// # Errors
-    /// When there is something that is no file, or not to be written. What takes its place would do away with it.
+    /// When there is something that is no file, or not to be written: what takes its place would do away with it. Or that cannot be told.
     fn of(path: &Path) -> io::Result<Self> {
-        let permissions = match fs::metadata(path) {
-            Ok(about) if !about.is_file() => return Err(io::Error::new(ErrorKind::InvalidInput, "is no regular file")),
-            Ok(about) if about.permissions().readonly() => {
-                return Err(io::Error::new(ErrorKind::PermissionDenied, "is read-only"));
-            }
-            there => there.ok().map(|about| about.permissions()),
-        };
-        Ok(Self { place: place_of(path)?, permissions })
+        let place = place_of(path)?;
+        match fs::metadata(path) {
+            Err(error) if error.kind() == ErrorKind::NotFound => Ok(Self { place, about: None }),
+            Err(error) => Err(error),
+            Ok(about) if !about.is_file() => Err(io::Error::new(ErrorKind::InvalidInput, "is no regular file")),
+            Ok(about) if about.permissions().readonly() => Err(io::Error::new(ErrorKind::PermissionDenied, "is read-only")),
+            Ok(about) => Ok(Self { place, about: Some(about) }),
+        }
     }
 
-    /// In the same folder, because a file can be renamed in one step only within its file system.
+    /// In the same folder, because a file can be renamed in one step only within its file system. Whom it is kept from is kept from it from the
+    /// beginning.
     fn temporary(&self) -> io::Result<NamedTempFile> {
         let prefix = temporary_prefix(&self.place);
         let mut builder = tempfile::Builder::new();
         builder.prefix(&prefix).rand_bytes(RANDOM).suffix(SUFFIX);
         // As for any new file, the umask decides; tempfile's own default is for secrets.
         #[cfg(unix)]
-        builder.permissions(<Permissions as std::os::unix::fs::PermissionsExt>::from_mode(0o666));
+        let new = <Permissions as std::os::unix::fs::PermissionsExt>::from_mode(0o666);
+        #[cfg(unix)]
+        builder.permissions(self.about.as_ref().map_or(new, Metadata::permissions));
         builder.tempfile_in(folder_of(&self.place))
+    }
+
+    /// Gives it the group and the permissions of the file that is there, as far as the system lets it.
+    fn hand_over(&self, file: &File) {
+        let Some(about) = &self.about else { return };
+        #[cfg(unix)]
+        let _ = std::os::unix::fs::fchown(file, None, Some(std::os::unix::fs::MetadataExt::gid(about)));
+        let _ = file.set_permissions(about.permissions());
     }
 }
 

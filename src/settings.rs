@@ -39,7 +39,8 @@ pub struct Settings {
     /// Side of a shadow map's faces in texels.
     pub shadow_size: u32,
     /// A render ends before all directions are done once the standard error of the mean of reflected radiance (root mean square over
-    /// the pixels, as a share of the picture's mean, estimated from two halves) is at most this. 0: never.
+    /// the pixels, as a share of the picture's mean, estimated from two halves) is at most this. 0: never. Layers
+    /// of `auto` are no larger than what as many directions as that takes are worth.
     pub until: f64,
     /// Exposure of 8-bit pictures in stops; EXR is never scaled.
     pub exposure: f32,

@@ -366,7 +366,9 @@ fn stops_with(signal: &str, code: i32) {
         command.args(SMALL).args(["--directions", "1e9", "--json"]).stdout(Stdio::piped()).stderr(Stdio::piped());
         let child = command.spawn().unwrap();
         sleep(delay);
-        let kill = format!("kill -{signal} {}", child.id());
+        // A terminal that closes says so twice.
+        let times = if signal == "HUP" { 2 } else { 1 };
+        let kill = vec![format!("kill -{signal} {}", child.id()); times].join("; sleep 0.005; ");
         assert!(Command::new("sh").args(["-c", &kill]).status().unwrap().success());
         let output = child.wait_with_output().unwrap();
         let said = text(&output.stderr);

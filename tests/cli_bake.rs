@@ -96,7 +96,7 @@ fn all_receivers_and_formats_in_one_run() {
         "-o",
         "lightmap:m.png",
         "-o",
-        "lightmap:m.obj",
+        "lightmap:box.obj",
         "-o",
         "lightmap:m.glb",
         "-o",
@@ -258,6 +258,13 @@ fn refusals() {
         (&none, &["--to", "points:zero.npy", "--what", "ao", "-o", "./zero.npy"], 2, "zero.npy: is an input"),
         (&none, &["--to", "lightmap", "--what", "irradiance", "-o", "none.obj"], 2, "none.obj: is an input"),
         (&none, &["--to", "vertices", "--what", "ao", "-o", "vertex:a.ply"], 2, "there is no receiver \"vertex\""),
+        (
+            &none,
+            &["--to", "lightmap", "--what", "irradiance", "-o", "m.obj", "-o", "./m.png"],
+            2,
+            "m.png: is to be written twice",
+        ),
+        (&none, &["--to", "vertices", "--what", "ao", "-o", "A.NPY", "--checkpoint", "A.json"], 2, "two names"),
         (&none, &["--to", "vertices", "--what", "ao", "-o", ":a.ply"], 2, "there is no receiver \"\""),
         (&none, &["--to", "vertices", "--what", "ao", "-o", "vertices:"], 2, "names no file"),
         (

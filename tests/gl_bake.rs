@@ -314,7 +314,17 @@ fn rounds_change_nothing() {
     let prepared = Prepared::without_glass(&gpu, &scene).unwrap();
     let small = Bake::new(&gpu, prepared, points.clone(), &settings, &Plan { memory: 64, ..plan.clone() }).unwrap();
     assert!(small.statistics().rounds > 1, "one round");
+    // Nor does it where there turns out to be more.
+    let prepared = Prepared::without_glass(&gpu, &scene).unwrap();
+    let mut fitted = Bake::new(&gpu, prepared, points.clone(), &settings, &Plan { memory: 8, ..plan.clone() }).unwrap();
+    let before = fitted.statistics().rounds;
+    fitted.fit(4096).unwrap();
+    while !fitted.is_done() {
+        fitted.step().unwrap();
+    }
+    assert!(fitted.statistics().rounds < before);
     let at_once = bake(&gpu, &scene, &points, &settings, &plan);
+    assert_eq!(fitted.columns().unwrap(), at_once);
     assert_eq!(bake(&gpu, &scene, &points, &settings, &Plan { memory: 64, ..plan }), at_once);
 }
 

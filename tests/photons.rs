@@ -8,7 +8,7 @@ use common::{Model, form_factor_of_opposed_squares, form_factor_of_polygon, poin
 use finalgather::environment::Environment;
 use finalgather::photon::{PhotonCounts, PhotonGrid, PhotonTracer};
 use finalgather::scene::{Bvh, Lights, Scene};
-use glam::{Vec3, Vec4, vec3};
+use glam::{IVec3, Vec3, Vec4, vec3};
 
 /// A closed white room 2 wide with a lamp of half side 0.2 and radiance 1 near its ceiling.
 fn room() -> Model {
@@ -95,6 +95,33 @@ fn there_is_no_flux_without_area() {
     counted(&room().finish(), &Bvh::new(&room().finish().mesh), 100_000, 4, &mut grid);
     assert_eq!(alone(&grid), 0);
     assert!(total(&grid).x > 0.0);
+}
+
+/// Across the surface, and not along it, where it would be another place's.
+#[test]
+fn flux_beside_a_surface_goes_straight_to_it() {
+    let scene = room().finish();
+    let mut grid = traced(&scene, 16, 100_000, 4);
+    grid.clear_flux();
+    let size = grid.cells.as_ivec3();
+    let index = |bin: i32, cell: IVec3| (((bin * size.z + cell.z) * size.y + cell.y) * size.x + cell.x) as usize;
+    let mut expected = vec![0; grid.sums.len()];
+    for bin in 0..6 {
+        for at in 0..size.element_product() {
+            let cell = IVec3::new(at % size.x, at / size.x % size.y, at / (size.x * size.y));
+            let is_cell = |cell: &IVec3| cell.cmpge(IVec3::ZERO).all() && cell.cmplt(size).all();
+            let across = [-IVec3::AXES[bin as usize / 2], IVec3::AXES[bin as usize / 2]].map(|step| cell + step);
+            let mut near = across.iter().filter(|near| is_cell(near) && grid.sums[index(bin, **near)][3] > 0.0);
+            if let (0.0, Some(&near), None) = (grid.sums[index(bin, cell)][3], near.next(), near.next()) {
+                grid.add_flux(index(bin, cell), Vec3::ONE);
+                expected[index(bin, near)] += 1;
+            }
+        }
+    }
+    assert!(expected.iter().sum::<i32>() > 1000);
+    // Of photons there are none, but what is there settles with them.
+    PhotonTracer::new(&scene, &Bvh::new(&scene.mesh), &Lights::new(&scene), 0, 1).trace(0..0, &mut grid);
+    assert!(grid.sums.iter().zip(expected).all(|(sums, expected)| sums[0] == expected as f32));
 }
 
 #[test]

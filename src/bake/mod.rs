@@ -102,7 +102,8 @@ pub struct Bake {
     plan: Plan,
     points: Vec<GatherPoint>,
     directions: Directions,
-    find: Box<dyn Find>,
+    /// For the most points at a time, once there are some.
+    find: Option<Box<dyn Find>>,
     direct: Direct,
     photons: Option<Photons>,
     carriers: Option<Carriers>,
@@ -206,7 +207,7 @@ impl Plan {
     }
 }
 
-/// How far from a vertex its gather point lies, in unit space: half a texel of a layer, for nearer to the foot of a wall light is lost.
+/// How far from a vertex its gather point lies in a bake, in unit space: half a texel of a layer, for nearer to the foot of a wall light is lost.
 pub fn vertex_inset(settings: &Settings) -> f32 {
     1.0 / settings.layers() as f32
 }
@@ -215,10 +216,13 @@ impl Bake {
     /// Of `points` in the unit space of `prepared`.
     ///
     /// # Errors
-    /// [`Error::Usage`] when a setting is out of range, there are no points, or sizes are beyond the device's limits; [`Error::Gl`] when it fails.
+    /// [`Error::Usage`] when a setting is out of range or none of a bake's, or there are no points; [`Error::Gl`] when the device fails.
     pub fn new(gpu: &Gpu, prepared: Prepared, points: Vec<GatherPoint>, settings: &Settings, plan: &Plan) -> Result<Self> {
         settings.validate()?;
         plan.validate()?;
+        if settings.until > 0.0 {
+            return Err(Error::usage("a bake does not tell the error at which it is to stop", "let until be 0"));
+        }
         if points.is_empty() {
             return Err(Error::usage("there are no points to bake", "give a scene or a file that has some"));
         }
@@ -235,15 +239,8 @@ impl Bake {
         // Who bakes the vertices themselves need not find their hits again.
         let same = carriers.as_ref().is_some_and(|carriers| carriers.vertices().points() == points);
         let whose = if same { Whose::Carriers } else { Whose::Receivers };
-        let mut plan = plan.clone();
-        let (all, find) = loop {
-            let all = all_rounds(&plan, settings, whose, [count_of_carriers, points.len()]);
-            match find_by(gpu, settings, &prepared, largest(&all).min(TILE)) {
-                Err(error) if gpu.goes_on(&error) && plan.halve(settings, &all) => {}
-                find => break (all, find?),
-            }
-        };
-        let kept = keeps(&plan, settings, &all).then(Kept::default);
+        let all = all_rounds(plan, settings, whose, [count_of_carriers, points.len()]);
+        let kept = keeps(plan, settings, &all).then(Kept::default);
         let statistics = Statistics {
             points: points.len(),
             directions_total: all.len() as u64 * u64::from(settings.directions),
@@ -259,10 +256,10 @@ impl Bake {
             direct: Direct::new(gpu, settings.shadow_size, settings.seed)?,
             directions: Directions::new(settings.sequence, settings.seed),
             settings: settings.clone(),
-            plan,
+            plan: plan.clone(),
             prepared,
             points,
-            find,
+            find: None,
             photons,
             carriers,
             summed: all.iter().map(|_| Summed::default()).collect(),
@@ -343,10 +340,10 @@ impl Bake {
         part
     }
 
-    /// Goes on from the blocks that are done in `part`, read from `path`, in the place of what was gathered here; with as much memory as it was made with.
+    /// Goes on from the blocks that are done in `part`, read from `path`, in the place of what was gathered here; points take the turns that they took.
     ///
     /// # Errors
-    /// [`Error::Input`] when it is of another job, damaged, or made with more memory than there is.
+    /// [`Error::Input`] when it is of another job, damaged, or its turns take more than [`Self::fit`] allows.
     pub fn resume(&mut self, path: &Path, part: &Part) -> Result<()> {
         part.check(path, &self.job())?;
         let theirs = Plan { memory: memory_of(path, part)?, ..self.plan.clone() };
@@ -469,7 +466,7 @@ impl Bake {
     /// at a time.
     ///
     /// # Errors
-    /// [`Error::Gl`] when the device fails; the blocks that were done before stay.
+    /// [`Error::Usage`] when layers are beyond the device's limits, in the first step; [`Error::Gl`] when the device fails; the blocks that were done before stay.
     pub fn step(&mut self) -> Result<()> {
         let stepped = self.gather_some();
         self.count();
@@ -479,7 +476,7 @@ impl Bake {
 
     /// Gives memory back that it can do without, if any.
     fn shrink(&mut self) -> bool {
-        self.kept.take().is_some() || self.find.shrink() || self.take_fewer_points()
+        self.kept.take().is_some() || self.find.as_mut().is_some_and(|find| find.shrink()) || self.take_fewer_points()
     }
 
     /// Half as many at a time. But a block is of all points of a round: where some are done it is too late.
@@ -498,6 +495,7 @@ impl Bake {
         self.rounds = self.all_rounds(&self.plan);
         self.summed = self.rounds.iter().map(|_| Summed::default()).collect();
         self.kept = keeps(&self.plan, &self.settings, &self.rounds).then(Kept::default);
+        self.find = None;
         self.statistics.rounds = self.rounds.len();
     }
 
@@ -583,6 +581,10 @@ impl Bake {
     fn begin(&mut self, number: usize, block: u32) -> Result<Walk> {
         let round = self.rounds[number].clone();
         self.hand_on(round.stage)?;
+        if round.whose == Whose::Receivers {
+            // Carriers are done.
+            self.kept = None;
+        }
         let start = Instant::now();
         let (gathered, transfer) = (self.carried.irradiance.is_some(), self.carried.transfer.is_some());
         let mut wanted = self.plan.wanted(round.last);
@@ -632,7 +634,11 @@ impl Bake {
             self.statistics.seconds.photons += start.elapsed().as_secs_f64();
         }
         let start = Instant::now();
-        let count = (self.find.batch() as u32).min(walk.left.len() as u32);
+        let find = match &mut self.find {
+            Some(find) => find,
+            none => none.insert(find_by(&self.gpu, &self.settings, &self.prepared, largest(&self.rounds).min(TILE))?),
+        };
+        let count = (find.batch() as u32).min(walk.left.len() as u32);
         let mut batch: Vec<Direction> = (first..first + count).map(|number| self.directions.get(number)).collect();
         let geometry = &self.prepared.geometry;
         let of_carriers = self.rounds[walk.round].whose == Whose::Carriers;
@@ -641,7 +647,7 @@ impl Bake {
         let taken = match known {
             Some(taken) => taken,
             None => {
-                let begun = self.find.begin(geometry, &batch)?;
+                let begun = find.begin(geometry, &batch)?;
                 self.statistics.layers_max = self.statistics.layers_max.max(begun.layers);
                 begun.directions
             }
@@ -659,12 +665,12 @@ impl Bake {
         for (index, tile) in walk.tiles.iter().enumerate() {
             let points = tile.list.points();
             let hits = match &mut kept {
-                None => self.find.find(geometry, points)?,
+                None => find.find(geometry, points)?,
                 Some(kept) => {
                     let kept = kept.entry(first).or_default();
                     if known.is_none() {
-                        self.find.find(geometry, points)?;
-                        kept.push(self.find.keep()?);
+                        find.find(geometry, points)?;
+                        kept.push(find.keep()?);
                     }
                     kept[index].hits()
                 }

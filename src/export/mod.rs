@@ -3,7 +3,8 @@
 
 use std::collections::HashSet;
 use std::f32::consts::{FRAC_1_PI, PI};
-use std::path::Path;
+use std::iter;
+use std::path::{Path, PathBuf};
 
 use glam::{Vec2, Vec3};
 use serde_json::Value;
@@ -175,6 +176,16 @@ pub fn metadata_of(path: &Path) -> Option<Value> {
     }
 }
 
+/// What appears when this file is written: itself, and what goes beside it without being named.
+pub fn written_with(path: &Path) -> Vec<PathBuf> {
+    let beside: &[&str] = match ending(path, &["npy", "obj"]) {
+        Ok("npy") => &["json"],
+        Ok(_) => &["mtl", "png"],
+        Err(_) => &[],
+    };
+    iter::once(path.to_owned()).chain(beside.iter().map(|ending| path.with_extension(ending))).collect()
+}
+
 /// Whether a file with one of these endings can be expected to be written there, for asking before the work.
 pub fn check_writable(path: &Path, endings: &[&'static str]) -> Result<()> {
     match ending(path, endings)? {
@@ -182,7 +193,7 @@ pub fn check_writable(path: &Path, endings: &[&'static str]) -> Result<()> {
         "npy" => npy::check_ours(path)?,
         _ => {}
     }
-    crate::file::check_writable(path)
+    written_with(path).iter().try_for_each(|path| crate::file::check_writable(path))
 }
 
 /// Which of the endings the path has.

@@ -476,7 +476,7 @@ pub struct Overrides {
     #[arg(long, value_name = "F", help = setting("A direction ends with the layer that fewer than this share of the points sample", |s| s.stop_fraction))]
     stop_fraction: Option<f32>,
 
-    #[arg(long, value_name = "ERROR", help = setting("Stop early once the picture's relative standard error, estimated a few times on the way, is at most this; 0 is never", |s| s.until))]
+    #[arg(long, value_name = "ERROR", help = setting("Stop early once the picture's relative standard error, estimated a few times on the way, is at most this, and let layers of `auto` be as large as that asks for; 0 is never", |s| s.until))]
     until: Option<f64>,
 
     #[arg(long, value_name = "EV", help = setting("Exposure of .png in stops", |s| s.exposure))]

@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 
 use finalgather::blocks::{Part, Shard};
 use finalgather::error::{Error, Result};
+use finalgather::export::written_with;
 use finalgather::file::{Lock, place_of};
 
 use crate::args::JobArgs;
@@ -247,12 +248,10 @@ fn lock(path: &Path) -> Result<Option<Lock>> {
     })
 }
 
-/// Whether they are one file, or this the description of that array.
+/// Whether this file is written with that output.
 fn is_written_with(output: &Path, path: &Path) -> bool {
-    let place = place_of(path).ok();
-    let is_array = output.extension().is_some_and(|ending| ending == "npy");
-    let description = is_array.then(|| output.with_extension("json"));
-    place.is_some() && [Some(output), description.as_deref()].into_iter().flatten().any(|output| place_of(output).ok() == place)
+    place_of(path)
+        .is_ok_and(|place| written_with(output).iter().any(|output| place_of(output).is_ok_and(|output| output == place)))
 }
 
 /// The one output of a shard.

@@ -1,6 +1,6 @@
 //! SIGINT, SIGTERM and, of a terminal that closes, SIGHUP: stop after the block in progress, keep the picture so far, and tell the two apart at exit.
 //!
-//! A thread waits for signals, so that it may take locks and print. Until the first direction is done there is nothing to
+//! A second SIGINT or SIGTERM ends the process at once. A thread waits for signals, so that it may take locks and print. Until the first direction is done there is nothing to
 //! keep and the process ends at once, instead of after a photon trace that nobody wants any more.
 
 use std::cell::Cell;
@@ -49,9 +49,10 @@ impl Interrupt {
             for signal in signals.forever() {
                 // What a shell reports for a process that the signal has killed.
                 let code = u8::try_from(128 + signal).unwrap_or(u8::MAX);
-                let first = shared.code.swap(code, SeqCst) == 0;
+                let before = shared.code.swap(code, SeqCst);
                 let has_picture = shared.has_picture.load(SeqCst);
-                if first && has_picture {
+                // A terminal that closes says so twice, by its shell and by the system.
+                if has_picture && (before == 0 || signal == SIGHUP) {
                     continue;
                 }
                 progress.clear();

@@ -27,7 +27,13 @@ use args::{Args, Command};
 fn main() -> ExitCode {
     let started = Instant::now();
     let command = Args::parse().command;
-    let outcome = start_threads().and_then(|()| match command {
+    let threads = match &command {
+        // Its renderer's are to leave the window the first turn.
+        #[cfg(feature = "window")]
+        Command::View(_) => Ok(()),
+        _ => start_threads(),
+    };
+    let outcome = threads.and_then(|()| match command {
         Command::Render(args) => render::run(&args, started),
         #[cfg(feature = "window")]
         Command::View(args) => view::run(&args),

@@ -103,6 +103,7 @@ fn bake(
     let mut settings = args.overrides.put_over(scene.settings.clone());
     // Transfer may do without bounces; photons may not.
     settings.bounces = settings.bounces.max(1);
+    settings.until = 0.0;
     // Asked for twice is asked for.
     let mut what = Vec::new();
     for &quantity in &args.what {
@@ -172,6 +173,9 @@ fn bake(
         }
         progress.directions_done(bake.statistics().directions_done);
         checkpoint.keep(progress, || save(&bake));
+    }
+    if let Some(error) = failure.take_if(|_| bake.statistics().directions_done == 0) {
+        return Err(error);
     }
     let stopped = interrupt.requested().filter(|_| !over && !bake.is_done());
     let ended = failure.is_some() || stopped.is_some();
