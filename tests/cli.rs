@@ -363,7 +363,9 @@ fn stops_with(signal: &str, code: i32) {
         // Even where the tests were started by nohup.
         let mut command = Command::new("env");
         command.current_dir(&folder).args(["--default-signal", env!("CARGO_BIN_EXE_finalgather"), "render"]).arg(scene());
-        command.args(SMALL).args(["--directions", "1e9", "--json"]).stdout(Stdio::piped()).stderr(Stdio::piped());
+        // A block of which takes longer than two signals.
+        command.args(["--size", "160", "--layer-size", "64", "--photons", "1e4"]);
+        command.args(["--directions", "1e9", "--json"]).stdout(Stdio::piped()).stderr(Stdio::piped());
         let child = command.spawn().unwrap();
         sleep(delay);
         // A terminal that closes says so twice.
