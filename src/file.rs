@@ -62,7 +62,8 @@ pub(crate) fn check_writable(path: &Path) -> Result<()> {
     let new = Replacement::of(path).map_err(|error| refused(error, shown.to_string(), "give another name"))?;
     new.temporary().map(drop).map_err(|error| {
         let problem = format!("{}: no file can be made in this folder", folder_of(&new.place).display());
-        refused(error, problem, "give a path in a folder that can be written")
+        // Without the name that nobody gave.
+        refused(error.kind().into(), problem, "give a path in a folder that can be written")
     })
 }
 
