@@ -186,25 +186,19 @@ fn relit_by_a_constant_sky() {
     assert!(picture.channel("G").unwrap().iter().any(|&sample| sample > 0.1), "the picture is black");
 }
 
-/// What a PNG holds of openness and directions is data: neither a curve nor exposure changes it.
 /// The error at which a render stops is nothing to a bake, nor to its layers.
 #[test]
 fn a_bake_takes_all_its_directions() {
     let folder = folder();
+    let scene = scene("cornell.toml");
     for (name, until) in [("a.npy", "0"), ("b.npy", "0.5")] {
         let args = ["--to", "vertices", "--what", "ao", "--directions", "2048", "--until", until, "-o", name];
-        let output = Command::new(env!("CARGO_BIN_EXE_finalgather"))
-            .current_dir(&folder)
-            .arg("bake")
-            .arg(scene("cornell.toml"))
-            .args(args)
-            .output()
-            .unwrap();
-        success(&output);
+        success(&tool(&folder, &[&["bake", scene.to_str().unwrap()], &args[..]].concat()));
     }
     assert!(fs::read(folder.path().join("a.npy")).unwrap() == fs::read(folder.path().join("b.npy")).unwrap());
 }
 
+/// What a PNG holds of openness and directions is data: neither a curve nor exposure changes it.
 #[test]
 fn data_in_a_png_is_as_it_is() {
     let folder = folder();

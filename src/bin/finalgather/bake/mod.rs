@@ -103,6 +103,7 @@ fn bake(
     let mut settings = args.overrides.put_over(scene.settings.clone());
     // Transfer may do without bounces; photons may not.
     settings.bounces = settings.bounces.max(1);
+    // It takes all its directions, and layers for as many.
     settings.until = 0.0;
     // Asked for twice is asked for.
     let mut what = Vec::new();
