@@ -1,5 +1,5 @@
-//! What the camera sees is what rays from it meet, be it close to the eye in a scene that reaches ten thousand times as far: the near plane
-//! and the depth test.
+//! What the camera sees is what rays from it meet, be it close to the eye in a scene that reaches ten thousand times as far: the near plane,
+//! the depth test, and no far plane.
 
 mod common;
 
@@ -61,6 +61,29 @@ fn a_wall_close_to_the_eye_in_a_huge_scene() {
         let [nearest, farthest] = check(name, &scene, camera, 1000);
         assert!(nearest > 0.5 * distance && farthest < 2.0 * distance, "{name}: {nearest} to {farthest}");
     }
+}
+
+/// Whoever stands in a closed room sees no sky, whichever way he looks.
+#[test]
+fn closed_rooms_have_no_holes() {
+    let gpu = gpu();
+    let points = CameraPoints::new(&gpu, [SIZE; 2]).unwrap();
+    let mut random = Random::new(2, 0);
+    let mut holes = Vec::new();
+    for number in 0..30 {
+        let mut place = |low: f32, high: f32| Vec3::from_array([0, 1, 2].map(|_| low + (high - low) * random.uniform()));
+        let (half, eye, target) = (place(0.5, 4.0), place(-0.98, 0.98), place(-1.0, 1.0));
+        let mut model = Model::new();
+        model.cuboid(Vec3::ZERO, half, 0.0, true, 0);
+        let scene = model.finish();
+        let extent = scene.mesh.bounds().extent() / 2.0;
+        let camera = Camera { eye: eye * extent, target: target * extent, up: Vec3::Y, fov_y_degrees: 70.0, lens: None };
+        let visible = points.see(&Geometry::upload(&gpu, &scene).unwrap(), &camera, Vec2::splat(0.5));
+        if visible.count < SIZE * SIZE {
+            holes.push(format!("room {number}: {} pixels see no surface from {eye} to {target}", SIZE * SIZE - visible.count));
+        }
+    }
+    assert!(holes.is_empty(), "{}", holes.join("\n"));
 }
 
 /// Ground that rises to ridges far away, seen by an eye a few ten-thousandths above it, with a stone before its feet.

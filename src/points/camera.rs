@@ -97,12 +97,16 @@ impl Visible {
     }
 }
 
-/// Unit space to clip space, and the distance of the near plane: so near that nothing a camera stands before is cut off. Depth does not
-/// depend on it, see `glsl/visible_points.frag`.
+/// Unit space to clip space, and the distance of the near plane: so near that it cuts off nothing that a camera stands before.
+///
+/// The depth in clip space is the constant -near: the near plane then is exact, and no far plane can cut off what rounding moves across it. Depth in
+/// the target is the shader's own, see `glsl/visible_points.frag`.
 fn projection(camera: &Camera, geometry: &Geometry, aspect: f32) -> (Mat4, f32) {
     let view = view::look_at_mat4(camera.eye, camera.target, camera.up);
     let depths = geometry.positions.iter().map(|&position| -view.transform_point3(position).z);
-    let far = depths.fold(0.0, f32::max).max(1e-3) * 1.001;
-    let near = far * 1e-6;
-    (proj::opengl::perspective(camera.fov_y_degrees.to_radians(), aspect, near, far) * view, near)
+    let farthest = depths.fold(0.0, f32::max).max(1e-3) * 1.001;
+    let near = farthest * 1e-6;
+    let mut projection = proj::opengl::perspective(camera.fov_y_degrees.to_radians(), aspect, near, farthest);
+    (projection.z_axis.z, projection.w_axis.z) = (0.0, -near);
+    (projection * view, near)
 }
