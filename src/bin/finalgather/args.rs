@@ -9,13 +9,12 @@ use clap::{Parser, Subcommand};
 use finalgather::bake::Rough;
 use finalgather::bench::CONTESTANTS;
 use finalgather::blocks::Shard;
-use finalgather::environment::Environment;
 use finalgather::error::Result;
 use finalgather::gpu::{Backend, DeviceChoice};
 use finalgather::harmonics::MAX_ORDER;
 use finalgather::points::UvSource;
 use finalgather::quantity::Quantity;
-use finalgather::scene::{Files, LoadOptions, Scene};
+use finalgather::scene::{Environment, Files, LoadOptions, Loaded, World};
 use finalgather::settings::{Estimator, LayerSize, Pipeline, PointSource, Sequence, Settings};
 use serde::Deserialize;
 use serde::de::IntoDeserializer;
@@ -655,8 +654,8 @@ impl RenderArgs {
         }
     }
 
-    pub fn load_scene(&self) -> Result<Scene> {
-        self.overrides.load_scene(&self.scene)
+    pub fn load_world(&self) -> Result<Loaded> {
+        self.overrides.load_world(&self.scene)
     }
 
     /// The environment in place of the scene's.
@@ -688,8 +687,8 @@ impl FilesArg {
 
 impl Overrides {
     /// Under the environment that was asked for here, or its own.
-    pub fn load_scene(&self, path: &Path) -> Result<Scene> {
-        Scene::load_with(path, self.load_options()?)
+    pub fn load_world(&self, path: &Path) -> Result<Loaded> {
+        World::load_with(path, self.load_options()?)
     }
 
     pub fn load_options(&self) -> Result<LoadOptions> {

@@ -6,7 +6,7 @@ use std::thread::available_parallelism;
 use finalgather::bench::{Bench, CONTESTANTS, Contestant, FUSED, Plan, Row, Where};
 use finalgather::error::{Error, Result};
 use finalgather::gpu::Gpu;
-use finalgather::scene::{Camera, LoadOptions, Scene, UnitSpace};
+use finalgather::scene::{LoadOptions, Loaded, World};
 use finalgather::settings::{LayerSize, Settings};
 use serde::Serialize;
 
@@ -56,9 +56,9 @@ pub fn run(args: &BenchArgs) -> Result<u8> {
 
 fn bench(args: &BenchArgs, progress: &Progress) -> Result<()> {
     let file = args.scene.clone().map_or_else(default_scene, Ok)?;
-    let scene = Scene::load_with(&file, LoadOptions { files: args.files.files(), ..LoadOptions::default() })?;
-    scene.warnings.iter().for_each(|warning| progress.say(&format!("warning: {warning}")));
-    let from_scene = &scene.settings;
+    let Loaded { world, settings: from_scene, report } =
+        World::load_with(&file, LoadOptions { files: args.files.files(), ..LoadOptions::default() })?;
+    report.warnings.iter().for_each(|warning| progress.say(&format!("warning: {warning}")));
     // A round is of few directions, and stands for the many of a render.
     let layers = Settings { layer_size: args.layer_size.unwrap_or(from_scene.layer_size), ..from_scene.clone() }.layers();
     let settings = Settings {
@@ -67,7 +67,7 @@ fn bench(args: &BenchArgs, progress: &Progress) -> Result<()> {
         layer_size: LayerSize::Texels(layers),
         photons: args.photons.unwrap_or(from_scene.photons),
         interleave: 1,
-        ..from_scene.clone()
+        ..from_scene
     };
     settings.validate()?;
     if args.rounds == 0 {
@@ -77,12 +77,7 @@ fn bench(args: &BenchArgs, progress: &Progress) -> Result<()> {
     progress.stage("starting OpenGL");
     let gpu = Gpu::headless(args.backend, args.gl_device)?;
     progress.stage("tracing photons");
-    let framed = scene.framed;
-    let mut scene = UnitSpace::enter(&scene).0;
-    if framed {
-        scene.camera = Camera::framing(scene.mesh.bounds(), settings.size);
-    }
-    let bench = Bench::new(&gpu, scene, &settings, Where::Camera)?;
+    let bench = Bench::new(&gpu, world.flatten(), &settings, Where::Camera)?;
     progress.stage("measuring");
     let asked = |contestant: &&Contestant| args.pipelines.is_empty() || args.pipelines.iter().any(|name| name == contestant.name);
     let contestants: Vec<_> = CONTESTANTS.iter().filter(asked).collect();

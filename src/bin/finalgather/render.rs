@@ -11,7 +11,7 @@ use finalgather::export;
 use finalgather::gpu::Gpu;
 use finalgather::image::{Image, WriteOptions, check_writable};
 use finalgather::render::{Render, blocks_of, memory_of};
-use finalgather::scene::Scene;
+use finalgather::scene::{Loaded, Material, World};
 use finalgather::settings::{PointSource, Settings};
 use serde_json::{Value, json};
 
@@ -48,13 +48,14 @@ fn render(
         Error::usage(format!("signals cannot be caught: {error}"), "run where the system allows signal handlers")
     })?;
     let loading = Instant::now();
-    let scene = args.load_scene()?;
-    check_kept(outputs, scene.files.iter().map(PathBuf::as_path).chain(args.env()))?;
+    let Loaded { world, settings, report } = args.load_world()?;
+    check_kept(outputs, report.files.iter().map(PathBuf::as_path).chain(args.env()))?;
     let load = loading.elapsed().as_secs_f64();
-    scene.warnings.iter().for_each(|warning| progress.say(&format!("warning: {warning}")));
-    let settings = args.override_settings(scene.settings.clone());
+    report.warnings.iter().for_each(|warning| progress.say(&format!("warning: {warning}")));
+    let settings = args.override_settings(settings);
     settings.validate()?;
-    if settings.points == PointSource::Camera && (scene.is_specular() || scene.camera.lens.is_some()) {
+    let lens = world.cameras.first().is_some_and(|(_, camera)| camera.lens.is_some());
+    if settings.points == PointSource::Camera && (lens || world.surfaces().any(Material::is_specular)) {
         progress.say("warning: mirrors and glass are drawn as diffuse, through a pinhole; --points traced shows what they are");
     }
 
@@ -63,13 +64,13 @@ fn render(
     if mine.is_some() && settings.until > 0.0 {
         return Err(Error::usage("a shard cannot tell the error of the whole picture", "give --until 0"));
     }
-    check_memory(args.memory, &scene, &settings, mine.as_ref().map(|mine| mine.len() as u32))?;
+    check_memory(args.memory, &world, &settings, mine.as_ref().map(|mine| mine.len() as u32))?;
     let found = checkpoint.found(progress)?;
 
     progress.stage("starting OpenGL");
     let gpu = Gpu::headless(args.backend, args.gl_device)?;
     progress.stage("tracing photons");
-    let mut render = Render::new(&gpu, &scene, &settings)?;
+    let mut render = Render::new(&gpu, &world, &settings)?;
     let directions = mine.clone().map_or(settings.directions, |mine| blocks.directions(mine).len() as u32);
     if let Some(mine) = mine {
         render.only(mine);
@@ -160,9 +161,9 @@ fn render(
 
 /// Whether the render fits into so many MiB.
 /// Of a shard of so many blocks, or of all.
-fn check_memory(allowed: Option<usize>, scene: &Scene, settings: &Settings, shard: Option<u32>) -> Result<()> {
+fn check_memory(allowed: Option<usize>, world: &World, settings: &Settings, shard: Option<u32>) -> Result<()> {
     let blocks = |settings: &Settings| shard.unwrap_or_else(|| blocks_of(settings).count());
-    let of = |settings: &Settings| memory_of(scene, settings, blocks(settings), shard.is_some()).div_ceil(1 << 20);
+    let of = |settings: &Settings| memory_of(world, settings, blocks(settings), shard.is_some()).div_ceil(1 << 20);
     let (Some(allowed), needed) = (allowed, of(settings)) else { return Ok(()) };
     let fits = |settings: &Settings| of(settings) <= allowed as u64;
     if fits(settings) {

@@ -14,7 +14,7 @@ use finalgather::image::{Channel, WriteOptions};
 use finalgather::points::GatherPoint;
 use finalgather::prepared::Prepared;
 use finalgather::quantity::Quantity;
-use finalgather::scene::{LoadOptions, Scene};
+use finalgather::scene::{LoadOptions, Loaded, World};
 use finalgather::settings::Settings;
 use serde::Serialize;
 
@@ -97,10 +97,10 @@ fn bake(
     let interrupt = Interrupt::watch(progress.clone(), checkpoint.lock_path().map(Path::to_owned)).map_err(|error| {
         Error::usage(format!("signals cannot be caught: {error}"), "run where the system allows signal handlers")
     })?;
-    let scene = load(args)?;
-    check_kept(&args.paths(), scene.files.iter().map(PathBuf::as_path))?;
-    scene.warnings.iter().for_each(|warning| progress.say(&format!("warning: {warning}")));
-    let mut settings = args.overrides.put_over(scene.settings.clone());
+    let Loaded { world, settings, report } = load(args)?;
+    check_kept(&args.paths(), report.files.iter().map(PathBuf::as_path))?;
+    report.warnings.iter().for_each(|warning| progress.say(&format!("warning: {warning}")));
+    let mut settings = args.overrides.put_over(settings);
     // Transfer may do without bounces; photons may not.
     settings.bounces = settings.bounces.max(1);
     // It takes all its directions, and layers for as many.
@@ -131,7 +131,7 @@ fn bake(
     let gpu = Gpu::headless(args.backend, args.gl_device)?;
     progress.stage("placing points");
     let placing = Instant::now();
-    let prepared = Prepared::without_glass(&gpu, &scene)?;
+    let prepared = Prepared::without_glass(&world)?;
     let receivers = args.to.iter().map(|to| Receiver::new(to, args, &gpu, &prepared, &settings)).collect::<Result<Vec<_>>>()?;
     receivers.iter().flat_map(Receiver::warnings).for_each(|warning| progress.say(&format!("warning: {warning}")));
     let points: Vec<GatherPoint> = receivers.iter().flat_map(|receiver| receiver.points().iter().copied()).collect();
@@ -203,7 +203,7 @@ fn bake(
         let own = columns.iter().map(part).collect();
         let about = metadata(args, &bake, &settings, receiver, bake.is_done());
         let options = WriteOptions { exposure: settings.exposure, metadata: Some(&about) };
-        let (counts, errors) = receiver.write(own, &inside[range.clone()], paths, &scene, bake.prepared(), &options);
+        let (counts, errors) = receiver.write(own, &inside[range.clone()], paths, bake.prepared(), &options);
         failures.extend(errors);
         baked.push(Baked { to: receiver.name(), points: range.len(), counts: Some(counts), outputs });
     }
@@ -266,9 +266,9 @@ fn command() -> Option<Vec<String>> {
 }
 
 /// Openness and transfer need no light.
-fn load(args: &BakeArgs) -> Result<Scene> {
+fn load(args: &BakeArgs) -> Result<Loaded> {
     let needs_light = args.what.iter().any(|quantity| matches!(quantity, Quantity::Irradiance | Quantity::Sh));
-    Scene::load_with(&args.scene, LoadOptions { unlit: !needs_light, ..args.overrides.load_options()? })
+    World::load_with(&args.scene, LoadOptions { unlit: !needs_light, ..args.overrides.load_options()? })
 }
 
 /// The paths of each receiver.

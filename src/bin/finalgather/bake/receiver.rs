@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use finalgather::bake::vertex_inset;
 use finalgather::error::{Error, Result};
 use finalgather::export::{self, Lightmap, Surface, Values};
+use finalgather::geometry::Geometry;
 use finalgather::gpu::Gpu;
 use finalgather::image::{self, Channel, Image, WriteOptions};
 use finalgather::points::{
@@ -13,7 +14,7 @@ use finalgather::points::{
 };
 use finalgather::prepared::Prepared;
 use finalgather::quantity::Quantity;
-use finalgather::scene::{Camera, Mesh, Scene};
+use finalgather::scene::Mesh;
 use finalgather::settings::Settings;
 use glam::{Vec2, Vec3};
 use serde::Serialize;
@@ -65,7 +66,7 @@ impl Receiver {
         Ok(match to {
             To::Vertices => Self::Vertices(Vertices::new(mesh, vertex_inset(settings))),
             To::LightMap => {
-                let world = prepared.space.length_to_world(1.0);
+                let world = prepared.scene.space.length_to_world(1.0);
                 let resolution = match (args.texels_per_unit, args.resolution) {
                     (Some(texels), _) => Resolution::TexelsPerUnit(texels * world),
                     (None, side) => Resolution::Pixels(side),
@@ -80,14 +81,12 @@ impl Receiver {
             }
             To::Camera => {
                 let size = settings.size;
-                let mut camera = prepared.scene.camera;
-                if prepared.scene.framed {
-                    camera = Camera::framing(mesh.bounds(), size);
-                }
-                let visible = CameraPoints::new(gpu, size)?.see(&prepared.geometry, &camera, Vec2::splat(0.5));
+                let camera = prepared.scene.camera(size);
+                let geometry = Geometry::upload(gpu, &prepared.scene)?;
+                let visible = CameraPoints::new(gpu, size)?.see(&geometry, &camera, Vec2::splat(0.5));
                 // As they would be written and read again, so that the same points in a file give the same values to the bit.
                 let through_world = |point: GatherPoint| GatherPoint {
-                    position: prepared.space.enter_point(prepared.space.to_world(point.position)),
+                    position: prepared.scene.space.enter_point(prepared.scene.space.to_world(point.position)),
                     ..point
                 };
                 let [width, height] = size.map(|side| side as usize);
@@ -102,8 +101,9 @@ impl Receiver {
             To::Points(path) => {
                 let read = file::read(path)?;
                 let world = read.iter().map(|point| point.position).collect();
-                let enter =
-                    |point: &file::OrientedPoint| GatherPoint::flat(prepared.space.enter_point(point.position), point.normal);
+                let enter = |point: &file::OrientedPoint| {
+                    GatherPoint::flat(prepared.scene.space.enter_point(point.position), point.normal)
+                };
                 Self::Points { points: read.iter().map(enter).collect(), world }
             }
         })
@@ -142,16 +142,15 @@ impl Receiver {
         mut columns: Vec<Channel>,
         inside: &[f32],
         paths: &[PathBuf],
-        scene: &Scene,
         prepared: &Prepared,
         options: &WriteOptions,
     ) -> (Counts, Vec<Error>) {
         let normals: Vec<Vec3> = self.points().iter().map(|point| point.normal).collect();
         let world_of = |mesh: &Mesh| Mesh {
-            positions: mesh.positions.iter().map(|&position| prepared.space.to_world(position)).collect(),
+            positions: mesh.positions.iter().map(|&position| prepared.scene.space.to_world(position)).collect(),
             ..mesh.clone()
         };
-        let surface_of = |mesh| Surface { mesh, materials: &scene.materials, textures: &scene.textures };
+        let surface_of = |mesh| Surface { mesh, materials: &prepared.scene.materials, textures: &prepared.scene.textures };
         let write_all = |write: &dyn Fn(&Path) -> Result<()>| paths.iter().filter_map(|path| write(path).err()).collect();
         match self {
             Self::Vertices(vertices) => {
@@ -185,7 +184,7 @@ impl Receiver {
                     channels.push(Channel { name: "A".into(), samples: spread(&vec![1.0; pixels.len()]) });
                     Image { width, height, channels }
                 };
-                let world: Vec<Vec3> = points.iter().map(|point| prepared.space.to_world(point.position)).collect();
+                let world: Vec<Vec3> = points.iter().map(|point| prepared.scene.space.to_world(point.position)).collect();
                 let values = Values { positions: &world, normals: &normals, columns: &columns, surface: None };
                 let write = |path: &Path| match is_picture(path) {
                     true => write_picture(&image(), path, options),

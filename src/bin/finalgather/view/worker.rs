@@ -17,7 +17,7 @@ use finalgather::gpu::{Backend, DeviceChoice, Gpu, StageClock};
 use finalgather::image::{Image, WriteOptions};
 use finalgather::math::Aabb;
 use finalgather::render::{End, Layers, Probe, Render, Statistics};
-use finalgather::scene::Camera;
+use finalgather::scene::{Camera, Loaded};
 use finalgather::settings::{LayerSize, Settings};
 use finalgather::shaders;
 use glam::Vec2;
@@ -275,19 +275,17 @@ fn newest(path: &Path) -> Option<SystemTime> {
 }
 
 fn open(gpu: &Gpu, start: &Start, path: &Path) -> Result<(Opened, Job)> {
-    let mut scene = start.overrides.load_scene(path)?;
-    let settings = start.overrides.put_over(scene.settings.clone());
-    let render = Render::new(gpu, &scene, &settings)?;
-    if scene.framed {
-        scene.camera = Camera::framing(scene.mesh.bounds(), settings.size);
-    }
-    let camera = about(scene.camera, scene.mesh.bounds());
+    let Loaded { world, settings, report } = start.overrides.load_world(path)?;
+    let settings = start.overrides.put_over(settings);
+    let render = Render::new(gpu, &world, &settings)?;
+    let bounds = world.bounds();
+    let camera = about(world.camera(settings.size), bounds);
     let opened = Opened {
         path: path.to_owned(),
         camera,
         settings: settings.clone(),
-        bounds: scene.mesh.bounds(),
-        warnings: scene.warnings.clone(),
+        bounds,
+        warnings: report.warnings,
         renderer: gpu.info().renderer.clone(),
     };
     Ok((opened, Job::new(camera, render, settings)))
