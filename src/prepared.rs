@@ -19,23 +19,22 @@ pub struct Prepared {
 }
 
 impl Prepared {
-    /// As bakes have it: without glass, for gather rays go straight through, and nothing is baked on it.
+    /// For bakes, without glass: gather rays go straight through it, and nothing is baked on it.
     ///
     /// # Errors
     /// [`Error::Usage`] when there is nothing but glass.
     pub fn without_glass(world: &World) -> Result<Self> {
         let scene = world.flatten();
-        let rest = check_rest(scene.without_glass())?;
-        Ok(Self::of(rest.unwrap_or(scene)))
+        Ok(Self::of(rest_of(&scene)?.unwrap_or(scene)))
     }
 
-    /// As eyes and photons see it, and as gather rays do, [`Self::without_glass`]; the same where there is none.
+    /// Twice: for eyes and photons, and for gather rays, without glass. Where there is no glass both are the same.
     ///
     /// # Errors
     /// As [`Self::without_glass`].
     pub fn both(world: &World) -> Result<[Rc<Self>; 2]> {
         let scene = world.flatten();
-        let rest = check_rest(scene.without_glass())?;
+        let rest = rest_of(&scene)?;
         let all = Rc::new(Self::of(scene));
         let gathered = rest.map_or_else(|| Rc::clone(&all), |rest| Rc::new(Self::of(rest)));
         Ok([all, gathered])
@@ -45,13 +44,15 @@ impl Prepared {
         Self { bvh: Rc::new(Bvh::new(&scene.mesh)), lights: Lights::new(&scene), scene }
     }
 
-    /// What traces photons through it.
+    /// Traces photons through all of it.
     pub fn photons(&self, settings: &Settings) -> PhotonTracer<'_> {
         PhotonTracer::new(&self.scene, &self.bvh, &self.lights, settings.seed, settings.bounces)
     }
 }
 
-fn check_rest(rest: Option<Scene>) -> Result<Option<Scene>> {
+/// The scene without glass, if it has any.
+fn rest_of(scene: &Scene) -> Result<Option<Scene>> {
+    let rest = scene.without_glass();
     if rest.as_ref().is_some_and(|rest| rest.mesh.triangles.is_empty()) {
         return Err(Error::usage("all surfaces are glass, on which no light is gathered", "add a surface that is not"));
     }

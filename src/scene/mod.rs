@@ -35,7 +35,7 @@ pub use bvh::{Bvh, Hit, RAY_OFFSET};
 pub use camera::{Camera, Lens};
 pub use flat_bvh::FlatBvh;
 pub use format::{Files, LoadOptions, LoadReport, Loaded};
-pub use light::{AreaLight, Environment, Light, LightPoint, Lights};
+pub use light::{Environment, LightPoint, Lights};
 pub use material::{Material, Surface};
 pub use mesh::{Mesh, Triangle};
 pub use specular::{MOST_SPECULAR, Path, Split, fresnel};

@@ -12,7 +12,7 @@ use crate::math::Aabb;
 ///
 /// There is no list of lights: emissive materials and the environment are all that emits, and [`Lights::new`](super::Lights::new) collects them
 /// from the flat scene. Point, spot and directional lights will be a list here and in [`Scene`], moved to unit space by [`World::flatten`], counted by
-/// [`World::is_dark`], and a variant of [`Light`](super::Light).
+/// [`World::is_dark`], and a variant of the enum in `light/mod.rs`.
 #[derive(Clone, Debug, Default)]
 pub struct World {
     pub meshes: Vec<Mesh>,

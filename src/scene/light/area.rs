@@ -11,13 +11,14 @@ use crate::random::Distribution;
 
 /// All emissive triangles of a scene.
 pub struct AreaLight {
-    triangles: Vec<Emitter>,
+    pub triangles: Vec<Emitter>,
     /// Of the triangles by power.
     by_power: Distribution,
-    power: f64,
+    /// Flux of all, channels added up: of radiance L, πL per unit of area.
+    pub power: f64,
 }
 
-struct Emitter {
+pub struct Emitter {
     /// Into [`super::super::Mesh::triangles`].
     triangle: usize,
     corners: [Vec3; 3],
@@ -40,7 +41,7 @@ pub struct LightPoint {
 }
 
 impl AreaLight {
-    pub(super) fn new(scene: &Scene) -> Self {
+    pub fn new(scene: &Scene) -> Self {
         let power =
             |triangle: usize| f64::from(scene.material(triangle).emission.element_sum()) * f64::from(scene.mesh.area(triangle));
         let emissive = || (0..scene.mesh.triangles.len()).filter(|&triangle| power(triangle) > 0.0);
@@ -56,16 +57,6 @@ impl AreaLight {
         };
         let by_power = Distribution::new(emissive().map(power).collect());
         Self { triangles: emissive().map(emitter).collect(), by_power, power: PI * total }
-    }
-
-    /// Number of emissive triangles.
-    pub fn count(&self) -> usize {
-        self.triangles.len()
-    }
-
-    /// Flux of all, channels added up: of radiance L, πL per unit of area.
-    pub fn power(&self) -> f64 {
-        self.power
     }
 
     /// See [`super::Lights::point`].
@@ -84,7 +75,7 @@ impl AreaLight {
     }
 
     /// A photon from a point of the light, with a cosine distribution about the emitting normal; see [`super::Lights::emit`].
-    pub(super) fn emit(&self, probability: f32, [pick, u, v, s, t]: [f32; 5]) -> (Path, Vec3) {
+    pub fn emit(&self, probability: f32, [pick, u, v, s, t]: [f32; 5]) -> (Path, Vec3) {
         let LightPoint { triangle, position, normal, radiance_area } = self.point(pick, [u, v]);
         let direction = cosine_direction(normal, s, t);
         let path = Path { origin: position + RAY_OFFSET * normal, direction, triangle: Some(triangle) };

@@ -75,15 +75,9 @@ impl Environment {
     /// # Errors
     /// [`Error::Input`] when it cannot be read, is not twice as wide as high or too large, or has a texel that is no radiance.
     pub fn load(path: &Path) -> Result<Self> {
-        let bytes = read_file(path, MOST_BYTES).map_err(|error| {
-            Error::input(
-                path,
-                None,
-                format!("cannot read this environment: {error}"),
-                "name an existing picture that you may read",
-            )
-        })?;
-        Self::decode(path, &bytes)
+        let cure = "name an existing picture that you may read";
+        let unread = |error| Error::input(path, None, format!("cannot read this environment: {error}"), cure);
+        Self::decode(path, &read_file(path, MOST_BYTES).map_err(unread)?)
     }
 
     /// The same of a file's `bytes`; `path` is where they came from.

@@ -1,51 +1,60 @@
-//! Lights: all that emits in a scene, one [`Light`] for each thing that is sampled as a whole. [`Lights`] is the entry point.
+//! Lights: all that emits in a scene. [`Lights`] is the entry point.
 //!
-//! A kind of light is a variant of [`Light`] and a file here. It says how much power it sends into the scene ([`Light::power`]), how a photon leaves
-//! it (`Light::emit`) and, if shadow maps can be drawn from it, which points it has for direct light ([`Lights::point`]). The tag does the work of
-//! virtual functions, as in pbrt's `base/light.h`.
-//!
-//! A point, spot or directional light has a list in [`World`](super::World) and [`Scene`], which [`Lights::new`] reads. Where its kind matters to
-//! others: `Direct` draws shadow maps over the half space before a [`LightPoint`], and a light without a side needs them all around.
+//! A kind of light is a variant of `Light` and a file here. It answers `Light::power`, `Light::emit` for photons and `Light::points` for direct
+//! light; the tag takes the place of virtual functions, as in pbrt's `base/light.h`. A point, spot or directional light comes from a list in
+//! [`World`](super::World), see there, that [`Lights::new`] reads. Its [`LightPoint`] has no side, so that [`Direct`](crate::direct::Direct) has to draw
+//! a shadow map all around it.
 
 use std::f32::consts::PI;
+
+use glam::Vec3;
 
 use super::{Path, Scene};
 
 mod area;
 mod environment;
 
-pub use area::{AreaLight, LightPoint};
+use area::AreaLight;
+pub use area::LightPoint;
 pub use environment::Environment;
 
 /// A light of a scene in unit space.
-pub enum Light {
-    /// Radiance from beyond all surfaces. Rays that miss bring its direct light, so it has no points.
+enum Light {
+    /// Radiance from beyond all surfaces.
     Environment(Environment),
-    /// All emissive triangles.
+    /// All emissive triangles, as one light.
     Area(AreaLight),
 }
 
 /// All lights of a scene, chosen by power.
 pub struct Lights {
-    /// Each sends something. With each its share of the power that it has together with those after it; the last one has all of that.
+    /// Those that send anything, each with its share of the power of itself and all after it.
     lights: Vec<(Light, f32)>,
 }
 
 impl Light {
     /// Flux that it sends into the scene, channels added up.
-    pub fn power(&self) -> f64 {
+    fn power(&self) -> f64 {
         match self {
-            // Radiance L from a solid angle Ω brings LΩ to each unit of area across it; the scene's sphere has an area of π across.
+            // Radiance L from a solid angle Ω brings LΩ to each unit of area across it, and the unit sphere has an area of π across.
             Self::Environment(environment) => f64::from(PI) * environment.power(),
-            Self::Area(area) => area.power(),
+            Self::Area(area) => area.power,
         }
     }
 
     /// As [`Lights::emit`], of a light that is chosen with this probability.
-    fn emit(&self, probability: f32, numbers: [f32; 5]) -> (Path, glam::Vec3) {
+    fn emit(&self, probability: f32, numbers: [f32; 5]) -> (Path, Vec3) {
         match self {
             Self::Environment(environment) => environment.emit(probability, numbers),
             Self::Area(area) => area.emit(probability, numbers),
+        }
+    }
+
+    /// The points that send its direct light. An environment has none: gather rays that meet no surface bring its light.
+    fn points(&self) -> Option<&AreaLight> {
+        match self {
+            Self::Environment(_) => None,
+            Self::Area(area) => Some(area),
         }
     }
 }
@@ -58,9 +67,8 @@ impl Lights {
         let mut lights: Vec<_> = all.filter(|light| light.power() > 0.0).map(|light| (light, 1.0)).collect();
         let mut rest = 0.0;
         for (light, share) in lights.iter_mut().rev() {
-            let power = light.power();
-            rest += power;
-            *share = (power / rest) as f32;
+            rest += light.power();
+            *share = (light.power() / rest) as f32;
         }
         Self { lights }
     }
@@ -75,7 +83,7 @@ impl Lights {
     ///
     /// # Panics
     /// When it is dark.
-    pub fn emit(&self, [mut pick, u, v, s, t]: [f32; 5]) -> (Path, glam::Vec3) {
+    pub fn emit(&self, [mut pick, u, v, s, t]: [f32; 5]) -> (Path, Vec3) {
         let ((last, _), others) = self.lights.split_last().expect("photons come from a light");
         let mut left = 1.0;
         for (light, share) in others {
@@ -88,17 +96,14 @@ impl Lights {
         last.emit(left, [pick, u, v, s, t])
     }
 
-    /// The lights that have points, for direct light by shadow maps.
-    fn area(&self) -> Option<&AreaLight> {
-        self.lights.iter().find_map(|(light, _)| match light {
-            Light::Environment(_) => None,
-            Light::Area(area) => Some(area),
-        })
+    /// The points that direct light comes from.
+    fn points(&self) -> Option<&AreaLight> {
+        self.lights.iter().find_map(|(light, _)| light.points())
     }
 
-    /// Number of emissive triangles; without one there are no points.
+    /// Number of emissive triangles. Without one there are no points.
     pub fn count(&self) -> usize {
-        self.area().map_or(0, AreaLight::count)
+        self.points().map_or(0, |area| area.triangles.len())
     }
 
     /// Maps a uniform number and a uniform point of the unit square to a point on the lights, with a density proportional to
@@ -107,12 +112,12 @@ impl Lights {
     /// # Panics
     /// When [`Self::count`] is 0.
     pub fn point(&self, pick: f32, square: [f32; 2]) -> LightPoint {
-        self.area().expect("a light with points").point(pick, square)
+        self.points().expect("some light has points").point(pick, square)
     }
 
     /// As [`Self::point`], where `u` picks the triangle and what it has left places the point: points even over the unit square are
     /// even over the lights.
     pub fn point_of_square(&self, square: [f32; 2]) -> LightPoint {
-        self.area().expect("a light with points").point_of_square(square)
+        self.points().expect("some light has points").point_of_square(square)
     }
 }
