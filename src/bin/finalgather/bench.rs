@@ -3,30 +3,74 @@
 use std::path::{Path, PathBuf};
 use std::thread::available_parallelism;
 
+use clap::builder::{PossibleValue, PossibleValuesParser};
 use finalgather::bench::{Bench, CONTESTANTS, Contestant, FUSED, Plan, Row, Where};
 use finalgather::error::{Error, Result};
-use finalgather::gpu::Gpu;
-use finalgather::scene::{Camera, LoadOptions, Scene, UnitSpace};
+use finalgather::scene::{Camera, UnitSpace};
 use finalgather::settings::{LayerSize, Settings};
 use serde::Serialize;
+use serde_json::Value;
 
-use crate::args::BenchArgs;
+use crate::args::{DeviceArgs, FilesArg, count, layer_size, size};
 use crate::progress::Progress;
-use crate::report::{self, Gl};
+use crate::report;
 
 /// Directions of the converged oracle, both ends of each.
 const CONVERGED: u32 = 4096;
 
+/// Measure all pipelines, and rays on the CPU, side by side: total time, time of stages, error
+#[derive(Debug, clap::Args)]
+#[command(after_help = include_str!("help/bench.txt"), args_override_self = true)]
+pub struct BenchArgs {
+    /// Scene file: .toml, or a bare .obj with its .mtl [default: scenes/cornell.toml, if it exists]
+    scene: Option<PathBuf>,
+
+    #[command(flatten)]
+    files: FilesArg,
+
+    /// Picture size in pixels; N is N by N
+    #[arg(long, value_name = "WxH|N", default_value = "512", value_parser = size)]
+    size: [u32; 2],
+
+    /// Directions of a round
+    #[arg(long, value_name = "N", default_value = "32", value_parser = count::<u32>)]
+    directions: u32,
+
+    /// Rounds. Each pipeline runs once in a round
+    #[arg(long, value_name = "N", default_value = "5", value_parser = count::<u32>)]
+    rounds: u32,
+
+    /// Side of the depth layers in texels. auto: as a render of the scene has it [default: the scene file's, else auto]
+    #[arg(long, value_name = "auto|N", value_parser = layer_size)]
+    layer_size: Option<LayerSize>,
+
+    /// Photons emitted from the lights [default: the scene file's, else 1000000]
+    #[arg(long, value_name = "N", value_parser = count::<u64>)]
+    photons: Option<u64>,
+
+    /// Measure only these, separated by commas
+    #[arg(long, value_name = "NAMES", value_delimiter = ',', value_parser = contestants())]
+    pipelines: Vec<String>,
+
+    /// Print one JSON object on stdout
+    #[arg(long)]
+    json: bool,
+
+    #[command(flatten)]
+    device: DeviceArgs,
+}
+
 #[derive(Serialize)]
-struct Report<'a> {
-    gl: Gl<'a>,
+struct BenchReport<'a> {
+    /// Renderer, version and backend of OpenGL.
+    gl: Value,
     cores: usize,
     scene: SceneReport,
     /// What the points, directions and photons are; further settings are the scene's.
     settings: BenchSettings,
     rows: &'a [Row],
     /// How many times as fast fused is, by the time for a sample at every point; empty when it was not measured.
-    fused_against: serde_json::Map<String, serde_json::Value>,
+    fused_against: serde_json::Map<String, Value>,
 }
 
 #[derive(Serialize)]
@@ -56,7 +100,7 @@ pub fn run(args: &BenchArgs) -> Result<u8> {
 
 fn bench(args: &BenchArgs, progress: &Progress) -> Result<()> {
     let file = args.scene.clone().map_or_else(default_scene, Ok)?;
-    let scene = Scene::load_with(&file, LoadOptions { files: args.files.files(), ..LoadOptions::default() })?;
+    let scene = args.files.scene(&file).load(true)?;
     scene.warnings.iter().for_each(|warning| progress.say(&format!("warning: {warning}")));
     let from_scene = &scene.settings;
     // A round is of few directions, and stands for the many of a render.
@@ -75,7 +119,7 @@ fn bench(args: &BenchArgs, progress: &Progress) -> Result<()> {
     }
 
     progress.stage("starting OpenGL");
-    let gpu = Gpu::headless(args.backend, args.gl_device)?;
+    let gpu = args.device.request().open()?;
     progress.stage("tracing photons");
     let framed = scene.framed;
     let mut scene = UnitSpace::enter(&scene).0;
@@ -90,11 +134,10 @@ fn bench(args: &BenchArgs, progress: &Progress) -> Result<()> {
     let rows = bench.measure(&contestants, plan)?;
     progress.clear();
 
-    let gl = gpu.info();
     let cores = available_parallelism().map_or(1, usize::from);
     let fused = rows.iter().find(|row| row.name == FUSED).map(|row| row.ms_per_sample);
-    let report = Report {
-        gl: Gl { renderer: &gl.renderer, version: &gl.version, backend: &gl.backend },
+    let report = BenchReport {
+        gl: gpu.identity(),
         cores,
         scene: SceneReport { file: file.display().to_string(), triangles: bench.triangle_count() },
         settings: BenchSettings {
@@ -115,6 +158,10 @@ fn bench(args: &BenchArgs, progress: &Progress) -> Result<()> {
     if args.json { report::print_json(&report) } else { report::print(&table(&report, fused)) }
 }
 
+fn contestants() -> PossibleValuesParser {
+    PossibleValuesParser::new(CONTESTANTS.iter().map(|contestant| PossibleValue::new(contestant.name).help(contestant.about)))
+}
+
 fn default_scene() -> Result<PathBuf> {
     let default = Path::new("scenes/cornell.toml");
     if default.is_file() {
@@ -126,11 +173,11 @@ fn default_scene() -> Result<PathBuf> {
     ))
 }
 
-fn table(report: &Report, fused: Option<f64>) -> String {
-    let Report { gl, cores, scene, settings, rows, .. } = report;
+fn table(report: &BenchReport, fused: Option<f64>) -> String {
+    let BenchReport { gl, cores, scene, settings, rows, .. } = report;
     let [width, height] = settings.size;
     let mut lines = vec![
-        format!("{}, {cores} core{}", gl.renderer, if *cores == 1 { "" } else { "s" }),
+        format!("{}, {cores} core{}", gl["renderer"].as_str().unwrap_or_default(), if *cores == 1 { "" } else { "s" }),
         format!(
             "{}: {} triangles, {} points ({width}x{height}), {} directions, {layers}x{layers} layers, medians of {} rounds",
             scene.file,

@@ -6,8 +6,15 @@ use finalgather::error::{Error, Result};
 use finalgather::gpu::{self, Backend, DeviceChoice, Gpu, GpuInfo};
 use serde::Serialize;
 
-use crate::args::InfoArgs;
 use crate::report;
+
+/// Show the OpenGL of this machine: backends that work, devices, renderer, limits
+#[derive(Debug, clap::Args)]
+pub struct InfoArgs {
+    /// Print one JSON object on stdout
+    #[arg(long)]
+    json: bool,
+}
 
 #[derive(Serialize)]
 struct Info {

@@ -1,7 +1,6 @@
-//! The command-line tool: data on stdout, everything said to a person on stderr, an exit code for each kind of failure.
+//! The command-line tool: data on stdout, messages for a person on stderr, an exit code for each kind of failure.
 
 use std::process::ExitCode;
-use std::time::Instant;
 
 use clap::Parser;
 use finalgather::error::{Error, Result};
@@ -9,11 +8,10 @@ use finalgather::error::{Error, Result};
 mod args;
 mod bake;
 mod bench;
-mod checkpoint;
 mod compare;
 mod info;
-mod inputs;
 mod interrupt;
+mod job;
 mod merge;
 mod progress;
 mod relight;
@@ -25,22 +23,21 @@ mod view;
 use args::{Args, Command};
 
 fn main() -> ExitCode {
-    let started = Instant::now();
     let command = Args::parse().command;
     let threads = match &command {
-        // Its renderer's are to leave the window the first turn.
+        // It starts its own, at a lower priority than the window's.
         #[cfg(feature = "window")]
         Command::View(_) => Ok(()),
         _ => start_threads(),
     };
     let outcome = threads.and_then(|()| match command {
-        Command::Render(args) => render::run(&args, started),
+        Command::Render(args) => render::run(&args),
         #[cfg(feature = "window")]
         Command::View(args) => view::run(&args),
         Command::Compare(args) => compare::run(&args),
-        Command::Bake(args) => bake::run(&args, &[], started),
+        Command::Bake(args) => bake::run(&args),
         Command::Relight(args) => relight::run(&args),
-        Command::Merge(args) => merge::run(&args, started),
+        Command::Merge(args) => merge::run(&args),
         Command::Bench(args) => bench::run(&args),
         Command::Info(args) => info::run(&args),
     });
@@ -53,7 +50,7 @@ fn main() -> ExitCode {
     }
 }
 
-/// Those of loops on the CPU, which would start them by themselves, but panic where that fails.
+/// Threads for loops on the CPU. Rayon would start them by itself, but panic where that fails.
 fn start_threads() -> Result<()> {
     rayon::ThreadPoolBuilder::new().build_global().map_err(|error| {
         Error::usage(
@@ -63,7 +60,7 @@ fn start_threads() -> Result<()> {
     })
 }
 
-/// After sysexits.h: EX_DATAERR, EX_UNAVAILABLE and EX_TEMPFAIL; 2 is what clap uses. [`args`] lists them for --help.
+/// As in sysexits.h: EX_DATAERR, EX_UNAVAILABLE and EX_TEMPFAIL; 2 is clap's. `help/exit_codes.txt` lists them.
 fn exit_code(error: &Error) -> u8 {
     match error {
         Error::Usage { .. } => 2,

@@ -13,18 +13,19 @@ use std::{fs, io};
 
 use egui::ColorImage;
 use finalgather::error::{Error, Result};
-use finalgather::gpu::{Backend, DeviceChoice, Gpu, StageClock};
+use finalgather::gpu::{Gpu, StageClock};
 use finalgather::image::{Image, WriteOptions};
+use finalgather::job::{DeviceRequest, SceneRequest, metadata};
 use finalgather::math::Aabb;
 use finalgather::render::{End, Layers, Probe, Render, Statistics};
 use finalgather::scene::Camera;
 use finalgather::settings::{LayerSize, Settings};
 use finalgather::shaders;
 use glam::Vec2;
+use serde_json::Value;
 
 use super::layers::{Apart, Wish};
 use super::picture::{Shown, developed};
-use crate::args::Overrides;
 
 /// How sides of the picture shrink while it moves.
 const SHRINK: u32 = 2;
@@ -122,9 +123,9 @@ pub struct Worker {
 /// What it starts from.
 #[derive(Clone)]
 pub struct Start {
-    pub backend: Backend,
-    pub device: DeviceChoice,
-    pub overrides: Overrides,
+    pub device: DeviceRequest,
+    /// Of any path.
+    pub scene: SceneRequest,
     /// Where shaders are read, and read again when they change.
     pub shaders: Option<PathBuf>,
 }
@@ -204,7 +205,7 @@ fn work(start: &Start, commands: &Receiver<Command>, tell: &dyn Fn(Report)) -> R
         shaders::reload(folder);
     }
     let mut changed = start.shaders.as_deref().and_then(newest);
-    let gpu = Gpu::headless(start.backend, start.device)?;
+    let gpu = start.device.open()?;
     let clock = StageClock::start(&gpu);
     let mut job: Option<Job> = None;
     let mut shown = Shown::default();
@@ -246,7 +247,7 @@ fn work(start: &Start, commands: &Receiver<Command>, tell: &dyn Fn(Report)) -> R
             }
             Ok(Command::Save(path)) => {
                 if let Some(job) = &job {
-                    tell(job.save(&gpu, &path).map_or_else(Report::Refused, |()| Report::Saved(path)));
+                    tell(job.save(&path).map_or_else(Report::Refused, |()| Report::Saved(path)));
                 }
             }
             Err(false) => {
@@ -275,8 +276,9 @@ fn newest(path: &Path) -> Option<SystemTime> {
 }
 
 fn open(gpu: &Gpu, start: &Start, path: &Path) -> Result<(Opened, Job)> {
-    let mut scene = start.overrides.load_scene(path)?;
-    let settings = start.overrides.put_over(scene.settings.clone());
+    let request = SceneRequest { path: path.to_owned(), ..start.scene.clone() };
+    let mut scene = request.load(true)?;
+    let settings = request.settings(&scene.settings)?;
     let render = Render::new(gpu, &scene, &settings)?;
     if scene.framed {
         scene.camera = Camera::framing(scene.mesh.bounds(), settings.size);
@@ -457,12 +459,11 @@ impl Job {
         Ok(())
     }
 
-    fn save(&self, gpu: &Gpu, path: &Path) -> Result<()> {
-        // The picture's own: the view's may be of one to come, but for the exposure.
+    fn save(&self, path: &Path) -> Result<()> {
+        // The exposure on show; the view's other settings may be of a picture to come.
         let exposure = self.view.settings.exposure;
-        let settings = Settings { exposure, ..self.render.settings().clone() };
         let done = (self.render.directions_done(), self.render.is_done());
-        let metadata = crate::render::metadata(&gpu.info().renderer, &settings, &self.render.job(), done);
+        let metadata = metadata(&self.render.job(), exposure, Value::Null, done);
         self.render.picture().write(path, &WriteOptions { exposure, metadata: Some(&metadata) })
     }
 }
