@@ -33,7 +33,7 @@ pub struct Keeping {
 
 pub(super) struct Checkpoint {
     path: PathBuf,
-    kind: Kind,
+    kind: CheckpointKind,
     shard: Option<Shard>,
     resume: bool,
     /// Whether this run has written the file, or goes on from it.
@@ -51,7 +51,7 @@ pub(super) struct Checkpoint {
 }
 
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Kind {
+enum CheckpointKind {
     /// Asked for, and kept at the end.
     Named,
     /// Of a long job, removed at its end.
@@ -68,23 +68,23 @@ impl Checkpoint {
     pub fn new(keeping: &Keeping, outputs: &[PathBuf]) -> Result<Self> {
         let Keeping { shard, file, every, resume } = keeping.clone();
         let (path, kind) = match (file, shard) {
-            (Some(path), Some(_)) => (path, Kind::Part),
+            (Some(path), Some(_)) => (path, CheckpointKind::Part),
             (None, Some(_)) => return Err(Error::usage("a shard makes a part", "name its file")),
             (Some(path), None) if outputs.iter().any(|output| is_written_with(output, &path)) => {
                 let problem = format!("{}: is to hold the checkpoint and the result", path.display());
                 return Err(Error::usage(problem, "give them two names"));
             }
-            (Some(path), None) => (path, Kind::Named),
+            (Some(path), None) => (path, CheckpointKind::Named),
             (None, None) => {
                 // Appended, because the name has an ending.
                 let mut path = outputs.first().cloned().unwrap_or_default().into_os_string();
                 path.push(".checkpoint");
-                (path.into(), Kind::Automatic)
+                (path.into(), CheckpointKind::Automatic)
             }
         };
         Part::check_writable(&path)?;
         let lock = lock(&path)?;
-        if kind != Kind::Automatic && !resume && path.exists() {
+        if kind != CheckpointKind::Automatic && !resume && path.exists() {
             let shown = path.display();
             return Err(match Part::read(&path) {
                 Ok(_) => Error::usage(
@@ -97,7 +97,7 @@ impl Checkpoint {
             });
         }
         let begun = Instant::now();
-        let due = begun + if kind == Kind::Automatic { PATIENCE * every } else { every };
+        let due = begun + if kind == CheckpointKind::Automatic { PATIENCE * every } else { every };
         Ok(Self { path, kind, shard, resume, own: false, every, begun, due, written: Vec::new(), failing: false, lock })
     }
 
@@ -111,7 +111,7 @@ impl Checkpoint {
 
     /// Whether an earlier run may have finished the job, and left nothing but its outputs.
     pub fn may_be_finished(&self) -> bool {
-        self.resume && self.kind == Kind::Automatic && !self.path.exists()
+        self.resume && self.kind == CheckpointKind::Automatic && !self.path.exists()
     }
 
     /// A file that exists for as long as this run.
@@ -121,7 +121,7 @@ impl Checkpoint {
 
     /// Whether a run that ends now leaves the file behind.
     pub fn is_kept(&self) -> bool {
-        self.kind != Kind::Automatic || self.begun.elapsed() >= PATIENCE * self.every || self.resume
+        self.kind != CheckpointKind::Automatic || self.begun.elapsed() >= PATIENCE * self.every || self.resume
     }
 
     /// The sums of an earlier run, if the job goes on from them.
@@ -195,10 +195,10 @@ impl Checkpoint {
     /// As [`Self::stop`].
     pub fn finish<'a>(&mut self, part: impl FnOnce() -> Part<'a>) -> Result<()> {
         match self.kind {
-            Kind::Named | Kind::Part => self.write(part())?,
+            CheckpointKind::Named | CheckpointKind::Part => self.write(part())?,
             // A file that cannot be removed does no harm.
-            Kind::Automatic if self.own => drop(fs::remove_file(&self.path)),
-            Kind::Automatic => {}
+            CheckpointKind::Automatic if self.own => drop(fs::remove_file(&self.path)),
+            CheckpointKind::Automatic => {}
         }
         Ok(())
     }

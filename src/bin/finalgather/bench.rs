@@ -12,7 +12,7 @@ use serde::Serialize;
 use serde_json::Value;
 
 use crate::args::{DeviceArgs, FilesArg, count, layer_size, size};
-use crate::progress::Progress;
+use crate::progress::ProgressLine;
 use crate::report;
 
 /// Directions of the converged oracle, both ends of each.
@@ -92,13 +92,13 @@ struct BenchSettings {
 
 /// The exit code, unless the run failed.
 pub fn run(args: &BenchArgs) -> Result<u8> {
-    let progress = Progress::new("loading");
+    let progress = ProgressLine::new("loading");
     let outcome = bench(args, &progress);
     progress.clear();
     outcome.map(|()| 0)
 }
 
-fn bench(args: &BenchArgs, progress: &Progress) -> Result<()> {
+fn bench(args: &BenchArgs, progress: &ProgressLine) -> Result<()> {
     let file = args.scene.clone().map_or_else(default_scene, Ok)?;
     let scene = args.files.scene(&file).load(true)?;
     scene.warnings.iter().for_each(|warning| progress.say(&format!("warning: {warning}")));

@@ -16,7 +16,7 @@ use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGXFSZ};
 use signal_hook::iterator::Signals;
 use signal_hook::{flag, low_level};
 
-use crate::progress::Progress;
+use crate::progress::ProgressLine;
 use crate::report;
 
 /// Job systems leave half a minute or more before they kill a process; a person who presses Ctrl-C waits less gladly.
@@ -37,7 +37,7 @@ struct State {
 
 impl Interrupt {
     /// Takes the signals over for the rest of the process, which at its end leaves no `lock`.
-    pub fn watch(progress: Progress, lock: Option<PathBuf>) -> io::Result<Self> {
+    pub fn watch(progress: ProgressLine, lock: Option<PathBuf>) -> io::Result<Self> {
         // Its default action would end the process in the middle of a file; caught, the write fails like any other.
         flag::register(SIGXFSZ, Arc::default())?;
 

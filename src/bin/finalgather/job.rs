@@ -7,19 +7,19 @@ use finalgather::error::{Error, Result};
 use finalgather::job::{Ending, Job, Watch};
 
 use crate::interrupt::Interrupt;
-use crate::progress::Progress;
+use crate::progress::ProgressLine;
 use crate::report;
 
 /// A job's progress on stderr, and the signals that stop it.
 pub struct Terminal {
-    progress: Progress,
+    progress: ProgressLine,
     interrupt: Interrupt,
 }
 
 impl Terminal {
     /// `lock` is a file that must not stay where a signal ends the process.
     pub fn new(lock: Option<&Path>) -> Result<Self> {
-        let progress = Progress::new("loading");
+        let progress = ProgressLine::new("loading");
         let interrupt = Interrupt::watch(progress.clone(), lock.map(Path::to_owned)).map_err(|error| {
             Error::usage(format!("signals cannot be caught: {error}"), "run where the system allows signal handlers")
         })?;

@@ -2,7 +2,7 @@
 
 use std::process::ExitCode;
 
-use clap::Parser;
+use clap::{Parser, Subcommand};
 use finalgather::error::{Error, Result};
 
 mod args;
@@ -20,26 +20,51 @@ mod report;
 #[cfg(feature = "window")]
 mod view;
 
-use args::{Args, Command};
+const AFTER_HELP: &str = concat!(
+    include_str!("help/render.txt"),
+    "\n  finalgather compare box.exr reference.exr\n  finalgather bench\n  finalgather info\n\n",
+    include_str!("help/exit_codes.txt")
+);
+
+/// Final gathering by rasterised ray bundles: renders global illumination on OpenGL 3.3, headless
+#[derive(Debug, Parser)]
+#[command(version, after_help = AFTER_HELP)]
+struct Args {
+    #[command(subcommand)]
+    command: ToolCommand,
+}
+
+#[derive(Debug, Subcommand)]
+enum ToolCommand {
+    Render(render::RenderArgs),
+    #[cfg(feature = "window")]
+    View(view::ViewArgs),
+    Compare(compare::CompareArgs),
+    Bake(bake::BakeArgs),
+    Relight(relight::RelightArgs),
+    Merge(merge::MergeArgs),
+    Bench(bench::BenchArgs),
+    Info(info::InfoArgs),
+}
 
 fn main() -> ExitCode {
     let command = Args::parse().command;
     let threads = match &command {
         // It starts its own, at a lower priority than the window's.
         #[cfg(feature = "window")]
-        Command::View(_) => Ok(()),
+        ToolCommand::View(_) => Ok(()),
         _ => start_threads(),
     };
     let outcome = threads.and_then(|()| match command {
-        Command::Render(args) => render::run(&args),
+        ToolCommand::Render(args) => render::run(&args),
         #[cfg(feature = "window")]
-        Command::View(args) => view::run(&args),
-        Command::Compare(args) => compare::run(&args),
-        Command::Bake(args) => bake::run(&args),
-        Command::Relight(args) => relight::run(&args),
-        Command::Merge(args) => merge::run(&args),
-        Command::Bench(args) => bench::run(&args),
-        Command::Info(args) => info::run(&args),
+        ToolCommand::View(args) => view::run(&args),
+        ToolCommand::Compare(args) => compare::run(&args),
+        ToolCommand::Bake(args) => bake::run(&args),
+        ToolCommand::Relight(args) => relight::run(&args),
+        ToolCommand::Merge(args) => merge::run(&args),
+        ToolCommand::Bench(args) => bench::run(&args),
+        ToolCommand::Info(args) => info::run(&args),
     });
     match outcome {
         Ok(code) => ExitCode::from(code),
@@ -67,5 +92,17 @@ fn exit_code(error: &Error) -> u8 {
         Error::Input { .. } => 65,
         Error::Gl { .. } => 69,
         Error::Output { .. } => 75,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory;
+
+    use super::*;
+
+    #[test]
+    fn clap_accepts_the_definition() {
+        Args::command().debug_assert();
     }
 }

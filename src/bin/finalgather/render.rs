@@ -66,3 +66,68 @@ pub fn run(args: &RenderArgs) -> Result<u8> {
     let request = RenderRequest { scene: args.scene(), outputs, memory: args.memory, device: args.device.request() };
     job::run(Job::new(request, &keeping)?, args.json)
 }
+
+#[cfg(test)]
+mod tests {
+    use clap::Parser;
+    use finalgather::settings::{Estimator, LayerSize, Pipeline, PointSource, Sequence, Settings};
+
+    use super::*;
+
+    #[derive(Parser)]
+    struct Line {
+        #[command(flatten)]
+        args: RenderArgs,
+    }
+
+    fn parse(line: &str) -> RenderArgs {
+        Line::parse_from(line.split(' ')).args
+    }
+
+    fn settings(line: &str, of_scene: &Settings) -> Settings {
+        parse(line).scene().settings(of_scene).unwrap()
+    }
+
+    /// Every option overrides its own setting, and only that; under its old name too.
+    #[test]
+    fn options_override_settings() {
+        let scene = Settings { grid_cells: 7, seed: 3, ..Settings::default() };
+        assert_eq!(settings("render a.toml", &scene), scene);
+        let all = "render a.toml --size 3x4 --directions 5 --layer-size 6 --points traced --pipeline raycast-gl --photons 1e2 \
+                   --photon-depth 8 --estimator plain --sequence sobol --interleave 4 --seed 9 --stop-fraction 0.5 --target-error 0.25 \
+                   --exposure -1.5";
+        let expected = Settings {
+            size: [3, 4],
+            directions: 5,
+            layer_size: LayerSize::Texels(6),
+            points: PointSource::Traced,
+            pipeline: Pipeline::RaycastGl,
+            photons: 100,
+            bounces: 8,
+            estimator: Estimator::Plain,
+            sequence: Sequence::Sobol,
+            interleave: 4,
+            seed: 9,
+            stop_fraction: 0.5,
+            until: 0.25,
+            exposure: -1.5,
+            ..scene.clone()
+        };
+        assert_eq!(settings(all, &scene), expected);
+        let old = all.replace("photon-depth", "bounces").replace("target-error", "until");
+        assert_eq!(settings(&old, &scene), expected);
+    }
+
+    #[test]
+    fn output_beside_the_caller_by_default() {
+        assert_eq!(parse("render scenes/box.2.toml").outputs(), [PathBuf::from("box.2.png")]);
+        let two = parse("render a.toml -o b.png --output c.exr").outputs();
+        assert_eq!(two, [PathBuf::from("b.png"), PathBuf::from("c.exr")]);
+    }
+
+    /// As in scripts that pass further arguments on.
+    #[test]
+    fn the_last_of_an_option_counts() {
+        assert_eq!(settings("render a.toml --seed 1 --seed 2", &Settings::default()).seed, 2);
+    }
+}

@@ -1,5 +1,4 @@
-//! The command line: which commands there are, and the options that several of them share. An option that is not given is `None`, so that the scene file
-//! can decide it.
+//! Options that several commands share. An option that is not given is `None`, so that the scene file can decide it.
 
 mod values;
 
@@ -7,7 +6,6 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
-use clap::{Parser, Subcommand};
 use finalgather::blocks::Shard;
 use finalgather::error::{Error, Result};
 use finalgather::gpu::{Backend, DeviceChoice};
@@ -18,43 +16,6 @@ use serde_json::Value;
 
 pub use values::{checked, count, layer_size, named, size, stops};
 use values::{name, setting};
-
-use crate::bake::BakeArgs;
-use crate::bench::BenchArgs;
-use crate::compare::CompareArgs;
-use crate::info::InfoArgs;
-use crate::merge::MergeArgs;
-use crate::relight::RelightArgs;
-use crate::render::RenderArgs;
-#[cfg(feature = "window")]
-use crate::view::ViewArgs;
-
-const AFTER_HELP: &str = concat!(
-    include_str!("../help/render.txt"),
-    "\n  finalgather compare box.exr reference.exr\n  finalgather bench\n  finalgather info\n\n",
-    include_str!("../help/exit_codes.txt")
-);
-
-/// Final gathering by rasterised ray bundles: renders global illumination on OpenGL 3.3, headless
-#[derive(Debug, Parser)]
-#[command(version, after_help = AFTER_HELP)]
-pub struct Args {
-    #[command(subcommand)]
-    pub command: Command,
-}
-
-#[derive(Debug, Subcommand)]
-pub enum Command {
-    Render(RenderArgs),
-    #[cfg(feature = "window")]
-    View(ViewArgs),
-    Compare(CompareArgs),
-    Bake(BakeArgs),
-    Relight(RelightArgs),
-    Merge(MergeArgs),
-    Bench(BenchArgs),
-    Info(InfoArgs),
-}
 
 /// Where OpenGL comes from.
 #[derive(Clone, Copy, Debug, clap::Args)]
@@ -212,72 +173,5 @@ impl Overrides {
         };
         settings.retain(|_, value| !value.is_null());
         SceneRequest { environment: self.env.clone(), settings, ..self.files.scene(path) }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use clap::CommandFactory;
-    use finalgather::settings::Settings;
-
-    use super::*;
-
-    #[test]
-    fn clap_accepts_the_definition() {
-        Args::command().debug_assert();
-    }
-
-    fn parse(line: &str) -> RenderArgs {
-        match Args::try_parse_from(line.split(' ')).unwrap().command {
-            Command::Render(args) => args,
-            _ => panic!("not a render"),
-        }
-    }
-
-    fn settings(line: &str, of_scene: &Settings) -> Settings {
-        parse(line).scene().settings(of_scene).unwrap()
-    }
-
-    /// Every option overrides its own setting, and only that; under its old name too.
-    #[test]
-    fn options_override_settings() {
-        let scene = Settings { grid_cells: 7, seed: 3, ..Settings::default() };
-        assert_eq!(settings("finalgather render a.toml", &scene), scene);
-        let all = "finalgather render a.toml --size 3x4 --directions 5 --layer-size 6 --points traced --pipeline raycast-gl --photons 1e2 \
-                   --photon-depth 8 --estimator plain --sequence sobol --interleave 4 --seed 9 --stop-fraction 0.5 --target-error 0.25 \
-                   --exposure -1.5";
-        let expected = Settings {
-            size: [3, 4],
-            directions: 5,
-            layer_size: LayerSize::Texels(6),
-            points: PointSource::Traced,
-            pipeline: Pipeline::RaycastGl,
-            photons: 100,
-            bounces: 8,
-            estimator: Estimator::Plain,
-            sequence: Sequence::Sobol,
-            interleave: 4,
-            seed: 9,
-            stop_fraction: 0.5,
-            until: 0.25,
-            exposure: -1.5,
-            ..scene.clone()
-        };
-        assert_eq!(settings(all, &scene), expected);
-        let old = all.replace("photon-depth", "bounces").replace("target-error", "until");
-        assert_eq!(settings(&old, &scene), expected);
-    }
-
-    #[test]
-    fn output_beside_the_caller_by_default() {
-        assert_eq!(parse("finalgather render scenes/box.2.toml").outputs(), [PathBuf::from("box.2.png")]);
-        let two = parse("finalgather render a.toml -o b.png --output c.exr").outputs();
-        assert_eq!(two, [PathBuf::from("b.png"), PathBuf::from("c.exr")]);
-    }
-
-    /// As in scripts that pass further arguments on.
-    #[test]
-    fn the_last_of_an_option_counts() {
-        assert_eq!(settings("finalgather render a.toml --seed 1 --seed 2", &Settings::default()).seed, 2);
     }
 }

@@ -176,7 +176,7 @@ fn panicked(words: &(dyn Any + Send)) -> Error {
 }
 
 /// The scene that is open.
-struct Job {
+struct OpenScene {
     render: Render,
     /// As last asked for, and whether the render is of that.
     view: View,
@@ -207,11 +207,11 @@ fn work(start: &Start, commands: &Receiver<Command>, tell: &dyn Fn(Report)) -> R
     let mut changed = start.shaders.as_deref().and_then(newest);
     let gpu = start.device.open()?;
     let clock = StageClock::start(&gpu);
-    let mut job: Option<Job> = None;
+    let mut job: Option<OpenScene> = None;
     let mut shown = Shown::default();
     let mut wish: Option<Wish> = None;
     loop {
-        let command = if job.as_ref().is_some_and(Job::has_work) {
+        let command = if job.as_ref().is_some_and(OpenScene::has_work) {
             commands.try_recv().map_err(|none| none == TryRecvError::Disconnected)
         } else if start.shaders.is_some() {
             commands.recv_timeout(Duration::from_millis(250)).map_err(|none| none == RecvTimeoutError::Disconnected)
@@ -275,7 +275,7 @@ fn newest(path: &Path) -> Option<SystemTime> {
     entries.map(|entry| newest(&entry.path())).chain([own]).max()?
 }
 
-fn open(gpu: &Gpu, start: &Start, path: &Path) -> Result<(Opened, Job)> {
+fn open(gpu: &Gpu, start: &Start, path: &Path) -> Result<(Opened, OpenScene)> {
     let request = SceneRequest { path: path.to_owned(), ..start.scene.clone() };
     let mut scene = request.load(true)?;
     let settings = request.settings(&scene.settings)?;
@@ -292,7 +292,7 @@ fn open(gpu: &Gpu, start: &Start, path: &Path) -> Result<(Opened, Job)> {
         warnings: scene.warnings.clone(),
         renderer: gpu.info().renderer.clone(),
     };
-    Ok((opened, Job::new(camera, render, settings)))
+    Ok((opened, OpenScene::new(camera, render, settings)))
 }
 
 /// The camera with its target, about which it turns, as far away as the middle of the scene.
@@ -302,7 +302,7 @@ fn about(camera: Camera, bounds: Aabb) -> Camera {
     if distance > 0.0 { Camera { target: camera.eye + distance * forward, ..camera } } else { camera }
 }
 
-impl Job {
+impl OpenScene {
     fn new(camera: Camera, render: Render, settings: Settings) -> Self {
         let view = View { camera, settings, moving: false, pace: 0 };
         Self {
