@@ -105,7 +105,7 @@ pub fn run(args: &BakeArgs) -> Result<u8> {
         }
     }
     let request = BakeRequest {
-        scene: args.overrides.scene(&args.scene),
+        scene: args.overrides.scene(&args.scene)?,
         receivers: to.clone(),
         plan: Plan {
             what,

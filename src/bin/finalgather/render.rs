@@ -54,7 +54,7 @@ impl RenderArgs {
         }
     }
 
-    pub fn scene(&self) -> SceneRequest {
+    pub fn scene(&self) -> Result<SceneRequest> {
         self.overrides.scene(&self.scene)
     }
 }
@@ -63,7 +63,7 @@ impl RenderArgs {
 pub fn run(args: &RenderArgs) -> Result<u8> {
     let outputs = args.outputs();
     let keeping = args.job.keeping(&outputs)?;
-    let request = RenderRequest { scene: args.scene(), outputs, memory: args.memory, device: args.device.request() };
+    let request = RenderRequest { scene: args.scene()?, outputs, memory: args.memory, device: args.device.request() };
     job::run(Job::new(request, &keeping)?, args.json)
 }
 
@@ -85,7 +85,7 @@ mod tests {
     }
 
     fn settings(line: &str, of_scene: &Settings) -> Settings {
-        parse(line).scene().settings(of_scene).unwrap()
+        parse(line).scene().unwrap().settings(of_scene).unwrap()
     }
 
     /// Every option overrides its own setting, and only that; under its old name too.

@@ -166,12 +166,20 @@ fn part_of(shard: Shard, automatic: bool, outputs: &[PathBuf]) -> Result<PathBuf
 }
 
 impl Overrides {
-    pub fn scene(&self, path: &Path) -> SceneRequest {
+    /// # Errors
+    /// [`Error::Usage`] when a number is infinite or none: JSON, which requests are made for, has no such numbers.
+    pub fn scene(&self, path: &Path) -> Result<SceneRequest> {
+        let (stop_fraction, exposure) = (self.stop_fraction.map(f64::from), self.exposure.map(f64::from));
+        for (name, value) in [("stop-fraction", stop_fraction), ("target-error", self.target_error), ("exposure", exposure)] {
+            if let Some(value) = value.filter(|value| !value.is_finite()) {
+                return Err(Error::usage(format!("{name} is {value}"), "give a finite number"));
+            }
+        }
         let mut settings = match serde_json::to_value(self) {
             Ok(Value::Object(settings)) => settings,
             _ => unreachable!("options are plain values with names"),
         };
         settings.retain(|_, value| !value.is_null());
-        SceneRequest { environment: self.env.clone(), settings, ..self.files.scene(path) }
+        Ok(SceneRequest { environment: self.env.clone(), settings, ..self.files.scene(path) })
     }
 }

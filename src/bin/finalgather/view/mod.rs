@@ -88,7 +88,7 @@ pub fn run(args: &ViewArgs) -> Result<u8> {
     // In a development build the shaders at hand are the ones worth seeing.
     let own = Path::new(env!("CARGO_MANIFEST_DIR")).join("glsl");
     let shaders = args.shaders.clone().or_else(|| Some(own).filter(|own| cfg!(debug_assertions) && own.is_dir()));
-    let start = Start { device: args.device.request(), scene: args.overrides.scene(&scene), shaders };
+    let start = Start { device: args.device.request(), scene: args.overrides.scene(&scene)?, shaders };
     let app = App::new(start, scene, args.layers, events.create_proxy())?;
     let mut window = Window::new(args, app);
     let ended =
