@@ -6,12 +6,12 @@
 //! KILL (`discard`). What the rays see is lit by a grid photon map.
 //!
 //! ```no_run
-//! use finalgather::{Backend, DeviceChoice, Gpu, Render, Scene, WriteOptions};
+//! use finalgather::{Backend, DeviceChoice, Gpu, Loaded, Render, World, WriteOptions};
 //!
 //! # fn main() -> finalgather::Result<()> {
-//! let scene = Scene::load("scenes/cornell.toml".as_ref())?;
+//! let Loaded { world, settings, .. } = World::load("scenes/cornell.toml".as_ref())?;
 //! let gpu = Gpu::headless(Backend::Auto, DeviceChoice::Auto)?;
-//! let mut render = Render::new(&gpu, &scene, &scene.settings)?;
+//! let mut render = Render::new(&gpu, &world, &settings)?;
 //! while !render.is_done() {
 //!     render.step()?;
 //! }
@@ -33,7 +33,7 @@
 //!
 //! # Stages
 //!
-//! Data flows one way: [`scene`] → [`photon`] → [`points`] → direct light → [`gather`] → film → [`image`]; [`render`] runs them. All stages
+//! Data flows one way: files → [`scene`] → [`photon`] → [`points`] → direct light → [`gather`] → film → [`image`]; [`render`] runs them. All stages
 //! after loading work in *unit space* ([`scene::UnitSpace`]): the scene's bounding box centred on the origin with its corners on
 //! the unit sphere. OpenGL is named in [`gpu`] alone.
 
@@ -42,7 +42,6 @@ pub mod bench;
 pub mod blocks;
 pub mod direct;
 pub mod direction;
-pub mod environment;
 pub mod error;
 pub mod export;
 pub mod file;
@@ -69,10 +68,9 @@ pub mod settings;
 pub mod shaders;
 
 pub use direction::{Direction, Directions};
-pub use environment::Environment;
 pub use error::{Error, Result};
 pub use gpu::{Backend, DeviceChoice, Gpu};
 pub use image::{Image, WriteOptions};
 pub use render::Render;
-pub use scene::Scene;
+pub use scene::{Environment, Loaded, Scene, World};
 pub use settings::{Estimator, Pipeline, PointSource, Sequence, Settings};

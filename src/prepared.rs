@@ -1,50 +1,48 @@
-//! A scene made ready for gathering: in unit space, with what answers rays and what shaders read.
+//! A scene made ready for gathering, and its photon map.
+//!
+//! [`Prepared`] is the CPU side; it needs no GL device and traces no photons. Its counterpart on the GL side is [`Geometry`](crate::geometry::Geometry),
+//! uploaded from [`Prepared::scene`].
 
 use std::rc::Rc;
 
 use crate::error::{Error, Result};
-use crate::geometry::Geometry;
 use crate::gpu::Gpu;
 use crate::photon::{PhotonCounts, PhotonGrid, PhotonTexture, PhotonTracer};
-use crate::scene::{Bvh, Lights, Scene, UnitSpace};
+use crate::scene::{Bvh, Lights, Scene, World};
 use crate::settings::Settings;
 
-/// A scene in the forms that stages read.
+/// A scene with its tree and its lights.
 pub struct Prepared {
-    /// In unit space.
     pub scene: Scene,
-    pub space: UnitSpace,
     pub bvh: Rc<Bvh>,
     pub lights: Lights,
-    pub geometry: Geometry,
 }
 
 impl Prepared {
     /// As bakes have it: without glass, for gather rays go straight through, and nothing is baked on it.
     ///
     /// # Errors
-    /// [`Error::Usage`] when there is nothing but glass or the scene's sizes are beyond the device's limits, [`Error::Gl`] when it fails.
-    pub fn without_glass(gpu: &Gpu, scene: &Scene) -> Result<Self> {
-        let (scene, space) = UnitSpace::enter(scene);
+    /// [`Error::Usage`] when there is nothing but glass.
+    pub fn without_glass(world: &World) -> Result<Self> {
+        let scene = world.flatten();
         let rest = check_rest(scene.without_glass())?;
-        Self::of(gpu, rest.unwrap_or(scene), space)
+        Ok(Self::of(rest.unwrap_or(scene)))
     }
 
     /// As eyes and photons see it, and as gather rays do, [`Self::without_glass`]; the same where there is none.
     ///
     /// # Errors
     /// As [`Self::without_glass`].
-    pub fn both(gpu: &Gpu, scene: &Scene) -> Result<[Rc<Self>; 2]> {
-        let (scene, space) = UnitSpace::enter(scene);
+    pub fn both(world: &World) -> Result<[Rc<Self>; 2]> {
+        let scene = world.flatten();
         let rest = check_rest(scene.without_glass())?;
-        let all = Rc::new(Self::of(gpu, scene, space)?);
-        let gathered = rest.map_or_else(|| Ok(Rc::clone(&all)), |rest| Self::of(gpu, rest, space).map(Rc::new))?;
+        let all = Rc::new(Self::of(scene));
+        let gathered = rest.map_or_else(|| Rc::clone(&all), |rest| Rc::new(Self::of(rest)));
         Ok([all, gathered])
     }
 
-    fn of(gpu: &Gpu, scene: Scene, space: UnitSpace) -> Result<Self> {
-        let (bvh, lights) = (Rc::new(Bvh::new(&scene.mesh)), Lights::new(&scene));
-        Ok(Self { geometry: Geometry::upload(gpu, &scene)?, scene, space, bvh, lights })
+    fn of(scene: Scene) -> Self {
+        Self { bvh: Rc::new(Bvh::new(&scene.mesh)), lights: Lights::new(&scene), scene }
     }
 
     /// What traces photons through it.
@@ -82,7 +80,7 @@ impl Photons {
         settings: &Settings,
         mut make_room: impl FnMut() -> bool,
     ) -> Result<Self> {
-        if all.lights.count() == 0 && !all.scene.has_sky() {
+        if all.lights.is_dark() {
             return Err(Error::usage(
                 "all lights are too small beside the scene to be told from points",
                 "enlarge the lights, or leave out what lies far away",

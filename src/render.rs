@@ -27,6 +27,7 @@ use crate::direction::{Direction, Directions};
 use crate::error::{Error, Result};
 use crate::film::{Film, FilmSum};
 use crate::gather::{FusedGather, Gather, KillGather, RayGather, Work};
+use crate::geometry::Geometry;
 use crate::gpu::Gpu;
 use crate::image::Image;
 use crate::photon::{CausticMap, PhotonCounts};
@@ -35,7 +36,7 @@ use crate::points::{CameraPoints, EyeRays, GatherPoint, Interleave, Points, Sums
 use crate::prepared::{Photons, Prepared};
 use crate::random::sobol;
 use crate::reference::Reference;
-use crate::scene::{Camera, Scene};
+use crate::scene::{Camera, Scene, World};
 use crate::settings::{DIRECTIONS_PER_PHOTON_MAP, Estimator, Pipeline, PointSource, Settings};
 
 use self::merge::{FILM, film_of_part};
@@ -52,6 +53,9 @@ pub struct Render {
     all: Rc<Prepared>,
     /// What gather rays see.
     gathered: Rc<Prepared>,
+    /// Of all, and of what gather rays see.
+    geometry: Rc<Geometry>,
+    gathered_geometry: Rc<Geometry>,
     /// In unit space.
     camera: Camera,
     photons: Photons,
@@ -119,11 +123,15 @@ impl Render {
     /// # Errors
     /// [`crate::Error::Usage`] when a setting is out of range or beyond the device's limits; [`crate::Error::Gl`] when the device
     /// fails.
-    pub fn new(gpu: &Gpu, scene: &Scene, settings: &Settings) -> Result<Self> {
+    pub fn new(gpu: &Gpu, world: &World, settings: &Settings) -> Result<Self> {
         settings.validate()?;
-        let [all, gathered] = Prepared::both(gpu, scene)?;
-        let scene = &all.scene;
-        let camera = if scene.framed { Camera::framing(scene.mesh.bounds(), settings.size) } else { scene.camera };
+        let [all, gathered] = Prepared::both(world)?;
+        let geometry = Rc::new(Geometry::upload(gpu, &all.scene)?);
+        let gathered_geometry = match Rc::ptr_eq(&all, &gathered) {
+            true => Rc::clone(&geometry),
+            false => Rc::new(Geometry::upload(gpu, &gathered.scene)?),
+        };
+        let (scene, camera) = (&all.scene, all.scene.camera(settings.size));
         let mut passes = Passes::new(gpu, &gathered.scene, settings)?;
 
         let start = Instant::now();
@@ -144,6 +152,8 @@ impl Render {
             digest: scene.digest(),
             all,
             gathered,
+            geometry,
+            gathered_geometry,
             camera,
             photons,
             passes,
@@ -174,7 +184,7 @@ impl Render {
         }
         self.directions = Directions::new(settings.sequence, settings.seed);
         self.settings = settings.clone();
-        self.camera = self.all.space.enter_camera(camera);
+        self.camera = self.all.scene.space.enter_camera(camera);
         self.forget();
         Ok(())
     }
@@ -236,7 +246,7 @@ impl Render {
             "version": env!("CARGO_PKG_VERSION"),
             "gl": self.gpu.identity(),
             "scene": self.digest,
-            "space": self.all.space,
+            "space": self.all.scene.space,
             "camera": format!("{:?}", self.camera),
             "settings": settings,
         })
@@ -315,10 +325,10 @@ impl Render {
 
     /// The mean of what is gathered so far, with the channels of `Film::image`; black before the first direction.
     pub fn picture(&self) -> Image {
-        let Some(block) = &self.block else { return self.film.image(self.settings.size, &self.all.space) };
+        let Some(block) = &self.block else { return self.film.image(self.settings.size, &self.all.scene.space) };
         let mut film = self.film.clone();
         film.insert_block(block.index, self.film_of(block));
-        film.image(self.settings.size, &self.all.space)
+        film.image(self.settings.size, &self.all.scene.space)
     }
 
     /// Photons, visible points and direct light for the next block.
@@ -338,7 +348,7 @@ impl Render {
         let offset = sobol(index, self.settings.seed);
         let visible = match &mut self.passes.source {
             Source::Camera(points) => {
-                let mut visible = points.see(&self.all.geometry, &self.camera, offset.into());
+                let mut visible = points.see(&self.geometry, &self.camera, offset.into());
                 visible.see_beyond(&self.all.scene, &self.camera, self.settings.size, offset.into());
                 visible
             }
@@ -361,7 +371,7 @@ impl Render {
         let first = u64::from(index) * light_samples;
         let samples = if self.all.lights.count() > 0 { first..first + light_samples } else { first..first };
         for sample in samples {
-            self.passes.direct.add(&self.all.geometry, &self.all.lights, sample, points, &self.passes.direct_sums);
+            self.passes.direct.add(&self.geometry, &self.all.lights, sample, points, &self.passes.direct_sums);
         }
         self.statistics.seconds.direct += self.finish("direct light", start)?;
         let start = Instant::now();
@@ -415,7 +425,7 @@ impl Render {
         let points = self.passes.source.points(&block.visible).only(subset);
         let layers = match &mut self.passes.method {
             Method::Gl { gather, sums } => {
-                let Prepared { scene, geometry, .. } = &*self.gathered;
+                let (scene, geometry) = (&self.gathered.scene, &*self.gathered_geometry);
                 gather.add(Work { scene, geometry, photons: &self.photons.texture, points, sums }, &directions)?
             }
             Method::Rays { points, sums } => {

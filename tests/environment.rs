@@ -3,8 +3,8 @@
 use std::f32::consts::PI;
 use std::fs;
 
+use finalgather::Environment;
 use finalgather::direction::Directions;
-use finalgather::environment::Environment;
 use finalgather::image::{Channel, Image, WriteOptions};
 use finalgather::random::{Random, sobol};
 use finalgather::settings::Sequence;

@@ -14,7 +14,7 @@ use finalgather::error::Error;
 use finalgather::export::{Lightmap, Surface, Values, check_writable, read_prt};
 use finalgather::image::{Channel, Image, WriteOptions};
 use finalgather::points::file::{self, OrientedPoint};
-use finalgather::scene::{Material, Mesh, Scene, Texture, Triangle};
+use finalgather::scene::{Material, Mesh, Texture, Triangle, World};
 use glam::{Vec2, Vec3, vec2, vec3};
 use gltf::Semantic;
 use ply_rs_bw::parser::Parser;
@@ -261,16 +261,17 @@ fn obj_with_a_light_map_is_a_scene() {
     let lightmap = Lightmap { surface: tent.surface(), uvs: &tent.lightmap_uvs(), irradiance: &irradiance };
     lightmap.write(&path, &WriteOptions { exposure: 1.0, metadata: None }).unwrap();
 
-    let scene = Scene::load(&path).unwrap();
-    assert_eq!(scene.mesh.triangles.len(), 6);
-    for (i, triangle) in scene.mesh.triangles.iter().enumerate() {
+    let scene = World::load(&path).unwrap().world;
+    let [mesh] = &scene.meshes[..] else { panic!("more than one mesh") };
+    assert_eq!(mesh.triangles.len(), 6);
+    for (i, triangle) in mesh.triangles.iter().enumerate() {
         for (was, is) in tent.mesh.triangles[i].vertices.into_iter().zip(triangle.vertices) {
             let (was, is) = (was as usize, is as usize);
-            assert_eq!(scene.mesh.positions[is], tent.mesh.positions[was]);
-            assert_eq!(scene.mesh.uvs[is], lightmap.uvs[was]);
-            assert!((scene.mesh.normals[is] - tent.mesh.normals[was]).length() < 1e-6);
+            assert_eq!(mesh.positions[is], tent.mesh.positions[was]);
+            assert_eq!(mesh.uvs[is], lightmap.uvs[was]);
+            assert!((mesh.normals[is] - tent.mesh.normals[was]).length() < 1e-6);
         }
-        let (was, is) = (&tent.materials[i / 2], scene.material(i));
+        let (was, is) = (&tent.materials[i / 2], &scene.materials[triangle.material as usize]);
         assert_eq!((&is.name, is.emission, is.albedo_texture), (&was.name, was.emission, Some(0)));
         let mean = if was.albedo_texture.is_some() { 0.5 } else { 1.0 };
         assert!((is.albedo - was.albedo * mean).length() < 1e-6, "{} is {}", is.name, is.albedo);

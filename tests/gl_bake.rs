@@ -5,8 +5,8 @@ mod common;
 use std::f32::consts::PI;
 
 use common::{Model, directions, gather_fused, gpu, irradiance, points_on, sized};
+use finalgather::Environment;
 use finalgather::bake::{Bake, Plan, Rough};
-use finalgather::environment::Environment;
 use finalgather::gpu::Gpu;
 use finalgather::harmonics::{basis, cosine_lobe};
 use finalgather::image::Channel;
@@ -15,7 +15,7 @@ use finalgather::photon::PhotonTexture;
 use finalgather::points::{GatherPoint, Vertices};
 use finalgather::prepared::Prepared;
 use finalgather::quantity::Quantity;
-use finalgather::scene::{Bvh, RAY_OFFSET, Scene};
+use finalgather::scene::{Bvh, RAY_OFFSET, World};
 use finalgather::settings::{LayerSize, Pipeline, Sequence, Settings};
 use glam::{Vec3, vec3};
 
@@ -25,8 +25,8 @@ fn settings(directions: u32) -> Settings {
     Settings { directions, photons: 100_000, light_samples: 16, ..Settings::default() }
 }
 
-fn bake(gpu: &Gpu, scene: &Scene, points: &[GatherPoint], settings: &Settings, plan: &Plan) -> (Vec<Channel>, Vec<f32>) {
-    let prepared = Prepared::without_glass(gpu, scene).unwrap();
+fn bake(gpu: &Gpu, world: &World, points: &[GatherPoint], settings: &Settings, plan: &Plan) -> (Vec<Channel>, Vec<f32>) {
+    let prepared = Prepared::without_glass(world).unwrap();
     let mut bake = Bake::new(gpu, prepared, points.to_vec(), settings, plan).unwrap();
     assert!(bake.columns().is_none(), "values before the first direction");
     while !bake.is_done() {
@@ -54,14 +54,14 @@ fn difference(a: &[Vec<f32>], b: &[Vec<f32>]) -> f64 {
     apart / size
 }
 
-fn cornell() -> Scene {
-    Scene::load("scenes/cornell.toml".as_ref()).unwrap()
+fn cornell() -> World {
+    World::load("scenes/cornell.toml".as_ref()).unwrap().world
 }
 
 /// The Cornell box stands open towards the camera, so that some of the sky is seen from everywhere; but for where its blocks stand: layers do not
 /// tell surfaces that touch.
-fn cornell_points(gpu: &Gpu, scene: &Scene, count: usize) -> Vec<GatherPoint> {
-    let prepared = Prepared::without_glass(gpu, scene).unwrap();
+fn cornell_points(world: &World, count: usize) -> Vec<GatherPoint> {
+    let prepared = Prepared::without_glass(world).unwrap();
     let covered = |point: &GatherPoint| {
         let hit = prepared.bvh.nearest(point.position + RAY_OFFSET * point.normal, point.normal, None);
         hit.is_some_and(|hit| hit.distance < 1e-3)
@@ -72,12 +72,12 @@ fn cornell_points(gpu: &Gpu, scene: &Scene, count: usize) -> Vec<GatherPoint> {
 #[test]
 fn every_quantity_is_that_of_exact_rays() {
     let gpu = gpu();
-    let scene = cornell();
+    let world = cornell();
     let (count, along) = sized(&gpu, (8192, 256), (256, 16));
-    let points = cornell_points(&gpu, &scene, count);
+    let points = cornell_points(&world, count);
     let plan = Plan { what: Quantity::ALL.to_vec(), bounces: 2, ao_distance: Some(100.0), ..PLAN };
     let by = |pipeline| {
-        bake(&gpu, &scene, &points, &Settings { pipeline, layer_size: LayerSize::Texels(256), ..settings(along) }, &plan).0
+        bake(&gpu, &world, &points, &Settings { pipeline, layer_size: LayerSize::Texels(256), ..settings(along) }, &plan).0
     };
     let exact = by(Pipeline::Raycast);
     // What differs is aliasing of layers (measured at 256²: irradiance 0.5 %, transfer 0.2 %); rays on the GL side differ by rounding.
@@ -104,11 +104,11 @@ fn every_quantity_is_that_of_exact_rays() {
 #[test]
 fn kill_finds_the_same() {
     let gpu = gpu();
-    let scene = cornell();
+    let world = cornell();
     let (count, along) = sized(&gpu, (1024, 512), (128, 32));
-    let points = cornell_points(&gpu, &scene, count);
+    let points = cornell_points(&world, count);
     let plan = Plan { what: vec![Quantity::Ao, Quantity::Prt], ..PLAN };
-    let by = |pipeline| bake(&gpu, &scene, &points, &Settings { pipeline, stop_fraction: 0.0, ..settings(along) }, &plan).0;
+    let by = |pipeline| bake(&gpu, &world, &points, &Settings { pipeline, stop_fraction: 0.0, ..settings(along) }, &plan).0;
     let (kill, early, fused) = (by(Pipeline::Kill), by(Pipeline::EarlyKill), by(Pipeline::Fused));
     for quantity in [Quantity::Ao, Quantity::Prt] {
         let of = |columns: &[Channel]| vectors_of(columns, quantity, 3);
@@ -123,13 +123,13 @@ fn kill_finds_the_same() {
 #[test]
 fn irradiance_is_that_of_the_gather() {
     let gpu = gpu();
-    let scene = cornell();
+    let world = cornell();
     let (count, along) = sized(&gpu, (4096, 64), (256, 16));
-    let points = cornell_points(&gpu, &scene, count);
+    let points = cornell_points(&world, count);
     let settings = settings(along);
     let plan = Plan { what: vec![Quantity::Irradiance], ..PLAN };
-    let baked = bake(&gpu, &scene, &points, &settings, &plan).0;
-    let unit = Prepared::without_glass(&gpu, &scene).unwrap().scene;
+    let baked = bake(&gpu, &world, &points, &settings, &plan).0;
+    let unit = Prepared::without_glass(&world).unwrap().scene;
     let bvh = Bvh::new(&unit.mesh);
     let mut grid = finalgather::photon::PhotonGrid::new(&unit.mesh, settings.grid_cells);
     let lights = finalgather::scene::Lights::new(&unit);
@@ -149,10 +149,10 @@ fn irradiance_is_that_of_the_gather() {
 #[test]
 fn transfer_of_a_constant_sky_is_openness() {
     let gpu = gpu();
-    let scene = cornell();
-    let points = cornell_points(&gpu, &scene, sized(&gpu, 4096, 256));
+    let world = cornell();
+    let points = cornell_points(&world, sized(&gpu, 4096, 256));
     let plan = Plan { what: vec![Quantity::Prt, Quantity::Ao, Quantity::Sky], order: 4, ..PLAN };
-    let baked = bake(&gpu, &scene, &points, &settings(sized(&gpu, 256, 16)), &plan).0;
+    let baked = bake(&gpu, &world, &points, &settings(sized(&gpu, 256, 16)), &plan).0;
     let (ao, sky) = (column(&baked, "AO"), column(&baked, "Sky"));
     for color in ["R", "G", "B"] {
         for (i, transfer) in column(&baked, &format!("PRT.00.{color}")).iter().enumerate() {
@@ -180,13 +180,13 @@ fn gathered_bounces_are_the_geometric_series() {
             model.plate(out + step(i) * u + step(j) * v, u / cells as f32, v / cells as f32, wall);
         }
     }
-    let scene = model.scene;
-    let points = points_on(&Prepared::without_glass(&gpu, &scene).unwrap().scene, 512);
+    let world = model.world();
+    let points = points_on(&Prepared::without_glass(&world).unwrap().scene, 512);
     let settings = Settings { light_samples: 512, ..settings(along) };
     let series = |bounces: u32| (1..=bounces).map(|k| albedo.powi(k as i32)).sum::<f32>();
     let mean = |bounces: u32| {
         let plan = Plan { what: vec![Quantity::Irradiance], bounces, rough: Rough::Gathered, ..PLAN };
-        let baked = bake(&gpu, &scene, &points, &settings, &plan).0;
+        let baked = bake(&gpu, &world, &points, &settings, &plan).0;
         column(&baked, "IrradianceIndirect.G").iter().sum::<f32>() / points.len() as f32
     };
     let once = mean(1);
@@ -219,12 +219,12 @@ fn transfer_under_a_smooth_sky_is_a_gather_under_it() {
         radiance(vec3(fall.sin() * turn.sin(), fall.cos(), -fall.sin() * turn.cos()))
     };
     let sky = Environment::from_texels([width, height], (0..width * height).map(texel).collect()).unwrap();
-    let mut scene = cornell();
-    scene.environment = Some(sky);
-    scene.materials.iter_mut().for_each(|material| material.emission = Vec3::ZERO);
-    let points = cornell_points(&gpu, &scene, sized(&gpu, 2048, 128));
+    let mut world = cornell();
+    world.environment = Some(sky);
+    world.materials.iter_mut().for_each(|material| material.emission = Vec3::ZERO);
+    let points = cornell_points(&world, sized(&gpu, 2048, 128));
     let plan = Plan { what: vec![Quantity::Prt, Quantity::Irradiance], bounces: 2, rough: Rough::Gathered, ..PLAN };
-    let baked = bake(&gpu, &scene, &points, &settings(sized(&gpu, 256, 16)), &plan).0;
+    let baked = bake(&gpu, &world, &points, &settings(sized(&gpu, 256, 16)), &plan).0;
     let mut most = 0.0f32;
     for (c, color) in ["R", "G", "B"].into_iter().enumerate() {
         let gathered = column(&baked, &format!("Irradiance.{color}"));
@@ -250,10 +250,10 @@ fn transfer_of_a_plane_is_the_cosine() {
     let normal = vec3(0.36, 0.48, 0.8);
     let (u, v) = normal.any_orthonormal_pair();
     model.plate(Vec3::ZERO, u, v, 0);
-    let scene = model.scene;
-    let points = points_on(&Prepared::without_glass(&gpu, &scene).unwrap().scene, 64);
+    let world = model.world();
+    let points = points_on(&Prepared::without_glass(&world).unwrap().scene, 64);
     let plan = Plan { what: vec![Quantity::Prt, Quantity::PrtUnshadowed, Quantity::BentNormal], order: 5, bounces: 1, ..PLAN };
-    let (baked, inside) = bake(&gpu, &scene, &points, &settings(sized(&gpu, 1024, 256)), &plan);
+    let (baked, inside) = bake(&gpu, &world, &points, &settings(sized(&gpu, 1024, 256)), &plan);
     let lobe: Vec<f32> = cosine_lobe(points[0].normal).into_iter().flat_map(|c| [c; 3]).collect();
     for (shadowed, unshadowed) in vectors_of(&baked, Quantity::Prt, 5).iter().zip(vectors_of(&baked, Quantity::PrtUnshadowed, 5))
     {
@@ -276,11 +276,11 @@ fn bent_normals_and_ao_beside_a_wall() {
     let (apart, height, half) = (0.1, 1.0, 1.0);
     model.plate(Vec3::ZERO, Vec3::Z, apart * Vec3::X, 0);
     model.plate(vec3(-apart, 0.5 * height, 0.0), 0.5 * height * Vec3::Y, half * Vec3::Z, 0);
-    let scene = model.scene;
-    let prepared = Prepared::without_glass(&gpu, &scene).unwrap();
-    let point = GatherPoint::flat(prepared.space.enter_point(Vec3::ZERO), Vec3::Y);
+    let world = model.world();
+    let prepared = Prepared::without_glass(&world).unwrap();
+    let point = GatherPoint::flat(prepared.scene.space.enter_point(Vec3::ZERO), Vec3::Y);
     let plan = Plan { what: vec![Quantity::Ao, Quantity::BentNormal], ..PLAN };
-    let far = bake(&gpu, &scene, &[point], &settings(4096), &plan).0;
+    let far = bake(&gpu, &world, &[point], &settings(4096), &plan).0;
     let (mut sum, mut total) = (glam::DVec4::ZERO, 0.0);
     for (i, j) in (0..1000).flat_map(|i| (0..1000).map(move |j| (i, j))) {
         let d = cosine_direction(Vec3::Y, (i as f32 + 0.5) / 1000.0, (j as f32 + 0.5) / 1000.0);
@@ -297,7 +297,7 @@ fn bent_normals_and_ao_beside_a_wall() {
     // Nearer than the wall there is nothing, and a little farther there is some of it.
     let within = |distance| {
         let plan = Plan { ao_distance: Some(distance), ..plan.clone() };
-        column(&bake(&gpu, &scene, &[point], &settings(256), &plan).0, "AO")[0]
+        column(&bake(&gpu, &world, &[point], &settings(256), &plan).0, "AO")[0]
     };
     assert_eq!(within(0.09), 1.0);
     assert!((ao + 0.01..0.95).contains(&within(0.15)), "{}, in all {ao}", within(0.15));
@@ -307,15 +307,15 @@ fn bent_normals_and_ao_beside_a_wall() {
 #[test]
 fn rounds_change_nothing() {
     let gpu = gpu();
-    let scene = cornell();
-    let points = cornell_points(&gpu, &scene, sized(&gpu, 600_000, 300_000));
+    let world = cornell();
+    let points = cornell_points(&world, sized(&gpu, 600_000, 300_000));
     let settings = settings(sized(&gpu, 16, 8));
     let plan = Plan { what: vec![Quantity::Ao], ..PLAN };
-    let prepared = Prepared::without_glass(&gpu, &scene).unwrap();
+    let prepared = Prepared::without_glass(&world).unwrap();
     let small = Bake::new(&gpu, prepared, points.clone(), &settings, &Plan { memory: 64, ..plan.clone() }).unwrap();
     assert!(small.statistics().rounds > 1, "one round");
     // Nor does it where there turns out to be more.
-    let prepared = Prepared::without_glass(&gpu, &scene).unwrap();
+    let prepared = Prepared::without_glass(&world).unwrap();
     let mut fitted = Bake::new(&gpu, prepared, points.clone(), &settings, &Plan { memory: 8, ..plan.clone() }).unwrap();
     let before = fitted.statistics().rounds;
     fitted.fit(4096).unwrap();
@@ -323,9 +323,9 @@ fn rounds_change_nothing() {
         fitted.step().unwrap();
     }
     assert!(fitted.statistics().rounds < before);
-    let at_once = bake(&gpu, &scene, &points, &settings, &plan);
+    let at_once = bake(&gpu, &world, &points, &settings, &plan);
     assert!(fitted.columns().unwrap() == at_once, "other values with more memory");
-    assert!(bake(&gpu, &scene, &points, &settings, &Plan { memory: 64, ..plan }) == at_once, "other values with less");
+    assert!(bake(&gpu, &world, &points, &settings, &Plan { memory: 64, ..plan }) == at_once, "other values with less");
 }
 
 /// Vertices of a box have the three normals of the faces that meet there, those of a ball its own; and what lies in something is filled.
@@ -363,12 +363,12 @@ fn vertices_are_split_at_edges_and_filled_inside() {
             }
         }
     }
-    let scene = model.scene;
-    let prepared = Prepared::without_glass(&gpu, &scene).unwrap();
+    let world = model.world();
+    let prepared = Prepared::without_glass(&world).unwrap();
     let vertices = Vertices::new(&prepared.scene.mesh, 0.004);
     let plan = Plan { what: vec![Quantity::Ao], ..PLAN };
-    let (mut columns, inside) = bake(&gpu, &scene, vertices.points(), &settings(sized(&gpu, 256, 64)), &plan);
-    let hidden = |i: usize| i >= pillar && vertices.mesh().positions[i].y < prepared.space.enter_point(Vec3::ZERO).y;
+    let (mut columns, inside) = bake(&gpu, &world, vertices.points(), &settings(sized(&gpu, 256, 64)), &plan);
+    let hidden = |i: usize| i >= pillar && vertices.mesh().positions[i].y < prepared.scene.space.enter_point(Vec3::ZERO).y;
     for (i, &share) in inside.iter().enumerate() {
         assert_eq!(share > 0.5, hidden(i), "vertex {i} at {}: {share}", vertices.mesh().positions[i]);
     }

@@ -9,7 +9,7 @@ use common::{
     Model, directions, form_factor_of_polygon, gather, gather_early, gather_fused, gather_rays, gpu, irradiance, points_on,
     sized, vectors,
 };
-use finalgather::environment::Environment;
+use finalgather::Environment;
 use finalgather::gpu::Gpu;
 use finalgather::image::Image;
 use finalgather::image::compare::{Selection, compare};
@@ -17,7 +17,7 @@ use finalgather::photon::{PhotonGrid, PhotonTexture, PhotonTracer};
 use finalgather::points::GatherPoint;
 use finalgather::reference::Reference;
 use finalgather::render::Render;
-use finalgather::scene::{Bvh, Camera, Lights, Scene};
+use finalgather::scene::{Bvh, Camera, Lights, Loaded, Scene, World};
 use finalgather::settings::{LayerSize, Pipeline, Sequence, Settings};
 use glam::{Vec3, vec3};
 
@@ -125,8 +125,8 @@ fn a_bowl_lights_itself() {
     }
 }
 
-fn picture(gpu: &Gpu, scene: &Scene, settings: &Settings) -> Image {
-    let mut render = Render::new(gpu, scene, settings).unwrap_or_else(|error| panic!("{error}"));
+fn picture(gpu: &Gpu, world: &World, settings: &Settings) -> Image {
+    let mut render = Render::new(gpu, world, settings).unwrap_or_else(|error| panic!("{error}"));
     while !render.is_done() {
         render.step().unwrap();
     }
@@ -144,7 +144,9 @@ fn a_block_in_a_furnace_shows_its_albedo() {
     let material = model.material(albedo, Vec3::ZERO);
     model.cuboid(Vec3::ZERO, vec3(1.0, 0.8, 0.6), 0.3, false, material);
     model.scene.environment = Some(Environment::constant(Vec3::ONE).unwrap());
-    model.scene.camera.eye = vec3(1.0, 2.0, 3.0);
+    let camera = Camera { eye: vec3(1.0, 2.0, 3.0), target: Vec3::ZERO, up: Vec3::Y, fov_y_degrees: 40.0, lens: None };
+    model.scene.camera = Some(camera);
+    let world = model.world();
     for pipeline in PIPELINES {
         let settings = Settings {
             size: [24, 20],
@@ -154,7 +156,7 @@ fn a_block_in_a_furnace_shows_its_albedo() {
             pipeline,
             ..Settings::default()
         };
-        let image = picture(&gpu, &model.scene, &settings);
+        let image = picture(&gpu, &world, &settings);
         let channel = |name: &str| image.channel(name).unwrap();
         let (coverage, rgb) = (channel("A"), image.rgb().unwrap());
         let emission = ["Emission.R", "Emission.G", "Emission.B"].map(channel);
@@ -191,10 +193,10 @@ fn the_background_is_what_the_camera_looks_at() {
         fov_y_degrees: 50.0,
         lens: None,
     };
-    model.scene.camera = camera;
+    model.scene.camera = Some(camera);
     let settings =
         Settings { size: [30, 20], directions: 32, layer_size: LayerSize::Texels(16), photons: 1000, ..Settings::default() };
-    let image = picture(&gpu, &model.scene, &settings);
+    let image = picture(&gpu, &model.world(), &settings);
     let ([r, g, _], coverage) = (image.rgb().unwrap(), image.channel("A").unwrap());
     let mut seen = 0;
     for pixel in (0..coverage.len()).filter(|&pixel| coverage[pixel] == 0.0) {
@@ -212,12 +214,11 @@ fn the_background_is_what_the_camera_looks_at() {
 #[test]
 fn pipelines_agree_under_a_sky() {
     let gpu = gpu();
-    let scene = Scene::load(Path::new("scenes/open.toml")).unwrap();
+    let Loaded { world, settings, .. } = World::load(Path::new("scenes/open.toml")).unwrap();
     let size = sized(&gpu, [48, 48], [24, 24]);
-    let settings =
-        Settings { size, directions: 256, layer_size: LayerSize::Texels(256), photons: 100_000, ..scene.settings.clone() };
+    let settings = Settings { size, directions: 256, layer_size: LayerSize::Texels(256), photons: 100_000, ..settings };
     let [fused, kill, early, rays_gl, rays] =
-        PIPELINES.map(|pipeline| picture(&gpu, &scene, &Settings { pipeline, ..settings.clone() }));
+        PIPELINES.map(|pipeline| picture(&gpu, &world, &Settings { pipeline, ..settings.clone() }));
     let check = |name: &str, a: &Image, b: &Image, limit: f64| {
         let result = compare(a, b, Selection::default()).unwrap();
         eprintln!("{name}: bias {:+.3} %, relative RMSE {:.3} %", 100.0 * result.bias, 100.0 * result.relative_rmse);

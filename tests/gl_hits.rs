@@ -14,7 +14,7 @@ use finalgather::gpu::Gpu;
 use finalgather::photon::PhotonTexture;
 use finalgather::points::{CameraPoints, GatherPoint};
 use finalgather::reference::Reference;
-use finalgather::scene::{Bvh, Scene, UnitSpace};
+use finalgather::scene::{Bvh, Scene, World};
 use finalgather::settings::Sequence;
 use glam::{Vec2, Vec3, vec3};
 
@@ -58,7 +58,7 @@ fn check(name: &str, size: u32, a: &[Vec3], b: &[Vec3], most: Difference) {
 fn camera_points(gpu: &Gpu, scene: &Scene, side: u32) -> Vec<GatherPoint> {
     let geometry = Geometry::upload(gpu, scene).unwrap();
     let camera = CameraPoints::new(gpu, [side; 2]).unwrap();
-    camera.see(&geometry, &scene.camera, Vec2::splat(0.5)).gather_points()
+    camera.see(&geometry, &scene.camera([side; 2]), Vec2::splat(0.5)).gather_points()
 }
 
 #[test]
@@ -78,7 +78,7 @@ fn cornell_box() {
 fn textured_floor() {
     let gpu = gpu();
     let (side, count, at_512) = sized(&gpu, (128, 256, AT_512), (32, 16, SMALL_512));
-    let scene = UnitSpace::enter(&Scene::load("scenes/cornell_textured.toml".as_ref()).unwrap()).0;
+    let scene = World::load("scenes/cornell_textured.toml".as_ref()).unwrap().world.flatten();
     assert!(!scene.textures.is_empty());
     let points = camera_points(&gpu, &scene, side);
     let (layers, oracle) = both_ways(&gpu, &scene, &points, count, &[512]);
@@ -174,14 +174,15 @@ fn thin_wall() {
 fn far_from_the_origin() {
     let gpu = gpu();
     let (side, count, at_512) = sized(&gpu, (128, 256, AT_512), (32, 16, SMALL_512));
-    let mut scene = Scene::load("scenes/cornell.toml".as_ref()).unwrap();
+    let mut world = World::load("scenes/cornell.toml".as_ref()).unwrap().world;
     let away = Vec3::splat(1e5);
-    for position in &mut scene.mesh.positions {
+    for position in &mut world.meshes[0].positions {
         *position += away;
     }
-    scene.camera.eye += away;
-    scene.camera.target += away;
-    let scene = UnitSpace::enter(&scene).0;
+    let (_, camera) = &mut world.cameras[0];
+    camera.eye += away;
+    camera.target += away;
+    let scene = world.flatten();
     let points = camera_points(&gpu, &scene, side);
     let (layers, oracle) = both_ways(&gpu, &scene, &points, count, &[512]);
     check("Cornell box at 1e5", 512, &layers[0], &oracle, at_512);
@@ -275,7 +276,7 @@ fn rays_in_the_cornell_box() {
 
 #[test]
 fn rays_that_meet_textures() {
-    let scene = UnitSpace::enter(&Scene::load("scenes/cornell_textured.toml".as_ref()).unwrap()).0;
+    let scene = World::load("scenes/cornell_textured.toml".as_ref()).unwrap().world.flatten();
     check_rays("textured Cornell box", &scene, |gpu| {
         let (side, count) = sized(gpu, (128, 250), (32, 13));
         (camera_points(gpu, &scene, side), count)

@@ -8,37 +8,38 @@ use finalgather::gpu::Gpu;
 use finalgather::image::Image;
 use finalgather::image::compare::{Comparison, Selection, compare};
 use finalgather::render::Render;
-use finalgather::scene::Scene;
+use finalgather::scene::World;
 use finalgather::settings::{LayerSize, Settings};
 use glam::{Affine3A, Quat, Vec3, vec3};
 
 /// The Cornell box in its own coordinates.
-fn cornell() -> Scene {
-    Scene::load("scenes/cornell.toml".as_ref()).unwrap()
+fn cornell() -> World {
+    World::load("scenes/cornell.toml".as_ref()).unwrap().world
 }
 
 /// The Cornell box, its camera too, elsewhere.
-fn moved(by: Affine3A) -> Scene {
-    let mut scene = cornell();
-    for position in &mut scene.mesh.positions {
+fn moved(by: Affine3A) -> World {
+    let mut world = cornell();
+    let mesh = &mut world.meshes[0];
+    for position in &mut mesh.positions {
         *position = by.transform_point3(*position);
     }
-    assert!(scene.mesh.normals.iter().all(|&normal| normal == Vec3::ZERO), "the box has no normals to turn");
-    let camera = &mut scene.camera;
+    assert!(mesh.normals.iter().all(|&normal| normal == Vec3::ZERO), "the box has no normals to turn");
+    let (_, camera) = &mut world.cameras[0];
     (camera.eye, camera.target) = (by.transform_point3(camera.eye), by.transform_point3(camera.target));
     camera.up = by.transform_vector3(camera.up).normalize();
-    scene
+    world
 }
 
 /// The light that surfaces reflect, and its relative standard error by the render's own account. Emission is left out, as in that account: it is
 /// exact but for the lamp's outline, which would outshine all else.
-fn picture(gpu: &Gpu, scene: &Scene) -> (Image, f64) {
+fn picture(gpu: &Gpu, world: &World) -> (Image, f64) {
     let (side, directions, layer_size, light_samples) =
         sized(gpu, (64, 256, LayerSize::Texels(128), 128), (24, 64, LayerSize::Texels(64), 32));
     let size = [side; 2];
     let settings =
-        Settings { size, directions, layer_size, light_samples, photons: 200_000, shadow_size: 64, ..scene.settings.clone() };
-    let mut render = Render::new(gpu, scene, &settings).unwrap();
+        Settings { size, directions, layer_size, light_samples, photons: 200_000, shadow_size: 64, ..Settings::default() };
+    let mut render = Render::new(gpu, world, &settings).unwrap();
     while !render.is_done() {
         render.step().unwrap();
     }

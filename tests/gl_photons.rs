@@ -16,7 +16,7 @@ use finalgather::math::dominant_axis;
 use finalgather::photon::{PhotonGrid, PhotonTexture, PhotonTracer};
 use finalgather::random::Random;
 use finalgather::render::Render;
-use finalgather::scene::{Bvh, Lights, Scene, UnitSpace};
+use finalgather::scene::{Bvh, Lights, World};
 use finalgather::settings::{Pipeline, Settings};
 use glam::{Vec3, Vec4, vec3};
 
@@ -134,8 +134,8 @@ fn a_picture_shows_the_photon_map() {
     // A picture of one block has one point a pixel, which its own position, normal and albedo tell. In unit space already, where the grid is.
     let gpu = gpu();
     for file in ["scenes/cornell.toml", "scenes/cornell_textured.toml"] {
-        let loaded = Scene::load(Path::new(file)).unwrap();
-        let scene = UnitSpace::enter(&loaded).0;
+        let scene = World::load(Path::new(file)).unwrap().world.flatten();
+        let world = common::world_of(scene.clone());
         // Cells that stay within a tile of softpipe's, see above.
         let settings =
             Settings { size: [48, 40], directions: 1, photons: 50_000, grid_cells: 8, light_samples: 1, ..Settings::default() };
@@ -146,7 +146,7 @@ fn a_picture_shows_the_photon_map() {
         grid.add_area(&scene.mesh, &bvh, settings.seed);
 
         for pipeline in [Pipeline::Fused, Pipeline::Kill, Pipeline::EarlyKill, Pipeline::Raycast, Pipeline::RaycastGl] {
-            let mut render = Render::new(&gpu, &scene, &Settings { pipeline, ..settings.clone() }).unwrap();
+            let mut render = Render::new(&gpu, &world, &Settings { pipeline, ..settings.clone() }).unwrap();
             render.step().unwrap();
             let picture = render.picture();
             let [photon_map, albedo] = ["PhotonMap", "Albedo"].map(|name| vectors(&picture, name, ["R", "G", "B"]));

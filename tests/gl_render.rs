@@ -11,13 +11,13 @@ use finalgather::gpu::{Backend, Gpu};
 use finalgather::image::compare::{Selection, compare};
 use finalgather::image::{Channel, Image};
 use finalgather::render::{End, Render};
-use finalgather::scene::{Bvh, Camera, RAY_OFFSET, Scene, UnitSpace};
+use finalgather::scene::{Bvh, Camera, Loaded, RAY_OFFSET, World};
 use finalgather::settings::{Estimator, LayerSize, Pipeline, Settings};
 use glam::Vec3;
 
 /// The Cornell box, small.
-fn cornell() -> (Scene, Settings) {
-    let scene = Scene::load(Path::new("scenes/cornell.toml")).unwrap();
+fn cornell() -> (World, Settings) {
+    let Loaded { world, settings, .. } = World::load(Path::new("scenes/cornell.toml")).unwrap();
     let settings = Settings {
         size: [48, 40],
         directions: 64,
@@ -26,9 +26,9 @@ fn cornell() -> (Scene, Settings) {
         grid_cells: 16,
         light_samples: 32,
         shadow_size: 32,
-        ..scene.settings.clone()
+        ..settings
     };
-    (scene, settings)
+    (world, settings)
 }
 
 /// The picture after all directions, or after the first `directions`.
@@ -38,9 +38,9 @@ fn picture(gpu: &Gpu, directions: Option<u32>) -> Image {
 
 /// The same with other settings.
 fn picture_with(gpu: &Gpu, directions: Option<u32>, change: impl Fn(&mut Settings)) -> Image {
-    let (scene, mut settings) = cornell();
+    let (world, mut settings) = cornell();
     change(&mut settings);
-    let mut render = Render::new(gpu, &scene, &settings).unwrap_or_else(|error| panic!("{error}"));
+    let mut render = Render::new(gpu, &world, &settings).unwrap_or_else(|error| panic!("{error}"));
     while !render.is_done() && directions.is_none_or(|directions| render.directions_done() < directions) {
         render.step().unwrap();
     }
@@ -59,8 +59,8 @@ fn same(a: &Image, b: &Image) -> bool {
 #[test]
 fn begun_again_is_begun_anew() {
     let gpu = gpu();
-    let (scene, settings) = cornell();
-    let mut render = Render::new(&gpu, &scene, &settings).unwrap();
+    let (world, settings) = cornell();
+    let mut render = Render::new(&gpu, &world, &settings).unwrap();
     let gather = |render: &mut Render| {
         while !render.is_done() {
             render.step().unwrap();
@@ -69,15 +69,17 @@ fn begun_again_is_begun_anew() {
     };
     // Away from the scene's own view, in the middle of a block, smaller and by another pipeline; and back.
     let start = gather(&mut render);
-    let camera = Camera { eye: scene.camera.eye + Vec3::new(60.0, 40.0, 0.0), ..scene.camera };
+    let own = world.cameras[0].1;
+    let camera = Camera { eye: own.eye + Vec3::new(60.0, 40.0, 0.0), ..own };
     render.restart(camera, &settings).unwrap();
     render.step().unwrap();
     assert!(render.directions_done() < 64, "something is left to interrupt");
     let other = Settings { size: [24, 20], pipeline: Pipeline::Kill, layer_size: LayerSize::Texels(32), ..settings.clone() };
     render.restart(camera, &other).unwrap();
     let moved = gather(&mut render);
-    assert!(same(&moved, &gather(&mut Render::new(&gpu, &Scene { camera, ..scene.clone() }, &other).unwrap())));
-    render.restart(scene.camera, &settings).unwrap();
+    let elsewhere = World { cameras: vec![("elsewhere".into(), camera)], ..world.clone() };
+    assert!(same(&moved, &gather(&mut Render::new(&gpu, &elsewhere, &other).unwrap())));
+    render.restart(own, &settings).unwrap();
     assert!(same(&gather(&mut render), &start));
     assert_eq!(render.statistics().gather.directions, 64);
 
@@ -98,9 +100,9 @@ fn begun_again_is_begun_anew() {
 #[test]
 fn begun_again_with_the_first_photons() {
     let gpu = gpu();
-    let (scene, settings) = cornell();
+    let (world, settings) = cornell();
     let settings = Settings { size: [16, 12], directions: 1056, layer_size: LayerSize::Texels(32), photons: 10_000, ..settings };
-    let mut render = Render::new(&gpu, &scene, &settings).unwrap();
+    let mut render = Render::new(&gpu, &world, &settings).unwrap();
     let first = render.statistics().photons;
     let gather = |render: &mut Render, directions: u32| {
         while render.directions_done() < directions {
@@ -111,7 +113,7 @@ fn begun_again_with_the_first_photons() {
     let start = gather(&mut render, 32);
     gather(&mut render, 1056);
     assert_eq!(render.statistics().photons.emitted, 2 * first.emitted);
-    render.restart(scene.camera, &settings).unwrap();
+    render.restart(world.cameras[0].1, &settings).unwrap();
     assert!(same(&gather(&mut render, 32), &start));
     assert_eq!(render.statistics().photons, first);
 }
@@ -120,9 +122,9 @@ fn begun_again_with_the_first_photons() {
 #[test]
 fn probes_find_what_rays_find() {
     let gpu = gpu();
-    let (scene, settings) = cornell();
-    let mut render = Render::new(&gpu, &scene, &settings).unwrap();
-    let (unit, _) = UnitSpace::enter(&scene);
+    let (world, settings) = cornell();
+    let mut render = Render::new(&gpu, &world, &settings).unwrap();
+    let unit = world.flatten();
     let bvh = Bvh::new(&unit.mesh);
     let (mut hits, mut misses) = (0, 0);
     for number in 0..8 {
@@ -248,9 +250,9 @@ fn estimators_differ(pipeline: Pipeline, weight: impl Fn(f32) -> f32, mean_weigh
             settings.pipeline = pipeline;
         })
     });
-    let (scene, settings) = cornell();
+    let (world, settings) = cornell();
     let directions = Directions::new(settings.sequence, settings.seed);
-    let weights: f32 = (0..settings.directions).map(|i| weight((scene.camera.axes() * directions.get(i).vector).y)).sum();
+    let weights: f32 = (0..settings.directions).map(|i| weight((world.cameras[0].1.axes() * directions.get(i).vector).y)).sum();
     let expected = weights / (settings.directions as f32 * mean_weight);
     assert!((expected - 1.0).abs() > 1e-3, "{expected}: these directions could not tell the two apart");
     let of = |image: &Image, name: &str| image.channel(name).unwrap().to_vec();

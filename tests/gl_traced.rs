@@ -15,10 +15,11 @@ fn without_mirrors_and_glass_the_points_are_the_cameras() {
     const SIZE: [u32; 2] = [160, 120];
     let (gpu, scene) = (gpu(), cornell());
     let (geometry, bvh) = (Geometry::upload(&gpu, &scene).unwrap(), Bvh::new(&scene.mesh));
+    let camera = &scene.camera(SIZE);
     let rasterised = CameraPoints::new(&gpu, SIZE).unwrap();
     for offset in [Vec2::splat(0.5), Vec2::new(0.1, 0.8)] {
-        let drawn = rasterised.see(&geometry, &scene.camera, offset);
-        let cast = EyeRays { scene: &scene, bvh: &bvh, camera: &scene.camera, size: SIZE, seed: 0 }.see(offset, 3);
+        let drawn = rasterised.see(&geometry, camera, offset);
+        let cast = EyeRays { scene: &scene, bvh: &bvh, camera, size: SIZE, seed: 0 }.see(offset, 3);
         let same = |a: GatherPoint, b: GatherPoint| {
             // Positions of a rasteriser, to some tens of roundings of numbers up to 1, seen from three times as far.
             (a.position - b.position).length() < 1e-5 && (a.normal - b.normal).length() < 1e-6
@@ -58,9 +59,10 @@ fn furnace_with_mirror_and_glass() {
     model.cuboid(Vec3::ZERO, Vec3::ONE, 0.0, true, wall);
     model.cuboid(vec3(-0.4, -0.4, -0.4), vec3(0.25, 0.4, 0.3), 0.4, false, mirror);
     model.sphere(vec3(0.35, -0.2, 0.1), 0.4, 24, false, glass);
-    let mut scene = model.scene;
-    scene.camera =
+    let camera =
         Camera { eye: vec3(0.1, 0.6, 0.95), target: vec3(0.0, -0.4, -0.5), up: Vec3::Y, fov_y_degrees: 80.0, lens: None };
+    model.scene.camera = Some(camera);
+    let world = model.world();
     let (size, directions, photons) = sized(&gpu, (96, 256, 400_000), (24, 64, 100_000));
     let settings = Settings {
         size: [size; 2],
@@ -71,7 +73,7 @@ fn furnace_with_mirror_and_glass() {
         layer_size: LayerSize::Texels(128),
         ..Settings::default()
     };
-    let mut render = Render::new(&gpu, &scene, &settings).unwrap();
+    let mut render = Render::new(&gpu, &world, &settings).unwrap();
     while !render.is_done() {
         render.step().unwrap();
     }

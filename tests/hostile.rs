@@ -10,14 +10,14 @@ use std::sync::mpsc;
 use std::thread;
 use std::time::Duration;
 
+use finalgather::Environment;
 use finalgather::blocks::Part;
-use finalgather::environment::Environment;
 use finalgather::error::{Error, Result};
 use finalgather::export::parse_prt;
 use finalgather::image::Image;
 use finalgather::points::file::parse;
 use finalgather::render::RenderMerge;
-use finalgather::scene::{Files, LoadOptions, Scene};
+use finalgather::scene::{Files, LoadOptions, World};
 use finalgather::settings::Settings;
 use serde_json::{Value, json};
 
@@ -39,7 +39,7 @@ fn load(name: &str, bytes: &[u8]) -> Result<()> {
     ];
     let mut files: BTreeMap<PathBuf, Vec<u8>> = sound.map(|(name, from)| (name.into(), seed(from))).into();
     files.insert(name.into(), bytes.to_vec());
-    Scene::load_with(Path::new("s.toml"), LoadOptions { files: Files::Memory(files), ..LoadOptions::default() }).map(drop)
+    World::load_with(Path::new("s.toml"), LoadOptions { files: Files::Memory(files), ..LoadOptions::default() }).map(drop)
 }
 
 /// By the folder of seeds; `name` is one in it.
@@ -450,13 +450,13 @@ fn a_scene_reads_nothing_outside_its_folder() {
     for (name, text) in outside {
         restore();
         fs::write(path("scene").join(name), &text).unwrap();
-        let error = Scene::load(&path("scene/s.toml")).map(drop).expect_err(&text);
+        let error = World::load(&path("scene/s.toml")).map(drop).expect_err(&text);
         let message = error.to_string();
         assert!(matches!(error, Error::Input { .. }), "{text}: {message}");
         assert!(message.contains("outside the scene's folder") && message.contains("--allow-outside"), "{text}: {message}");
         // Asked to, it is read, or missed.
-        match Scene::load_with(&path("scene/s.toml"), with(Files::Anywhere)) {
-            Ok(scene) => assert_eq!(scene.mesh.triangles.len(), 1),
+        match World::load_with(&path("scene/s.toml"), with(Files::Anywhere)) {
+            Ok(loaded) => assert_eq!(loaded.world.meshes[0].triangles.len(), 1),
             Err(error) if text.contains("none") || text.contains("/dev") => {
                 assert!(error.to_string().contains("cannot read"), "{text}: {error}");
             }
@@ -472,16 +472,16 @@ fn a_scene_reads_nothing_outside_its_folder() {
     ] {
         restore();
         fs::write(path("scene").join(name), &text).unwrap();
-        Scene::load(&path("scene/s.toml")).unwrap_or_else(|error| panic!("{text}: {error}"));
+        World::load(&path("scene/s.toml")).unwrap_or_else(|error| panic!("{text}: {error}"));
     }
     #[cfg(unix)]
     {
         restore();
         std::os::unix::fs::symlink("parts/m.obj", path("scene/own.obj")).unwrap();
         std::os::unix::fs::symlink("scene/s.toml", path("far.toml")).unwrap();
-        Scene::load(&path("scene/own.obj")).unwrap();
+        World::load(&path("scene/own.obj")).unwrap();
         // Its folder is where it was found.
-        Scene::load(&path("far.toml")).unwrap();
+        World::load(&path("far.toml")).unwrap();
     }
 }
 
@@ -489,7 +489,7 @@ fn a_scene_reads_nothing_outside_its_folder() {
 fn what_is_no_file_is_not_waited_for() {
     let folder = tempfile::tempdir().unwrap();
     fs::create_dir(folder.path().join("m.obj")).unwrap();
-    let error = Scene::load(&folder.path().join("m.obj")).map(drop).unwrap_err();
+    let error = World::load(&folder.path().join("m.obj")).map(drop).unwrap_err();
     assert!(error.to_string().contains("no regular file"), "{error}");
     #[cfg(unix)]
     {

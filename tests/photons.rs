@@ -5,10 +5,11 @@ mod common;
 use std::f32::consts::PI;
 
 use common::{Model, form_factor_of_opposed_squares, form_factor_of_polygon, points_on};
-use finalgather::environment::Environment;
+use finalgather::Environment;
 use finalgather::photon::{PhotonCounts, PhotonGrid, PhotonTracer};
+use finalgather::random::Recurrence;
 use finalgather::scene::{Bvh, Lights, Scene};
-use glam::{IVec3, Vec3, Vec4, vec3};
+use glam::{DVec3, IVec3, Vec3, Vec4, dvec3, vec3};
 
 /// A closed white room 2 wide with a lamp of half side 0.2 and radiance 1 near its ceiling.
 fn room() -> Model {
@@ -370,4 +371,49 @@ fn a_lamp_and_a_sky_share_the_photons() {
     // The lamp has 0.36 of the power, and F of its photons meet the plate: 60 000 with a standard error of 0.31 %. Of the sky's more do.
     let error = (found / expected - 1.0).truncate().abs().max_element();
     assert!(error < 4.0 * 0.0031 && found.z == 0.0, "{found} for {expected}");
+}
+
+/// Each light is picked as often as it has power, and photons bring the flux of all.
+#[test]
+fn lights_are_picked_by_power() {
+    const PHOTONS: u64 = 100_000;
+    let mut scene = room().finish();
+    scene.environment = Some(Environment::constant(vec3(0.01, 0.02, 0.0)).unwrap());
+    let lights = Lights::new(&scene);
+    let starts = Recurrence::<5>::new(0);
+    let (mut from_sky, mut flux) = (0, DVec3::ZERO);
+    for photon in 0..PHOTONS {
+        let (path, of_one) = lights.emit(starts.point(photon));
+        from_sky += u64::from(path.triangle.is_none());
+        flux += of_one.as_dvec3() / PHOTONS as f64;
+    }
+    let area = f64::from(scene.mesh.area(0) + scene.mesh.area(1));
+    let pi = f64::from(PI);
+    // The sky's radiance comes from 4π and through a disc of area π.
+    let sky = 4.0 * pi * pi * dvec3(0.01, 0.02, 0.0);
+    let lamp = pi * area * DVec3::ONE;
+    let share = sky.element_sum() / (sky + lamp).element_sum();
+    let found = from_sky as f64 / PHOTONS as f64;
+    assert!((found / share - 1.0).abs() < 1e-3, "{found} of the photons for {share} of the power");
+    assert!((flux / (sky + lamp) - 1.0).abs().max_element() < 1e-3, "{flux} for {}", sky + lamp);
+}
+
+/// A world without light makes a scene without lights, and a black sky is none.
+#[test]
+fn darkness_is_the_same_before_and_after_flattening() {
+    let sky = |radiance| Some(Environment::constant(Vec3::splat(radiance)).unwrap());
+    for (emission, environment, dark) in
+        [(0.0, None, true), (0.0, sky(0.0), true), (0.0, sky(1.0), false), (1.0, sky(0.0), false), (1.0, None, false)]
+    {
+        let mut model = Model::new();
+        let material = model.material(Vec3::ZERO, Vec3::splat(emission));
+        model.plate(Vec3::ZERO, Vec3::X, Vec3::Z, material);
+        // A material that no triangle uses is no light.
+        model.material(Vec3::ZERO, Vec3::ONE);
+        model.scene.environment = environment;
+        let world = model.world();
+        let lights = Lights::new(&world.flatten());
+        assert_eq!((world.is_dark(), lights.is_dark()), (dark, dark));
+        assert_eq!(lights.count() > 0, emission > 0.0);
+    }
 }

@@ -9,19 +9,18 @@ use std::path::Path;
 use finalgather::image::Image;
 use finalgather::image::compare::{Selection, compare, mask_of};
 use finalgather::render::Render;
-use finalgather::scene::Scene;
+use finalgather::scene::{Loaded, World};
 
 /// A scene at so many pixels on a side, everything else as its file has it. `left_out` is how many pixels the mask should leave out; where nothing in
 /// view is a lamp, there is none.
 fn agrees(name: &str, side: u32, directions: u32, left_out: Option<Range<usize>>) {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let reference = Image::read(&root.join(format!("tests/reference/{name}_{side}.exr"))).unwrap();
-    let scene = Scene::load(&root.join(format!("scenes/{name}.toml"))).unwrap();
-    let mut settings = scene.settings.clone();
+    let Loaded { world, mut settings, .. } = World::load(&root.join(format!("scenes/{name}.toml"))).unwrap();
     settings.size = [side; 2];
     assert_eq!(settings.directions, directions, "the scene file's own count");
     let gpu = common::gpu();
-    let mut render = Render::new(&gpu, &scene, &settings).unwrap();
+    let mut render = Render::new(&gpu, &world, &settings).unwrap();
     while !render.is_done() {
         render.step().unwrap();
     }

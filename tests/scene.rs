@@ -1,12 +1,14 @@
 //! Loading scenes: what the data means, and that each malformed input is reported at its place.
 
+use std::f32::consts::FRAC_1_SQRT_2;
+use std::f64::consts::FRAC_PI_2;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use finalgather::environment::Environment;
-use finalgather::scene::{Lens, LoadOptions, Mesh, Scene, Surface, Texture, UnitSpace};
+use finalgather::Environment;
+use finalgather::scene::{Instance, Lens, LoadOptions, Loaded, Material, Mesh, Scene, Surface, Texture, Triangle, World};
 use finalgather::settings::{Pipeline, Settings};
-use glam::{Vec2, Vec3, vec2, vec3};
+use glam::{DAffine3, DQuat, DVec3, Vec2, Vec3, dvec3, vec2, vec3};
 use tempfile::TempDir;
 
 /// Files in a folder of their own.
@@ -25,8 +27,8 @@ impl Folder {
         self.0.path().join(name)
     }
 
-    fn load(&self, name: &str) -> Scene {
-        Scene::load(&self.path(name)).unwrap_or_else(|error| panic!("{error}"))
+    fn load(&self, name: &str) -> Loaded {
+        World::load(&self.path(name)).unwrap_or_else(|error| panic!("{error}"))
     }
 }
 
@@ -35,9 +37,16 @@ const MTL: &str = "newmtl lamp\nKe 5 5 5\nnewmtl wall\nKd 0.2 0.4 0.6\n";
 /// A lit triangle; statements that are added after it use material `wall`. The added text starts at line 7.
 const LIT: &str = "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl lamp\nf 1 2 3\n";
 
-fn load_lit(more: &str) -> Scene {
+fn load_lit(more: &str) -> Loaded {
     let obj = format!("{LIT}usemtl wall\n{more}");
     Folder::new(&[("m.obj", obj.as_bytes()), ("m.mtl", MTL.as_bytes())]).load("m.obj")
+}
+
+/// The mesh of a world of one, with the warnings.
+fn load_mesh(more: &str) -> (Mesh, Vec<String>) {
+    let Loaded { world, report, .. } = load_lit(more);
+    let [mesh] = <[Mesh; 1]>::try_from(world.meshes).unwrap();
+    (mesh, report.warnings)
 }
 
 fn area(mesh: &Mesh, triangles: std::ops::Range<usize>) -> f32 {
@@ -59,36 +68,42 @@ fn png(width: u32, height: u32, color: [u8; 3]) -> Vec<u8> {
 
 #[test]
 fn cornell_box_loads_exactly() {
-    let scene = Scene::load(Path::new("scenes/cornell.toml")).unwrap();
-    assert_eq!(scene.mesh.triangles.len(), 32);
+    let Loaded { world: scene, settings, report } = World::load(Path::new("scenes/cornell.toml")).unwrap();
+    let [mesh] = &scene.meshes[..] else { panic!("{} meshes", scene.meshes.len()) };
+    let [instance] = &scene.instances[..] else { panic!("{:?}", scene.instances) };
+    assert_eq!((instance.name.as_str(), instance.mesh, instance.transform), ("cornell", 0, DAffine3::IDENTITY));
+    assert_eq!(mesh.triangles.len(), 32);
     let names: Vec<_> = scene.materials.iter().map(|material| material.name.as_str()).collect();
     assert_eq!(names, ["white", "red", "green", "light"]);
     assert_eq!(scene.materials[1].albedo, vec3(0.63, 0.065, 0.05));
-    assert_eq!(scene.camera.eye, vec3(278.0, 273.0, -800.0));
-    assert_eq!(scene.camera.fov_y_degrees, 39.3077);
-    assert_eq!(scene.settings, Settings::default());
-    assert_eq!(scene.warnings, [""; 0]);
+    let (_, camera) = scene.cameras[0];
+    assert_eq!(camera.eye, vec3(278.0, 273.0, -800.0));
+    assert_eq!(camera.fov_y_degrees, 39.3077);
+    assert_eq!(settings, Settings::default());
+    assert_eq!(report.warnings, [""; 0]);
+    assert_eq!(report.files.len(), 3);
 
-    let lights: Vec<_> = (0..32).filter(|&t| scene.materials[scene.mesh.triangles[t].material as usize].is_emissive()).collect();
+    let lights: Vec<_> = (0..32).filter(|&t| scene.materials[mesh.triangles[t].material as usize].is_emissive()).collect();
     assert_eq!(lights, [30, 31]);
     assert_eq!(scene.materials[3].emission, vec3(17.0, 12.0, 4.0));
-    assert_eq!(area(&scene.mesh, 30..32), 130.0 * 105.0);
+    assert_eq!(area(mesh, 30..32), 130.0 * 105.0);
     for light in lights {
-        assert_eq!(scene.mesh.geometric_normal(light), Vec3::NEG_Y);
-        assert!(scene.mesh.corners(light).iter().all(|corner| corner.y == 548.7));
+        assert_eq!(mesh.geometric_normal(light), Vec3::NEG_Y);
+        assert!(mesh.corners(light).iter().all(|corner| corner.y == 548.7));
     }
-    assert_eq!(scene.mesh.bounds().max, vec3(556.0, 548.8, 559.2));
-    assert!(scene.mesh.normals.iter().all(|normal| *normal == Vec3::ZERO));
+    assert_eq!(mesh.bounds().max, vec3(556.0, 548.8, 559.2));
+    assert!(mesh.normals.iter().all(|normal| *normal == Vec3::ZERO));
     // Each material's corners are shared: the floor has 4, not 6.
-    assert_eq!(scene.mesh.triangles[0].vertices, [0, 1, 2]);
-    assert_eq!(scene.mesh.triangles[1].vertices, [0, 2, 3]);
+    assert_eq!(mesh.triangles[0].vertices, [0, 1, 2]);
+    assert_eq!(mesh.triangles[1].vertices, [0, 2, 3]);
 }
 
 #[test]
 fn textured_demo_multiplies_colour_and_tile() {
-    let scene = Scene::load(Path::new("scenes/cornell_textured.toml")).unwrap();
-    assert_eq!((scene.settings.directions, scene.textures.len()), (2000, 1));
-    assert_eq!(scene.warnings, [""; 0]);
+    let Loaded { world, settings, report } = World::load(Path::new("scenes/cornell_textured.toml")).unwrap();
+    assert_eq!((settings.directions, world.textures.len()), (2000, 1));
+    assert_eq!(report.warnings, [""; 0]);
+    let scene = world.flatten();
     // The second tile from the left, nearest to the viewer, in front of the short block: red, (226, 52, 36) in sRGB. The
     // floor's first triangle runs along the front edge: from corner 2 at the origin, 3/8 of the way to corner 1, 1/8 to
     // corner 3.
@@ -123,7 +138,7 @@ fn polygons_of_any_shape_keep_area_and_winding() {
         ("v 1e6 1e6 0\nv 1000001 1e6 0\nv 1000001 1000001 0\nv 1e6 1000001 0\nf -4 -3 -2 -1", vec3(0.0, 0.0, 2.0)),
     ];
     for (polygon, expected) in cases {
-        let Scene { mesh, warnings, .. } = load_lit(polygon);
+        let (mesh, warnings) = load_mesh(polygon);
         assert_eq!(warnings, [""; 0], "{polygon}");
         let mut sum = Vec3::ZERO;
         for triangle in 1..mesh.triangles.len() {
@@ -143,7 +158,7 @@ fn faces_refer_back_forward_and_absolutely() {
     // The middle face comes before its vertices; polylines of three points are not faces; numbers may precede a comment.
     let more = "g a\nv 0 0 7\nv 1 0 7 # comment\nv 0 1 7\nf -3 -2 -1\no b\nf 7 8 9 # comment\nv 0 0 8\nv 1 0 8\nv 0 1 8\n\
                 g c\nl 1 2 3\nf 4 5 6 \n";
-    let Scene { mesh, .. } = load_lit(more);
+    let (mesh, _) = load_mesh(more);
     let heights: Vec<_> = (0..mesh.triangles.len()).map(|triangle| mesh.corners(triangle).map(|corner| corner.z)).collect();
     assert_eq!(heights, [[0.0; 3], [7.0; 3], [8.0; 3], [7.0; 3]]);
     // The last face repeats the second, and shares its vertices though it is in another group.
@@ -155,7 +170,7 @@ fn faces_refer_back_forward_and_absolutely() {
 fn normals_and_texture_coordinates_stay_with_their_corners() {
     let more = "vn 0 0 3\nvn 0 0 0\nvn nan 0 0\nvn 0 1e30 0\nvt 0.25 0.5\nvt 0.75\ns 1\n\
                 f 1/1/1 2/2/2 3//3\nf 1//4 2/2 3\nf 1//1 2//1 3//1";
-    let Scene { mesh, .. } = load_lit(more);
+    let (mesh, _) = load_mesh(more);
     let normals = |triangle: usize| mesh.triangles[triangle].vertices.map(|vertex| mesh.normals[vertex as usize]);
     let uvs = |triangle: usize| mesh.triangles[triangle].vertices.map(|vertex| mesh.uvs[vertex as usize]);
     assert_eq!(normals(0), [Vec3::ZERO; 3]);
@@ -172,10 +187,10 @@ fn normals_and_texture_coordinates_stay_with_their_corners() {
 #[test]
 fn triangles_without_area_are_skipped_and_counted() {
     let degenerate = "v 5 5 5\nv 6 6 6\nv 7 7 7\nv 7 7 7.0000005\nf 4 5 7\nf 1 1 2\nf 4 6 5 4\nf 1 2 4\n";
-    let Scene { mesh, warnings, .. } = load_lit(degenerate);
+    let (mesh, warnings) = load_mesh(degenerate);
     assert_eq!(warnings, ["4 of 6 triangles have no area and were skipped"]);
     assert_eq!(mesh.triangles.len(), 2);
-    assert_eq!(load_lit("f 1 1 1").warnings, ["1 of 2 triangles has no area and was skipped"]);
+    assert_eq!(load_mesh("f 1 1 1").1, ["1 of 2 triangles has no area and was skipped"]);
     assert!(mesh.bounds().max.max_element() == 5.0, "vertices of skipped triangles stay out");
 }
 
@@ -183,7 +198,7 @@ fn triangles_without_area_are_skipped_and_counted() {
 #[test]
 fn doubled_faces_are_dropped_unless_they_emit() {
     let doubled = "v 0 0 5\nv 1 0 5\nv 0 1 5\nf 4 5 6\nf 6 5 4\nf 5 6 4\nf 1 2 3\nusemtl lamp\nf 3 2 1\n";
-    let (Scene { mesh, materials, .. }, _) = UnitSpace::enter(&load_lit(doubled));
+    let Scene { mesh, materials, .. } = load_lit(doubled).world.flatten();
     let lit = mesh.triangles.iter().filter(|triangle| materials[triangle.material as usize].is_emissive()).count();
     assert_eq!((mesh.triangles.len(), lit), (3, 2));
 }
@@ -191,9 +206,9 @@ fn doubled_faces_are_dropped_unless_they_emit() {
 /// What has an area in the world may have none beside the whole scene; its normals would not be numbers.
 #[test]
 fn unit_space_has_no_triangle_without_area() {
-    let scene = load_lit("v 9e8 0 0\nv 9e8 9e8 0\nv 0 9e8 9e8\nf 4 5 6\n");
-    let (unit, _) = UnitSpace::enter(&scene);
-    assert_eq!((scene.mesh.triangles.len(), unit.mesh.triangles.len()), (2, 1));
+    let world = load_lit("v 9e8 0 0\nv 9e8 9e8 0\nv 0 9e8 9e8\nf 4 5 6\n").world;
+    let unit = world.flatten();
+    assert_eq!((world.meshes[0].triangles.len(), unit.mesh.triangles.len()), (2, 1));
     assert!((0..unit.mesh.triangles.len()).all(|triangle| unit.mesh.geometric_normal(triangle).is_finite()));
 }
 
@@ -203,7 +218,7 @@ fn text_of_other_encodings_and_systems_loads() {
     let obj = b"\xEF\xBB\xBFmtllib my lib.mtl\r\n# \xE9\r\nmtllib m.mtl\r\nv 0 0 0\r\nv 1 0 0\r\nv 0 1 0\r\ng caf\xE9\r\n\
                 usemtl\tbig #1\r\nf 1 2 3\r\n";
     let mtl = b"\xEF\xBB\xBFnewmtl big #1\r\n\tKd 0.5 # grey\r\n\tKs spectral gold.rfl\r\n\tKa 1\r\n\tKe 1 2 3\r\n";
-    let scene = Folder::new(&[("m.obj", obj), ("my lib.mtl", mtl), ("m.mtl", MTL.as_bytes())]).load("m.obj");
+    let scene = Folder::new(&[("m.obj", obj), ("my lib.mtl", mtl), ("m.mtl", MTL.as_bytes())]).load("m.obj").world;
     assert_eq!(scene.materials[0].name, "big #1");
     assert_eq!(scene.materials[0].albedo, Vec3::splat(0.5));
     assert_eq!(scene.materials[0].emission, vec3(1.0, 2.0, 3.0));
@@ -217,13 +232,14 @@ fn several_libraries_and_the_default_material() {
         ("a.mtl", b"newmtl lamp\nKd 1 1 1\nnewmtl twice\nKd 0 0 0"),
         ("b.mtl", b"newmtl twice\nKd 1 0 1\nnewmtl lamp\nKe 2 2 2"),
     ])
-    .load("m.obj");
+    .load("m.obj")
+    .world;
     let materials: Vec<_> = scene.materials.iter().map(|m| (m.name.as_str(), m.albedo, m.emission)).collect();
     // The repeated library is read once, so that b.mtl's definitions are the later ones, and hold.
     let grey = Vec3::splat(0.5);
     let (purple, light) = (vec3(1.0, 0.0, 1.0), Vec3::splat(2.0));
     assert_eq!(materials, [("lamp", grey, light), ("twice", purple, Vec3::ZERO), ("default", grey, Vec3::ZERO)]);
-    assert_eq!(scene.mesh.triangles.iter().map(|triangle| triangle.material).collect::<Vec<_>>(), [2, 0]);
+    assert_eq!(scene.meshes[0].triangles.iter().map(|triangle| triangle.material).collect::<Vec<_>>(), [2, 0]);
 }
 
 #[test]
@@ -258,38 +274,39 @@ fn textures_decode_srgb_and_interpolate_linearly() {
 fn texture_files_of_any_depth_are_loaded_once() {
     let mtl = "newmtl a\nmap_Kd -clamp on -s 1 1 -o 0.5 my tiles\\red one.png\nKe 1 1 1\n\
                newmtl b\nmap_Kd my tiles/red one.png\nKd 0.5 0.5 0.5\nnewmtl c\nmap_Kd grey.png\nmap_Ke glow.png\n";
-    let obj = "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nusemtl a\nf 1/1 2/2 3/3\nusemtl b\nf 1 2 3\n";
+    let obj =
+        "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nv 0 0 1\nusemtl a\nf 1/1 2/2 3/3\nusemtl b\nf 1 2 4\n";
     let folder = Folder::new(&[("m.obj", obj.as_bytes()), ("m.mtl", mtl.as_bytes())]);
     fs::create_dir(folder.path("my tiles")).unwrap();
     fs::write(folder.path("my tiles/red one.png"), png(3, 2, [255, 0, 0])).unwrap();
     image::ImageBuffer::from_pixel(1, 1, image::Luma([0x8000_u16])).save(folder.path("grey.png")).unwrap();
 
-    let scene = folder.load("m.obj");
+    let Loaded { world: scene, report, .. } = folder.load("m.obj");
     let used: Vec<_> = scene.materials.iter().map(|material| (material.albedo, material.albedo_texture)).collect();
     assert_eq!(used, [(Vec3::ONE, Some(0)), (Vec3::splat(0.5), Some(0)), (Vec3::ONE, Some(1))]);
     assert_eq!(scene.textures.len(), 2);
     assert_eq!(scene.textures[0], Texture { width: 3, height: 2, texels: vec![[255, 0, 0, 255]; 6] });
     assert_eq!(scene.textures[1].texels, [[128, 128, 128, 255]]);
-    assert_eq!(scene.albedo(1, Vec3::X), vec3(0.5, 0.0, 0.0));
-    let warnings = scene.warnings.join("\n");
+    assert_eq!(scene.flatten().albedo(1, Vec3::X), vec3(0.5, 0.0, 0.0));
+    let warnings = report.warnings.join("\n");
     for part in ["m.mtl:2: options of map_Kd are ignored", "m.mtl:9: map_Ke is ignored", "1 triangle with a texture has no"] {
         assert!(warnings.contains(part), "{warnings}");
     }
-    assert_eq!(scene.warnings.len(), 3);
+    assert_eq!(report.warnings.len(), 3);
 }
 
 #[test]
 fn scene_files_override_the_model() {
-    let obj = format!("{LIT}usemtl wall\nf 1 2 3");
+    let obj = format!("{LIT}usemtl wall\nv 0 0 1\nf 1 2 4");
     let toml = b"mesh = 'm.obj'\n[materials.lamp]\nemission = [0, 0, 0]\nalbedo = [0.1, 0.2, 0.3]\n\
                  [materials.wall]\nemission = [7, 8, 9]\nalbedo_texture = 'red.png'\n[settings]\nseed = 4\npipeline = 'kill'\n";
     let red = png(1, 1, [255, 0, 0]);
     let files: [(&str, &[u8]); 4] = [("m.obj", obj.as_bytes()), ("m.mtl", MTL.as_bytes()), ("s.TOML", toml), ("red.png", &red)];
-    let scene = Folder::new(&files).load("s.TOML");
-    assert_eq!(scene.settings, Settings { seed: 4, pipeline: Pipeline::Kill, ..Settings::default() });
+    let Loaded { world: scene, settings, .. } = Folder::new(&files).load("s.TOML");
+    assert_eq!(settings, Settings { seed: 4, pipeline: Pipeline::Kill, ..Settings::default() });
     assert_eq!((scene.materials[0].albedo, scene.materials[0].emission), (vec3(0.1, 0.2, 0.3), Vec3::ZERO));
     assert_eq!((scene.materials[1].albedo, scene.materials[1].emission), (vec3(0.2, 0.4, 0.6), vec3(7.0, 8.0, 9.0)));
-    assert_eq!(scene.albedo(1, Vec3::X), vec3(0.2, 0.0, 0.0));
+    assert_eq!(scene.flatten().albedo(1, Vec3::X), vec3(0.2, 0.0, 0.0));
 }
 
 /// What counts is what `illum` makes of it; numbers that exporters write beside are not looked at.
@@ -303,26 +320,89 @@ fn mirrors_and_glass_from_either_file() {
                  [materials.fresnel]\nsurface = 'diffuse'\n[materials.window]\nsurface = { glass = { filter = [0, 1, 0] } }\n\
                  [camera]\neye = [0, 0, 5]\ntarget = [0, 0, 1]\naperture = 0.5";
     let folder = Folder::new(&[("m.obj", LIT.as_bytes()), ("m.mtl", mtl.as_bytes()), ("s.toml", toml)]);
-    let scene = folder.load("m.obj");
-    let surfaces = |scene: &Scene| scene.materials.iter().map(|material| material.surface).collect::<Vec<_>>();
+    let Loaded { world: scene, report, .. } = folder.load("m.obj");
+    let surfaces = |scene: &World| scene.materials.iter().map(|material| material.surface).collect::<Vec<_>>();
     let glass = |index, filter| Surface::Glass { index, filter };
     let (clear, amber) = (glass(1.5, Vec3::ONE), glass(1.55, vec3(1.0, 0.6, 0.2)));
     use Surface::{Diffuse, Mirror};
     assert_eq!(surfaces(&scene), [Diffuse, Mirror, Mirror, clear, amber, Diffuse, clear]);
     assert_eq!((scene.materials[1].albedo, scene.materials[2].albedo), (vec3(0.9, 0.8, 0.7), Vec3::ONE));
     assert_eq!(scene.materials[5].albedo, Vec3::splat(0.3));
-    let [warning] = &scene.warnings[..] else { panic!("{:?}", scene.warnings) };
+    let [warning] = &report.warnings[..] else { panic!("{:?}", report.warnings) };
     assert!(warning.contains("m.mtl:22: illum says a mirror, but Ns 30"), "{warning}");
-    assert!(!scene.is_specular() && scene.without_glass().is_none(), "what no triangle uses");
+    let flat = scene.flatten();
+    assert!(!flat.is_specular() && flat.without_glass().is_none(), "what no triangle uses");
 
-    let over = folder.load("s.toml");
+    let over = folder.load("s.toml").world;
     assert_eq!(surfaces(&over), [Diffuse, Mirror, Diffuse, glass(1.5, Vec3::Y), amber, Diffuse, Mirror]);
     assert_eq!(over.materials[6].albedo, Vec3::splat(0.5));
-    assert_eq!(over.camera.lens, Some(Lens { radius: 0.5, focus_distance: 4.0 }));
+    assert_eq!(over.cameras[0].1.lens, Some(Lens { radius: 0.5, focus_distance: 4.0 }));
     // In unit space all lengths are divided alike.
-    let (unit, space) = UnitSpace::enter(&over);
-    let lens = unit.camera.lens.unwrap();
-    assert!((space.length_to_world(lens.radius) - 0.5).abs() < 1e-6 && (lens.focus_distance / lens.radius - 8.0).abs() < 1e-5);
+    let unit = over.flatten();
+    let lens = unit.camera.unwrap().lens.unwrap();
+    assert!(
+        (unit.space.length_to_world(lens.radius) - 0.5).abs() < 1e-6 && (lens.focus_distance / lens.radius - 8.0).abs() < 1e-5
+    );
+}
+
+/// A triangle that faces +z, with a shading normal that leans to +x, a corner of its own and a lamp for a material.
+fn leaning_triangle() -> World {
+    let positions = vec![Vec3::ZERO, Vec3::X, Vec3::Y];
+    let normals = vec![vec3(1.0, 0.0, 1.0).normalize(); 3];
+    let uvs = vec![Vec2::ZERO, Vec2::X, Vec2::Y];
+    let mesh = Mesh { positions, normals, uvs, triangles: vec![Triangle { vertices: [0, 1, 2], material: 0 }] };
+    let (name, surface) = ("lamp".into(), Surface::Diffuse);
+    let lamp = Material { name, albedo: Vec3::ONE, emission: Vec3::ONE, albedo_texture: None, surface };
+    World { meshes: vec![mesh], materials: vec![lamp], ..World::default() }
+}
+
+/// Positions go by the transform, normals by its inverse transpose, and the front stays the front in mirror images.
+#[test]
+fn instances_are_flattened_by_their_transforms() {
+    let scaled = DAffine3::from_scale(dvec3(2.0, 1.0, 1.0));
+    let mirrored = DAffine3::from_scale_rotation_translation(dvec3(-2.0, 1.0, 1.0), DQuat::IDENTITY, dvec3(0.0, 0.0, 5.0));
+    let upside_down = DAffine3::from_scale(dvec3(1.0, 1.0, -1.0));
+    let turned = DAffine3::from_rotation_y(FRAC_PI_2);
+    let mut world = leaning_triangle();
+    world.instances = [DAffine3::IDENTITY, scaled, mirrored, upside_down, turned]
+        .map(|transform| Instance { transform, ..Instance::default() })
+        .to_vec();
+    assert_eq!(world.bounds().min, vec3(-2.0, 0.0, -1.0));
+    assert_eq!(world.bounds().max, vec3(2.0, 1.0, 5.0));
+    let Scene { mesh, space, .. } = world.flatten();
+    assert_eq!((mesh.triangles.len(), mesh.positions.len(), mesh.uvs.len()), (5, 15, 15));
+    let half = FRAC_1_SQRT_2;
+    let (far, leaning) = (vec3(1.0, 0.0, 2.0).normalize(), vec3(half, 0.0, half));
+    for (triangle, corner, front, normal) in [
+        (0, Vec3::X, Vec3::Z, leaning),
+        (1, 2.0 * Vec3::X, Vec3::Z, far),
+        (2, vec3(-2.0, 0.0, 5.0), Vec3::Z, vec3(-far.x, 0.0, far.z)),
+        (3, Vec3::X, Vec3::NEG_Z, vec3(half, 0.0, -half)),
+        (4, Vec3::NEG_Z, Vec3::X, vec3(half, 0.0, -half)),
+    ] {
+        let near = |found: Vec3, expected: Vec3, what: &str| {
+            assert!(found.distance(expected) < 1e-6, "instance {triangle}: {what} {found}, not {expected}");
+        };
+        // The second vertex of each instance.
+        let vertex = 3 * triangle + 1;
+        near(space.to_world(mesh.positions[vertex]), corner, "corner");
+        near(mesh.normals[vertex], normal, "normal");
+        assert_eq!(mesh.uvs[vertex], Vec2::X, "instance {triangle}");
+        near(mesh.geometric_normal(triangle), front, "front");
+    }
+}
+
+/// Positions are f64 until the origin has moved: what lies 10 000 km away keeps its shape to the bit.
+#[test]
+fn a_world_far_away_is_flattened_without_rounding() {
+    let mut world = leaning_triangle();
+    world.instances.push(Instance::default());
+    let here = world.flatten();
+    world.instances[0].transform = DAffine3::from_translation(DVec3::splat(1e7));
+    let there = world.flatten();
+    assert_eq!(there.mesh.positions, here.mesh.positions);
+    assert_eq!(there.mesh.normals, here.mesh.normals);
+    assert_eq!(there.space.to_world(there.mesh.positions[0]), Vec3::splat(1e7));
 }
 
 #[test]
@@ -335,7 +415,8 @@ fn missing_cameras_frame_the_model_and_partial_ones_are_completed() {
         ("own.toml", b"mesh = 'm.obj'\ncamera = { eye = [0, 0, 5], target = [0, 0, 0], up = [0, 1e-30, 0] }"),
     ]);
     for (name, aspect) in [("m.obj", 1.0), ("tall.toml", 1.0 / 3.0)] {
-        let Scene { camera, mesh, .. } = folder.load(name);
+        let Loaded { world, settings, .. } = folder.load(name);
+        let camera = world.camera(settings.size);
         let forward = (camera.target - camera.eye).normalize();
         let right = forward.cross(camera.up).normalize();
         let up = right.cross(forward);
@@ -346,9 +427,9 @@ fn missing_cameras_frame_the_model_and_partial_ones_are_completed() {
             let depth = d.dot(forward);
             d.dot(right).abs() < depth * tan * aspect && d.dot(up).abs() < depth * tan
         };
-        assert!(mesh.positions.iter().all(inside), "{name}: {camera:?}");
+        assert!(world.meshes[0].positions.iter().all(inside), "{name}: {camera:?}");
     }
-    let camera = folder.load("own.toml").camera;
+    let (_, camera) = folder.load("own.toml").world.cameras[0];
     assert_eq!((camera.up, camera.fov_y_degrees), (Vec3::Y, 40.0));
 }
 
@@ -364,14 +445,16 @@ fn environments_light_what_does_not_shine() {
         ("gone.toml", b"mesh = 'm.obj'\nenvironment = { file = 'gone.hdr' }\n"),
     ]);
     // The left half of the picture, of centre -x, is red and 2 bright.
-    let scene = folder.load("s.toml");
+    let scene = folder.load("s.toml").world.flatten();
     assert!((scene.beyond(Vec3::X) - Vec3::X).length() < 1e-6 && (scene.beyond(Vec3::NEG_X) - Vec3::Y).length() < 1e-6);
-    assert_eq!(folder.load("c.toml").beyond(Vec3::Y), vec3(1.0, 2.0, 3.0));
+    assert_eq!(folder.load("c.toml").world.flatten().beyond(Vec3::Y), vec3(1.0, 2.0, 3.0));
     let own = Environment::load(&folder.path("sky.hdr")).unwrap();
     for name in ["m.obj", "c.toml", "gone.toml"] {
         let scene =
-            Scene::load_with(&folder.path(name), LoadOptions { environment: Some(own.clone()), ..LoadOptions::default() })
-                .unwrap();
+            World::load_with(&folder.path(name), LoadOptions { environment: Some(own.clone()), ..LoadOptions::default() })
+                .unwrap()
+                .world
+                .flatten();
         assert!((scene.beyond(Vec3::NEG_X) - 2.0 * Vec3::X).length() < 1e-6, "{name}");
     }
 }

@@ -3,7 +3,7 @@
 use std::fs;
 
 use finalgather::error::Error;
-use finalgather::scene::Scene;
+use finalgather::scene::World;
 
 const MTL: &str = "newmtl lamp\nKe 5 5 5\n";
 const TRIANGLE: &str = "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl lamp\nf 1 2 3\n";
@@ -22,7 +22,7 @@ fn check(entry: &str, name: &str, contents: &[u8], expected_place: &str, fragmen
         fs::write(folder.path().join(name), contents).unwrap();
     }
     let shown = String::from_utf8_lossy(&contents[..contents.len().min(200)]);
-    let Err(error) = Scene::load(&folder.path().join(entry)) else { panic!("loaded: {shown}") };
+    let Err(error) = World::load(&folder.path().join(entry)) else { panic!("loaded: {shown}") };
     assert_eq!(place(&error), expected_place, "{shown}\n{error}");
     let message = error.to_string();
     assert!(message.contains(fragment), "{shown}\nhas no \"{fragment}\": {message}");
@@ -120,7 +120,7 @@ fn textures() {
         {
             fs::write(folder.path().join(name), contents).unwrap();
         }
-        let error = Scene::load(&folder.path().join("s.toml")).unwrap_err();
+        let error = World::load(&folder.path().join("s.toml")).unwrap_err();
         assert_eq!(place(&error), name);
         let message = error.to_string();
         assert!(message.contains(fragment) && message.contains("s.toml:2"), "{message}");
@@ -228,7 +228,7 @@ fn damaged_files_never_panic() {
             }
         }
         fs::write(folder.path().join(names[which]), &damaged).unwrap();
-        if let Err(error) = Scene::load(&folder.path().join(names[0])) {
+        if let Err(error) = World::load(&folder.path().join(names[0])) {
             place(&error);
         }
         fs::write(folder.path().join(names[which]), &originals[which]).unwrap();

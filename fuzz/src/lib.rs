@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use finalgather::error::{Error, Result};
-use finalgather::scene::{Files, LoadOptions, Scene};
+use finalgather::scene::{Files, LoadOptions, World};
 
 /// A sound scene of one file of each kind. The texture's name says TGA, which is known by nothing else; what another format's first bytes say counts more.
 const SCENE: [(&str, &[u8]); 5] = [
@@ -26,5 +26,5 @@ pub fn check<T>(read: Result<T>) {
 pub fn load(name: &str, bytes: &[u8]) {
     let mut files = BTreeMap::from(SCENE.map(|(name, bytes)| (name.into(), bytes.to_vec())));
     files.insert(name.into(), bytes.to_vec());
-    check(Scene::load_with(Path::new("s.toml"), LoadOptions { files: Files::Memory(files), ..LoadOptions::default() }));
+    check(World::load_with(Path::new("s.toml"), LoadOptions { files: Files::Memory(files), ..LoadOptions::default() }));
 }

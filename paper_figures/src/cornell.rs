@@ -8,7 +8,7 @@ use finalgather::Directions;
 use finalgather::geometry::Geometry;
 use finalgather::photon::{PhotonGrid, PhotonTracer};
 use finalgather::points::{CameraPoints, GatherPoint};
-use finalgather::scene::{Bvh, Lights, Scene, UnitSpace};
+use finalgather::scene::{Bvh, Lights, Loaded, Scene, World};
 use finalgather::settings::Settings;
 use glam::{DVec3, DVec4, Vec2, Vec3, Vec4};
 
@@ -23,7 +23,7 @@ pub struct Cornell {
 
 impl Cornell {
     pub fn load() -> Result<Self> {
-        let scene = UnitSpace::enter(&load()?).0;
+        let scene = load()?.world.flatten();
         Ok(Self { bvh: Bvh::new(&scene.mesh), lights: Lights::new(&scene), scene })
     }
 
@@ -46,13 +46,13 @@ impl Cornell {
         let gpu = gpu()?;
         let geometry = Geometry::upload(&gpu, &self.scene)?;
         let camera = CameraPoints::new(&gpu, [side; 2])?;
-        Ok(camera.see(&geometry, &self.scene.camera, Vec2::splat(0.5)).gather_points())
+        Ok(camera.see(&geometry, &self.scene.camera([side; 2]), Vec2::splat(0.5)).gather_points())
     }
 }
 
 /// The scene file, not yet in unit space.
-pub fn load() -> Result<Scene> {
-    Ok(Scene::load(&in_repository("scenes/cornell.toml"))?)
+pub fn load() -> Result<Loaded> {
+    Ok(World::load(&in_repository("scenes/cornell.toml"))?)
 }
 
 pub fn in_repository(path: &str) -> PathBuf {

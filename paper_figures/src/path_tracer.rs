@@ -57,7 +57,7 @@ impl<'a> PathTracer<'a> {
 
     /// Of one path.
     fn radiance(&self, pixel: usize, random: &mut Random) -> Vec3 {
-        let camera = &self.scene.camera;
+        let camera = self.scene.camera([self.size as u32; 2]);
         let place = Vec2::new((pixel % self.size) as f32 + random.uniform(), (pixel / self.size) as f32 + random.uniform());
         let mut direction = camera.ray(place / self.size as f32, 1.0);
         let mut origin = camera.eye;
@@ -100,8 +100,6 @@ impl<'a> PathTracer<'a> {
 
 #[cfg(test)]
 mod tests {
-    use finalgather::scene::UnitSpace;
-
     use super::*;
     use crate::picture::Pictures;
 
@@ -112,7 +110,7 @@ mod tests {
             ("scenes/cornell_textured.toml", "tests/reference/cornell_textured_256"),
         ] {
             let pictures = Pictures::of(scene, reference).unwrap();
-            let scene = UnitSpace::enter(pictures.scene()).0;
+            let scene = pictures.loaded().world.flatten();
             let mut tracer = PathTracer::new(&scene, 32);
             tracer.trace(2048);
             let found = pictures.against_path_tracing(&tracer.picture()).unwrap();

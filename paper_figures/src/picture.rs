@@ -6,7 +6,7 @@ use finalgather::gpu::StageClock;
 use finalgather::image::Channel;
 use finalgather::image::compare::{Comparison, ErrorMap, Selection, View, compare, compare_as, mask_of};
 use finalgather::render::Statistics;
-use finalgather::{Gpu, Image, Render, Scene, Settings};
+use finalgather::{Gpu, Image, Loaded, Render, Settings, World};
 
 use crate::cornell::in_repository;
 use crate::figure::Result;
@@ -15,7 +15,7 @@ use crate::machine::gpu;
 /// Renders and compares as `tests/reference.rs` does: without the lamp, and without the worst of the other pixels.
 pub struct Pictures {
     gpu: Gpu,
-    scene: Scene,
+    loaded: Loaded,
     path_traced: Image,
     mask: Vec<bool>,
 }
@@ -33,24 +33,24 @@ impl Pictures {
     pub fn of(scene: &str, reference: &str) -> Result<Self> {
         Ok(Self {
             gpu: gpu()?,
-            scene: Scene::load(&in_repository(scene))?,
+            loaded: World::load(&in_repository(scene))?,
             path_traced: Image::read(&in_repository(&format!("{reference}.exr")))?,
             mask: mask_of(&Image::read(&in_repository(&format!("{reference}_mask.png")))?),
         })
     }
 
-    pub fn scene(&self) -> &Scene {
-        &self.scene
+    pub fn loaded(&self) -> &Loaded {
+        &self.loaded
     }
 
     /// Of the path-traced picture's size, everything else as the scene has it.
     pub fn settings(&self, directions: u32) -> Settings {
         let size = [self.path_traced.width as u32, self.path_traced.height as u32];
-        Settings { size, directions, ..self.scene.settings.clone() }
+        Settings { size, directions, ..self.loaded.settings.clone() }
     }
 
     pub fn start(&self, settings: &Settings) -> Result<Render> {
-        Ok(Render::new(&self.gpu, &self.scene, settings)?)
+        Ok(Render::new(&self.gpu, &self.loaded.world, settings)?)
     }
 
     pub fn render(&self, settings: &Settings) -> Result<(Image, Statistics)> {

@@ -4,8 +4,7 @@ use std::f32::consts::TAU;
 
 use finalgather::points::GatherPoint;
 use finalgather::random::Random;
-use finalgather::scene::{Camera, Material, Mesh, Scene, Surface, Triangle, UnitSpace};
-use finalgather::settings::Settings;
+use finalgather::scene::{Camera, Instance, Material, Mesh, Scene, Surface, Triangle, World};
 use glam::{Vec2, Vec3, vec3};
 
 /// Materials of both scenes.
@@ -83,18 +82,14 @@ fn scene(mesh: Mesh, camera: Camera) -> Scene {
         albedo_texture: None,
         surface: Surface::Diffuse,
     };
-    let scene = Scene {
-        mesh,
+    let world = World {
+        meshes: vec![mesh],
+        instances: vec![Instance::default()],
         materials: vec![material("grey", vec3(0.7, 0.7, 0.7), Vec3::ZERO), material("lamp", Vec3::ZERO, Vec3::splat(10.0))],
-        textures: Vec::new(),
-        camera,
-        framed: false,
-        environment: None,
-        settings: Settings::default(),
-        warnings: Vec::new(),
-        files: Vec::new(),
+        cameras: vec![("camera".into(), camera)],
+        ..World::default()
     };
-    UnitSpace::enter(&scene).0
+    world.flatten()
 }
 
 fn vertex(mesh: &mut Mesh, position: Vec3) -> u32 {
@@ -134,7 +129,7 @@ mod tests {
         let mut random = Random::new(0, 0);
         for _ in 0..1000 {
             let direction = vec3(random.uniform() - 0.5, random.uniform() - 0.5, random.uniform() - 0.5).normalize();
-            assert!(bvh.nearest(scene.camera.eye, direction, None).is_some(), "nothing along {direction}");
+            assert!(bvh.nearest(scene.camera([1; 2]).eye, direction, None).is_some(), "nothing along {direction}");
         }
     }
 

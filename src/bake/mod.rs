@@ -35,6 +35,7 @@ use crate::direct::Direct;
 use crate::direction::{Direction, Directions};
 use crate::error::{Error, Result};
 use crate::gather::{Beyond, ExactFind, Find, FusedFind, KeptHits, KillFind, KillGather, RayFind};
+use crate::geometry::Geometry;
 use crate::gpu::Gpu;
 use crate::harmonics::MAX_ORDER;
 use crate::image::Channel;
@@ -101,6 +102,7 @@ pub struct Seconds {
 pub struct Bake {
     gpu: Gpu,
     prepared: Prepared,
+    geometry: Geometry,
     settings: Settings,
     plan: Plan,
     points: Vec<GatherPoint>,
@@ -227,6 +229,7 @@ impl Bake {
         if points.is_empty() {
             return Err(Error::usage("there are no points to bake", "give a scene or a file that has some"));
         }
+        let geometry = Geometry::upload(gpu, &prepared.scene)?;
         let start = Instant::now();
         let photons = if plan.needs_radiance() && plan.rough == Rough::Photons {
             Some(Photons::new(gpu, [&prepared, &prepared], settings, || false)?)
@@ -259,6 +262,7 @@ impl Bake {
             settings: settings.clone(),
             plan: plan.clone(),
             prepared,
+            geometry,
             points,
             find: None,
             photons,
@@ -321,7 +325,7 @@ impl Bake {
             "version": env!("CARGO_PKG_VERSION"),
             "gl": self.gpu.identity(),
             "scene": self.digest["scene"],
-            "space": self.prepared.space,
+            "space": self.prepared.scene.space,
             "points": self.digest["points"],
             "settings": settings,
             "plan": self.plan,
@@ -543,7 +547,7 @@ impl Bake {
         let lit = wanted.radiance && self.prepared.lights.count() > 0;
         // Before the first bounce surfaces are black to those who gather without photons.
         wanted.radiance &= gathered || self.photons.is_some();
-        let textured = self.prepared.geometry.is_textured();
+        let textured = self.geometry.is_textured();
         let integrals = Integrals::new(&self.gpu, wanted, textured, gathered, transfer)?;
         let points = self.points_of(&round);
         let count = points.len();
@@ -560,7 +564,7 @@ impl Bake {
                 let sums = Sums::new(&self.gpu, points.size())?;
                 sums.clear();
                 for sample in 0..u64::from(self.settings.light_samples) {
-                    self.direct.add(&self.prepared.geometry, &self.prepared.lights, sample, points, &sums);
+                    self.direct.add(&self.geometry, &self.prepared.lights, sample, points, &sums);
                 }
                 let mean = 1.0 / self.settings.light_samples as f32;
                 irradiance.extend(tile.list.in_order(sums.read()).iter().map(|sum| mean * sum.truncate()));
@@ -592,7 +596,7 @@ impl Bake {
         };
         let count = (find.batch() as u32).min(walk.left.len() as u32);
         let mut batch: Vec<Direction> = (first..first + count).map(|number| self.directions.get(number)).collect();
-        let geometry = &self.prepared.geometry;
+        let geometry = &self.geometry;
         let of_carriers = self.rounds[walk.round].whose == Whose::Carriers;
         let mut kept = self.kept.as_mut().filter(|_| of_carriers).map(|kept| &mut kept.hits);
         let known = kept.as_ref().and_then(|kept| kept.get(&first)?.first()).map(KeptHits::directions);
@@ -611,7 +615,7 @@ impl Bake {
             (None, Some(photons)) => Seen::Photons(&photons.texture),
             (None, None) => Seen::Black,
         };
-        let open_distance = self.plan.ao_distance.map_or(f32::MAX, |length| self.prepared.space.length_to_unit(length));
+        let open_distance = self.plan.ao_distance.map_or(f32::MAX, |length| self.prepared.scene.space.length_to_unit(length));
         let beyond = &Beyond::new(&self.prepared.scene, batch.iter().map(|direction| direction.vector));
         let transfer = carriers.zip(self.carried.transfer.as_ref());
         for (index, tile) in walk.tiles.iter().enumerate() {

@@ -82,7 +82,12 @@ fn taken(plan: &Plan, scene: &Scene, settings: &Settings, [carriers, receivers]:
     // What carriers find they also hold.
     let of_carriers = carriers * sums(false) * (nodes(0..blocks_of(settings).count()) + 2);
     let kept = receivers * sums(true) * nodes(blocks.clone());
-    let during = common(scene, settings) + PROGRAMS + hits + places + of_carriers + kept;
+    let during = common(scene.mesh.triangles.len(), &scene.textures, scene.environment.as_ref(), 1, settings)
+        + PROGRAMS
+        + hits
+        + places
+        + of_carriers
+        + kept;
     // A round's total and that of all; of the columns those of a receiver once more, and in the file.
     let columns: usize = plan.what.iter().map(|quantity| quantity.columns(plan.order).len()).sum();
     let whole = blocks == (0..blocks_of(settings).count());

@@ -130,7 +130,7 @@ impl Bench {
         let (source, pixels) = match at {
             Where::Camera => {
                 let camera = CameraPoints::new(gpu, settings.size)?;
-                let visible = camera.see(&geometry, &scene.camera, Vec2::splat(0.5));
+                let visible = camera.see(&geometry, &scene.camera(settings.size), Vec2::splat(0.5));
                 let pixels = visible.pixels();
                 // Of what was read back, the count is enough from now on.
                 let (count, cut) = (visible.count, visible.cut);
@@ -143,7 +143,7 @@ impl Bench {
             return Err(Error::usage("there is no point to gather at: the camera sees no surface", "turn the camera"));
         }
         let lights = Lights::new(&scene);
-        if lights.count() == 0 && !scene.has_sky() {
+        if lights.is_dark() {
             return Err(Error::usage("the scene has no light that is large enough beside it", "enlarge the lights"));
         }
         let bvh = Bvh::new(&scene.mesh);

@@ -2,76 +2,69 @@
 
 use std::path::{Path, PathBuf};
 
-use super::render::write_picture;
-use super::{BakeRequest, Receiver, Request, Watch, all_written, check_kept, outputs_of};
+use super::task::{Results, place, request_of};
+use super::{DeviceRequest, JobRequest, Receiver, SceneRequest, Watch, Work, all_written, check_kept, outputs_of};
 use crate::bake::Merge;
 use crate::blocks::Part;
 use crate::error::{Error, Result};
-use crate::image::check_writable;
+use crate::prepared::Prepared;
 use crate::render::RenderMerge;
-use crate::scene::UnitSpace;
 
 /// Writes what `parts` make to `outputs`, named as [`super::outputs_of`] takes them, with this exposure or the job's own. A bake reads its scene and
-/// points again, from where its request found them.
+/// points again, from the paths of its request.
 ///
 /// # Errors
-/// [`Error::Input`] when a part is damaged, of another job or has what an earlier one has; [`Error::Usage`] when directions are missing;
+/// [`Error::Input`] when a part is damaged, of another job or repeats an earlier one; [`Error::Usage`] when directions are missing;
 /// [`Error::Output`] when a file cannot be written.
 pub fn merge(parts: &[PathBuf], outputs: &[String], exposure: Option<f32>, watch: &mut dyn Watch) -> Result<()> {
     let path = parts.first().ok_or_else(|| Error::usage("no parts to merge", "name those of all shards"))?;
     let first = Part::read(path)?;
-    match first.job["what"].as_str() {
-        Some("render") => merge_render(parts, &first, outputs, exposure, watch),
-        Some("bake") => merge_bake(parts, &first, outputs, exposure, watch),
-        _ => {
-            let problem = "a part of no kind of job that this version knows";
-            Err(Error::input(path, None, problem, "merge with the version that made it"))
+    // One part at a time, for there may be many.
+    let each = |add: &mut dyn FnMut(&Path, &Part) -> Result<()>| parts.iter().try_for_each(|path| add(path, &Part::read(path)?));
+    let inputs = parts.iter().map(PathBuf::as_path);
+    let (_, errors) = match first.job["what"].as_str() {
+        Some("render") => {
+            let request = JobRequest {
+                scene: SceneRequest::default(),
+                work: Work::Render,
+                outputs: vec![outputs.iter().map(PathBuf::from).collect()],
+                memory: None,
+                device: DeviceRequest::default(),
+            };
+            request.check_outputs()?;
+            check_kept(&request.outputs.concat(), inputs)?;
+            let mut merge = RenderMerge::new(path, &first)?;
+            each(&mut |path, part| merge.add(path, part))?;
+            let (settings, picture) = (merge.settings(), Results::Picture(merge.picture()?));
+            picture.write(&request, merge.job(), exposure.unwrap_or(settings.exposure), (settings.directions, true))
         }
-    }
-}
-
-fn merge_render(parts: &[PathBuf], first: &Part, outputs: &[String], exposure: Option<f32>, watch: &mut dyn Watch) -> Result<()> {
-    let outputs: Vec<_> = outputs.iter().map(PathBuf::from).collect();
-    outputs.iter().try_for_each(|path| check_writable(path))?;
-    check_kept(&outputs, parts.iter().map(PathBuf::as_path))?;
-    let mut merge = RenderMerge::new(&parts[0], first)?;
-    each(parts, |path, part| merge.add(path, part))?;
-    let image = merge.picture()?;
-    let settings = merge.settings();
-    let (exposure, done) = (exposure.unwrap_or(settings.exposure), (settings.directions, true));
-    all_written(write_picture(&image, &outputs, merge.job(), exposure, done), watch)
-}
-
-fn merge_bake(parts: &[PathBuf], first: &Part, outputs: &[String], exposure: Option<f32>, watch: &mut dyn Watch) -> Result<()> {
-    let path = &parts[0];
-    let (mut request, own) = BakeRequest::of_part(path, &first.state)?;
-    let exposure = exposure.unwrap_or(own);
-    request.outputs = outputs_of(&request.receivers, outputs)?;
-    let outputs = request.outputs();
-    check_kept(&outputs, request.inputs().into_iter().chain(parts.iter().map(PathBuf::as_path)))?;
-    request.check_outputs()?;
-
-    watch.stage("loading");
-    let mut merge = Merge::new(path, first)?;
-    let scene = request.scene.load(request.needs_light())?;
-    check_kept(&outputs, scene.files.iter().map(PathBuf::as_path))?;
-    scene.warnings.iter().for_each(|warning| watch.say(&format!("warning: {warning}")));
-    let (unit, space) = UnitSpace::enter(&scene);
-    let unit = unit.without_glass().unwrap_or(unit);
-    watch.stage("placing points");
-    let settings = merge.settings().clone();
-    let receivers = request.place((&unit, &space), &settings, &|| Receiver::of_part(path, first, settings.size), watch)?;
-    let points: Vec<_> = receivers.iter().flat_map(|receiver| receiver.points().iter().copied()).collect();
-    merge.check_scene(path, &unit, &points)?;
-    watch.stage("merging");
-    each(parts, |path, part| merge.add(path, part))?;
-    let values = merge.columns(&points)?;
-    let done = (settings.directions, true);
-    let (_, errors) = request.write(&receivers, &values, (&scene, &space), merge.job(), exposure, done);
+        Some("bake") => {
+            let (mut request, own) = request_of(path, &first)?;
+            let Work::Bake(bake) = request.work.clone() else { return Err(unknown(path)) };
+            request.outputs = outputs_of(&bake.receivers, outputs)?;
+            check_kept(&request.outputs.concat(), request.inputs().chain(inputs))?;
+            request.check_outputs()?;
+            watch.stage("loading");
+            let mut merge = Merge::new(path, &first)?;
+            let loaded = request.scene.load(request.needs_light())?;
+            check_kept(&request.outputs.concat(), loaded.report.files.iter().map(PathBuf::as_path))?;
+            loaded.report.warnings.iter().for_each(|warning| watch.say(&format!("warning: {warning}")));
+            let scene = Prepared::without_glass(&loaded.world)?.scene;
+            watch.stage("placing points");
+            let settings = merge.settings().clone();
+            let camera = || Receiver::of_part(path, &first, settings.size);
+            let (receivers, points) = place(&bake, &scene, &settings, &camera, watch)?;
+            merge.check_scene(path, &scene, &points)?;
+            watch.stage("merging");
+            each(&mut |path, part| merge.add(path, part))?;
+            let values = Results::Values(&receivers, merge.columns(&points)?, &scene);
+            values.write(&request, merge.job(), exposure.unwrap_or(own), (settings.directions, true))
+        }
+        _ => return Err(unknown(path)),
+    };
     all_written(errors, watch)
 }
 
-/// Reads one part at a time: there may be many.
-fn each(parts: &[PathBuf], mut add: impl FnMut(&Path, &Part) -> Result<()>) -> Result<()> {
-    parts.iter().try_for_each(|path| add(path, &Part::read(path)?))
+fn unknown(path: &Path) -> Error {
+    Error::input(path, None, "a part of no kind of job that this version knows", "merge with the version that made it")
 }

@@ -3,31 +3,29 @@
 //! [`Job::new`] refuses what can be refused before any work. [`Job::run`] does the work and tells a [`Watch`] about it. [`merge`] makes the results
 //! from the parts of shards. Requests and results are in world space.
 
-mod bake;
 mod checkpoint;
 mod merge;
 mod outputs;
 mod receiver;
-mod render;
 mod report;
 mod request;
+mod task;
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use self::checkpoint::Checkpoint;
 use self::report::peak_memory_bytes;
-use crate::blocks::Part;
+use self::task::Task;
 use crate::error::{Error, Result};
+use crate::scene::Loaded;
 
-pub use bake::BakeRequest;
 pub use checkpoint::Keeping;
 pub use merge::merge;
 pub use outputs::{check_kept, metadata};
-pub use receiver::{Receiver, ReceiverCounts, ReceiverKind, outputs_of};
-pub use render::RenderRequest;
-pub use report::{JobReport, JobSeconds, ReceiverReport, TaskReport, TaskSeconds};
-pub use request::{DeviceRequest, Request, SceneRequest};
+pub use receiver::{Receiver, ReceiverKind, ReceiverValues, outputs_of};
+pub use report::{JobReport, JobSeconds, ReceiverReport, TaskReport};
+pub use request::{BakeRequest, DeviceRequest, JobRequest, SceneRequest, Work};
 
 /// What a caller learns of a job while it runs. `()` lets it run to its end in silence.
 pub trait Watch {
@@ -43,7 +41,7 @@ pub trait Watch {
     /// From now on a job that is stopped leaves something behind.
     fn has_result(&mut self) {}
 
-    /// Whether to go on. What is gathered of the block in progress is not kept, so that [between blocks](Task::is_between_blocks) is the time to stop.
+    /// Whether to go on. What is gathered of the block in progress is not kept, so that between two blocks is the time to stop.
     fn goes_on(&mut self, _between_blocks: bool) -> bool {
         true
     }
@@ -51,48 +49,9 @@ pub trait Watch {
 
 impl Watch for () {}
 
-/// A job's gather in progress, with what becomes of it.
-pub trait Task {
-    /// Gathers along the next directions.
-    ///
-    /// # Errors
-    /// [`Error::Gl`] when the device fails; complete blocks stay.
-    fn step(&mut self) -> Result<()>;
-
-    fn is_done(&self) -> bool;
-
-    /// Whether no block is in progress, so that nothing is lost by ending here.
-    fn is_between_blocks(&self) -> bool;
-
-    /// Directions that are gathered, and in all.
-    fn directions(&self) -> [u64; 2];
-
-    /// Whether there is something to write.
-    fn has_values(&self) -> bool;
-
-    /// The sums so far.
-    fn save(&self) -> Part<'_>;
-
-    /// # Errors
-    /// [`Error::Input`] when `part`, read from `path`, is of another job or damaged.
-    fn resume(&mut self, path: &Path, part: &Part) -> Result<()>;
-
-    /// Whether an earlier run of the same job has finished all result files.
-    fn is_written(&self) -> bool;
-
-    /// Writes the values so far to all result files. Returns why some cannot be written.
-    fn write(&mut self, watch: &mut dyn Watch) -> Vec<Error>;
-
-    /// What is written, in a word.
-    fn kind(&self) -> &'static str;
-
-    /// `written`: by an earlier run. `outputs`: all result files, or the part of a shard.
-    fn report(&self, written: bool, outputs: Vec<String>) -> (TaskReport, TaskSeconds);
-}
-
 /// A job that can begin.
 pub struct Job {
-    request: Box<dyn Request>,
+    request: JobRequest,
     outputs: Vec<PathBuf>,
     checkpoint: Checkpoint,
     started: Instant,
@@ -121,15 +80,15 @@ impl Job {
     /// # Errors
     /// [`Error::Usage`] when an output cannot be written or would replace an input or the sums of an earlier run; [`Error::Output`] while another run
     /// writes the same.
-    pub fn new(request: impl Request + 'static, keeping: &Keeping) -> Result<Self> {
+    pub fn new(request: JobRequest, keeping: &Keeping) -> Result<Self> {
         let started = Instant::now();
-        let outputs = if keeping.shard.is_some() { Vec::from_iter(keeping.file.clone()) } else { request.outputs() };
+        let outputs = if keeping.shard.is_some() { Vec::from_iter(keeping.file.clone()) } else { request.outputs.concat() };
         check_kept(&outputs, request.inputs())?;
         let checkpoint = Checkpoint::new(keeping, &outputs)?;
         if keeping.shard.is_none() {
             request.check_outputs()?;
         }
-        Ok(Self { request: Box::new(request), outputs, checkpoint, started })
+        Ok(Self { request, outputs, checkpoint, started })
     }
 
     /// A file that has to be removed where the process ends in the midst of a run.
@@ -147,18 +106,18 @@ impl Job {
         let is_shard = checkpoint.shard().is_some();
         watch.stage("loading");
         let loading = Instant::now();
-        let scene = request.scene().load(request.needs_light())?;
-        check_kept(&outputs, scene.files.iter().map(PathBuf::as_path))?;
-        scene.warnings.iter().for_each(|warning| watch.say(&format!("warning: {warning}")));
-        let settings = request.settings(&scene.settings)?;
+        let Loaded { world, settings, report } = request.scene.load(request.needs_light())?;
+        check_kept(&outputs, report.files.iter().map(PathBuf::as_path))?;
+        report.warnings.iter().for_each(|warning| watch.say(&format!("warning: {warning}")));
+        let settings = request.settings(&settings)?;
         let load = loading.elapsed().as_secs_f64();
         let shard = checkpoint.shard().map(|shard| shard.range(request.blocks(&settings).count())).transpose()?;
-        request.check(&scene, &settings, shard.as_ref(), watch)?;
+        request.check(&world, &settings, shard.as_ref(), watch)?;
         let found = checkpoint.find(watch)?;
 
         watch.stage("starting OpenGL");
-        let gpu = request.device().open()?;
-        let mut task = request.begin(&gpu, &scene, &settings, shard, watch)?;
+        let gpu = request.device.open()?;
+        let mut task = Task::begin(&request, &gpu, &world, &settings, shard, watch)?;
         if let Some(part) = found {
             task.resume(checkpoint.path(), &part)?;
             let [done, total] = task.directions();
@@ -220,11 +179,11 @@ impl Job {
         all_written(failure.into_iter().chain(unwritten).chain(kept.err()), watch)?;
 
         let write = writing.elapsed().as_secs_f64();
-        let (task, stages) = task.report(already, names);
+        let (report, stages) = task.report(already, names);
         let report = JobReport {
             gl: gpu.identity(),
-            settings,
-            task,
+            settings: settings.clone(),
+            task: report,
             seconds: JobSeconds { load, stages, write, total: started.elapsed().as_secs_f64() },
             peak_memory_bytes: peak_memory_bytes(),
             interrupted: ended,

@@ -6,16 +6,14 @@ use std::str::FromStr;
 
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
 
-use super::bake::BakeRequest;
 use crate::bake::vertex_inset;
 use crate::blocks::Part;
 use crate::error::{Error, Result};
 use crate::export::{self, Lightmap, Surface, Values};
 use crate::image::{self, Channel, Image, WriteOptions};
-use crate::points::{
-    GatherPoint, LightMap, LightMapCounts, LightMapOptions, Mended, Resolution, VertexCounts, Vertices, Visible, file,
-};
+use crate::points::{GatherPoint, LightMap, LightMapOptions, Resolution, Vertices, Visible, file};
 use crate::quantity::Quantity;
 use crate::scene::{Mesh, Scene, UnitSpace};
 use crate::settings::Settings;
@@ -57,28 +55,10 @@ pub enum Receiver {
     },
 }
 
-/// What became of a receiver's points.
-#[derive(Clone, Debug, Serialize)]
-#[serde(untagged)]
-pub enum ReceiverCounts {
-    Vertices(VertexCounts),
-    LightMap {
-        #[serde(flatten)]
-        layout: LightMapCounts,
-        #[serde(flatten)]
-        mended: Mended,
-    },
-    Camera {
-        pixels: usize,
-    },
-    Points {
-        points: usize,
-    },
-}
-
 /// Values of a receiver in world space, as files hold them.
 pub struct ReceiverValues {
-    pub counts: ReceiverCounts,
+    /// What became of the points.
+    pub counts: Value,
     /// Of the points, or of the vertices of `mesh`.
     pub positions: Vec<Vec3>,
     pub normals: Vec<Vec3>,
@@ -149,24 +129,25 @@ impl Receiver {
     /// [`Error::Usage`] when there is no room for the points, [`Error::Input`] when their file cannot be used.
     pub fn new(
         kind: &ReceiverKind,
-        request: &BakeRequest,
-        (scene, space): (&Scene, &UnitSpace),
+        light_map: &LightMapOptions,
+        scene: &Scene,
         settings: &Settings,
         camera: impl FnOnce() -> Result<Self>,
     ) -> Result<Self> {
         Ok(match kind {
             ReceiverKind::Vertices => Self::Vertices(Vertices::new(&scene.mesh, vertex_inset(settings))),
             ReceiverKind::LightMap => {
-                let resolution = match request.light_map.resolution {
-                    Resolution::TexelsPerUnit(texels) => Resolution::TexelsPerUnit(texels * space.length_to_world(1.0)),
+                let resolution = match light_map.resolution {
+                    Resolution::TexelsPerUnit(texels) => Resolution::TexelsPerUnit(texels * scene.space.length_to_world(1.0)),
                     pixels @ Resolution::Pixels(_) => pixels,
                 };
-                Self::LightMap(Box::new(LightMap::new(&scene.mesh, &LightMapOptions { resolution, ..request.light_map })?))
+                Self::LightMap(Box::new(LightMap::new(&scene.mesh, &LightMapOptions { resolution, ..*light_map })?))
             }
             ReceiverKind::Camera => camera()?,
             ReceiverKind::Points(path) => {
                 let read = file::read(path)?;
-                let enter = |point: &file::OrientedPoint| GatherPoint::flat(space.enter_point(point.position), point.normal);
+                let enter =
+                    |point: &file::OrientedPoint| GatherPoint::flat(scene.space.enter_point(point.position), point.normal);
                 Self::Points {
                     points: read.iter().map(enter).collect(),
                     world: read.iter().map(|point| point.position).collect(),
@@ -244,20 +225,25 @@ impl Receiver {
             Self::Vertices(vertices) => {
                 let counts = vertices.fill(&mut columns, inside);
                 let world = mesh.insert(world_of(vertices.mesh()));
-                (ReceiverCounts::Vertices(counts), world.positions.clone())
+                (json!(counts), world.positions.clone())
             }
             Self::LightMap(map) => {
                 let (map_image, mended) = map.image(&columns, inside);
                 image = Some(map_image);
                 mesh = Some(world_of(map.mesh()));
-                (ReceiverCounts::LightMap { layout: map.counts().clone(), mended }, Vec::new())
+                let mut counts = json!(map.counts());
+                counts
+                    .as_object_mut()
+                    .into_iter()
+                    .for_each(|all| all.extend(json!(mended).as_object().cloned().unwrap_or_default()));
+                (counts, Vec::new())
             }
             Self::Camera { size, points, pixels } => {
                 image = picture.then(|| spread(&columns, pixels, *size));
                 let positions = points.iter().map(|point| space.to_world(point.position)).collect();
-                (ReceiverCounts::Camera { pixels: pixels.len() }, positions)
+                (json!({ "pixels": pixels.len() }), positions)
             }
-            Self::Points { world, .. } => (ReceiverCounts::Points { points: world.len() }, world.clone()),
+            Self::Points { world, .. } => (json!({ "points": world.len() }), world.clone()),
         };
         let normals = self.points().iter().map(|point| point.normal).collect();
         ReceiverValues { counts, positions, normals, columns, mesh, image }

@@ -5,10 +5,9 @@ use std::fs;
 use serde::Serialize;
 use serde_json::Value;
 
-use super::receiver::ReceiverCounts;
 use crate::bake::{Plan, Statistics};
 use crate::photon::PhotonCounts;
-use crate::render::{GatherCounts, SceneCounts, StageSeconds};
+use crate::render::{GatherCounts, SceneCounts};
 use crate::settings::Settings;
 
 /// What a job did.
@@ -55,8 +54,8 @@ pub struct ReceiverReport {
     /// Name of the receiver.
     pub to: &'static str,
     pub points: usize,
-    /// `None` where an earlier run has written it.
-    pub counts: Option<ReceiverCounts>,
+    /// What became of the points. `None` where an earlier run has written it.
+    pub counts: Option<Value>,
     pub outputs: Vec<String>,
 }
 
@@ -64,18 +63,11 @@ pub struct ReceiverReport {
 #[derive(Clone, Debug, Serialize)]
 pub struct JobSeconds {
     pub load: f64,
+    /// Of stages that only a render or only a bake has.
     #[serde(flatten)]
-    pub stages: TaskSeconds,
+    pub stages: Value,
     pub write: f64,
     pub total: f64,
-}
-
-/// Wall-clock seconds of stages that only a render or only a bake has.
-#[derive(Clone, Debug, Serialize)]
-#[serde(untagged)]
-pub enum TaskSeconds {
-    Render(StageSeconds),
-    Bake { receivers: f64 },
 }
 
 /// The most memory that the process has occupied so far, where the system tells.

@@ -1,25 +1,22 @@
 //! Photon tracing on the CPU, in parallel, with the same result for any number of threads.
 //!
-//! A photon starts at a point of the lights chosen by power, with a cosine distribution about the emitting normal; or it comes from the environment,
-//! along a direction chosen by radiance, through any point of the disc across it that the scene's sphere fills. At every surface
+//! A photon starts at a light chosen by power ([`Lights::emit`]). At every surface
 //! it is stored; then Russian roulette reflects it with the share that its strongest channel keeps, so that the survivors
 //! carry about as much flux as was emitted with each. Mirrors and glass send it on in one direction and store nothing; but a mirror that photons
 //! reach from a diffuse surface stores them, for gather rays take it for a Lambertian one. What goes from a light by mirrors and glass
 //! alone to a diffuse surface is what [`PhotonTracer::caustics`] returns.
 
-use std::f32::consts::{PI, TAU};
 use std::ops::{AddAssign, Range};
 
-use glam::{Vec3, vec3};
+use glam::Vec3;
 use rayon::prelude::*;
 use serde::Serialize;
 
 use super::caustics::CausticPhoton;
 use super::grid::PhotonGrid;
-use crate::environment::Environment;
-use crate::math::{cosine_direction, frame};
+use crate::math::cosine_direction;
 use crate::random::{Random, Recurrence};
-use crate::scene::{Bvh, Lights, MOST_SPECULAR, Path, RAY_OFFSET, Scene, Surface};
+use crate::scene::{Bvh, Lights, MOST_SPECULAR, Path, Scene, Surface};
 
 /// Photons traced between two sums: bounds the memory that their hits take.
 const ROUND: u64 = 1 << 18;
@@ -31,8 +28,6 @@ pub struct PhotonTracer<'a> {
     scene: &'a Scene,
     bvh: &'a Bvh,
     lights: &'a Lights,
-    /// The environment's part in all power.
-    from_beyond: f32,
     starts: Recurrence<5>,
     seed: u64,
     bounces: u32,
@@ -72,10 +67,7 @@ impl AddAssign for PhotonCounts {
 impl<'a> PhotonTracer<'a> {
     /// `bounces` is the most surfaces that one photon is stored at. `scene` is in unit space.
     pub fn new(scene: &'a Scene, bvh: &'a Bvh, lights: &'a Lights, seed: u64, bounces: u32) -> Self {
-        // Radiance L from a solid angle Ω brings LΩ to each unit of area across it.
-        let beyond = f64::from(PI) * scene.environment.as_ref().map_or(0.0, Environment::power);
-        let from_beyond = (beyond / (beyond + lights.power())) as f32;
-        Self { scene, bvh, lights, from_beyond, starts: Recurrence::new(seed), seed, bounces }
+        Self { scene, bvh, lights, starts: Recurrence::new(seed), seed, bounces }
     }
 
     /// Emits the photons with these numbers, which share the whole power of lights and environment, and adds what they leave at surfaces to `grid`.
@@ -134,7 +126,7 @@ impl<'a> PhotonTracer<'a> {
 
     /// Where a photon starts, and what it carries.
     fn emit(&self, photon: u64, share: f32) -> (Path, Vec3, Random) {
-        let (path, flux) = self.start(self.starts.point(photon));
+        let (path, flux) = self.lights.emit(self.starts.point(photon));
         (path, share * flux, Random::new(self.seed, photon))
     }
 
@@ -168,31 +160,6 @@ impl<'a> PhotonTracer<'a> {
             }
             if kept.is_none() {
                 path.leave(side, cosine_direction(side, random.uniform(), random.uniform()));
-            }
-        }
-    }
-
-    /// With the whole flux, as the mean over many photons.
-    fn start(&self, [pick, u, v, s, t]: [f32; 5]) -> (Path, Vec3) {
-        match &self.scene.environment {
-            Some(environment) if pick < self.from_beyond => {
-                let (to_light, density) = environment.sample([u, v]);
-                let (sin, cos) = (TAU * s).sin_cos();
-                // The scene lies in the unit sphere, and the disc before it.
-                let disc = frame(to_light) * (t.sqrt() * vec3(cos, sin, 0.0));
-                let flux = environment.radiance(to_light) * (PI / (density * self.from_beyond));
-                (Path { origin: disc + 1.1 * to_light, direction: -to_light, triangle: None }, flux)
-            }
-            _ => {
-                let pick = (pick - self.from_beyond) / (1.0 - self.from_beyond);
-                let light = self.lights.point(pick, [u, v]);
-                let path = Path {
-                    origin: light.position + RAY_OFFSET * light.normal,
-                    direction: cosine_direction(light.normal, s, t),
-                    triangle: Some(light.triangle),
-                };
-                // A diffuse emitter of radiance L sends out πL per unit of area.
-                (path, light.radiance_area * (PI / (1.0 - self.from_beyond)))
             }
         }
     }

@@ -82,15 +82,13 @@ impl CameraPoints {
 impl Visible {
     /// Lets pixels that see no surface see what lies beyond, through their places at `offset`.
     pub fn see_beyond(&mut self, scene: &Scene, camera: &Camera, [width, height]: [u32; 2], offset: Vec2) {
-        if !scene.has_sky() {
-            return;
-        }
+        let Some(environment) = &scene.environment else { return };
         let size = Vec2::new(width as f32, height as f32);
         let look = |(i, (emission, normal)): (usize, (&mut Vec4, &Vec4))| {
             if normal.truncate() == Vec3::ZERO {
                 let from_below = (Vec2::new((i % width as usize) as f32, (i / width as usize) as f32) + offset) / size;
                 let direction = camera.ray(Vec2::new(from_below.x, 1.0 - from_below.y), size.x / size.y);
-                *emission = scene.beyond(direction).extend(0.0);
+                *emission = environment.radiance(direction).extend(0.0);
             }
         };
         self.emission.par_iter_mut().zip(&self.normal).enumerate().for_each(look);

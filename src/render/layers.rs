@@ -104,7 +104,7 @@ impl Render {
         peel.start();
         let mut layers = Vec::new();
         while (layers.len() + 1) * (size * size) as usize <= MOST_TEXELS {
-            let texels: Vec<Vec4> = peel.next(&self.gathered.geometry, &bundle).read();
+            let texels: Vec<Vec4> = peel.next(&self.gathered_geometry, &bundle).read();
             let layer: Vec<_> = texels.into_iter().enumerate().map(read).collect();
             if layer.iter().all(Option::is_none) {
                 break;
@@ -132,7 +132,7 @@ impl Render {
         let Apart { peel, kill } = Apart::of(&mut self.passes.shown, &self.gpu, layers.size)?;
         peel.start();
         kill.start();
-        let mut sample = |index| kill.sample(list.points(), &bundle, peel.next(&self.gathered.geometry, &bundle), index) > 0;
+        let mut sample = |index| kill.sample(list.points(), &bundle, peel.next(&self.gathered_geometry, &bundle), index) > 0;
         let mut all = 0..;
         let sampled: Vec<bool> = all.by_ref().take(layers.layers.len()).map(&mut sample).collect();
         // The hit may lie in a layer that is not kept.
@@ -149,6 +149,6 @@ impl Render {
         let direction = self.directions.get(end.number);
         let vector = self.camera.axes() * direction.vector;
         let vector = if end.opposite { -vector } else { vector };
-        Bundle::new(&Direction { vector, ..direction }, &self.gathered.geometry.positions, self.settings.layers())
+        Bundle::new(&Direction { vector, ..direction }, &self.gathered_geometry.positions, self.settings.layers())
     }
 }

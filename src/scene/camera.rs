@@ -1,24 +1,42 @@
-//! Cameras that work: [`Camera::check`] for one that a person gave, [`Camera::framing`] for a scene without.
+//! Cameras. [`Camera::check`] refuses one that cannot see; [`Camera::framing`] makes one for a scene without.
 
 use std::f32::consts::TAU;
 
 use glam::{Mat3, Vec2, Vec3};
 
-use super::{Camera, Lens};
 use crate::math::Aabb;
 
-/// Angle of view where none is given, in degrees.
-pub const DEFAULT_FOV_Y: f32 = 40.0;
+/// A pinhole camera, or one with a thin lens in place of the hole.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Camera {
+    pub eye: Vec3,
+    pub target: Vec3,
+    pub up: Vec3,
+    /// Full vertical angle of view.
+    pub fov_y_degrees: f32,
+    pub lens: Option<Lens>,
+}
+
+/// A thin lens about the eye, across the direction of view.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Lens {
+    pub radius: f32,
+    /// Along the direction of view; what is there is sharp.
+    pub focus_distance: f32,
+}
 
 impl Camera {
+    /// Angle of view where none is given, in degrees.
+    pub const DEFAULT_FOV_Y: f32 = 40.0;
+
     /// Sees all of `bounds` from the front (+z), a little above and to the right.
     pub fn framing(bounds: Aabb, size: [u32; 2]) -> Self {
-        let half_height = (DEFAULT_FOV_Y / 2.0).to_radians();
+        let half_height = (Self::DEFAULT_FOV_Y / 2.0).to_radians();
         let half_width = (half_height.tan() * size[0] as f32 / size[1] as f32).atan();
         let distance = bounds.diagonal() / 2.0 / half_height.min(half_width).sin();
         let target = bounds.center();
         let eye = target + Vec3::new(0.35, 0.25, 1.0).normalize() * distance;
-        Self { eye, target, up: Vec3::Y, fov_y_degrees: DEFAULT_FOV_Y, lens: None }
+        Self { eye, target, up: Vec3::Y, fov_y_degrees: Self::DEFAULT_FOV_Y, lens: None }
     }
 
     /// Its axes as columns: right, up and against the direction of view.

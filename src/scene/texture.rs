@@ -10,11 +10,19 @@ use std::sync::LazyLock;
 use glam::{DVec3, Vec2, Vec3};
 use image::{DynamicImage, ImageDecoder, ImageError, ImageFormat, ImageReader, Limits};
 
-use super::Texture;
-use super::files::{Reader, Unread};
+use super::format::{Reader, Unread};
 use crate::error::{Error, Result};
 use crate::file::{MOST_BYTES, can_hold};
 use crate::math::neighbours;
+
+/// An sRGB-encoded picture, repeated in both directions.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Texture {
+    pub width: u32,
+    pub height: u32,
+    /// RGBA, row by row, the top row (v = 1) first; alpha is ignored.
+    pub texels: Vec<[u8; 4]>,
+}
 
 /// OpenGL 3.3 devices of today sample up to here.
 const LARGEST_SIDE: u32 = 16384;

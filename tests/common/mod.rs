@@ -14,9 +14,9 @@ use finalgather::gpu::{Backend, DeviceChoice, Gpu};
 use finalgather::photon::{PhotonGrid, PhotonTexture, PhotonTracer};
 use finalgather::points::{GatherPoint, PointList, Sums};
 use finalgather::random::Random;
-use finalgather::scene::{Bvh, Camera, Lights, Material, Mesh, Scene, Surface, Triangle, UnitSpace};
-use finalgather::settings::{Sequence, Settings};
-use glam::{Vec2, Vec3, Vec4, vec3};
+use finalgather::scene::{Bvh, Camera, Instance, Lights, Material, Mesh, Scene, Surface, Triangle, UnitSpace, World};
+use finalgather::settings::Sequence;
+use glam::{DVec3, Vec2, Vec3, Vec4, vec3};
 
 thread_local! {
     /// Tests run on threads of their own; the one that has this is the only one with contexts, until it ends: see [`Gpu::headless`].
@@ -58,7 +58,7 @@ pub fn small_scene(folder: &Path) -> PathBuf {
     path
 }
 
-/// A scene in the making. Fronts of faces are the sides that wind counter-clockwise, and the sides that points lie on.
+/// A scene in the making, in coordinates of its own. Fronts of faces are the sides that wind counter-clockwise, and the sides that points lie on.
 pub struct Model {
     pub scene: Scene,
 }
@@ -68,15 +68,12 @@ impl Model {
     pub fn new() -> Self {
         let camera = Camera { eye: vec3(0.0, 0.0, 3.0), target: Vec3::ZERO, up: Vec3::Y, fov_y_degrees: 40.0, lens: None };
         let scene = Scene {
-            framed: false,
             mesh: Mesh::default(),
             materials: Vec::new(),
             textures: Vec::new(),
             environment: None,
-            camera,
-            settings: Settings::default(),
-            warnings: Vec::new(),
-            files: Vec::new(),
+            camera: Some(camera),
+            space: UnitSpace::around([DVec3::NEG_ONE, DVec3::ONE]),
         };
         let mut model = Self { scene };
         model.material(Vec3::ONE, Vec3::ZERO);
@@ -176,15 +173,32 @@ impl Model {
         }
     }
 
+    pub fn world(self) -> World {
+        world_of(self.scene)
+    }
+
     /// In unit space.
     pub fn finish(self) -> Scene {
-        UnitSpace::enter(&self.scene).0
+        self.world().flatten()
+    }
+}
+
+/// The world whose coordinates are those of `scene`.
+pub fn world_of(scene: Scene) -> World {
+    let Scene { mesh, materials, textures, environment, camera, .. } = scene;
+    World {
+        meshes: vec![mesh],
+        instances: vec![Instance::default()],
+        materials,
+        textures,
+        cameras: camera.map(|camera| ("camera".into(), camera)).into_iter().collect(),
+        environment,
     }
 }
 
 /// The Cornell box in unit space.
 pub fn cornell() -> Scene {
-    UnitSpace::enter(&Scene::load(Path::new("scenes/cornell.toml")).unwrap()).0
+    World::load(Path::new("scenes/cornell.toml")).unwrap().world.flatten()
 }
 
 /// A floor with 50 boxes, balls and cylinders of differing sizes on it, all facets flat, in unit space.

@@ -2,7 +2,6 @@
 
 use finalgather::Settings;
 use finalgather::bench::{Bench, FUSED, Plan, Row, Where};
-use finalgather::scene::UnitSpace;
 use serde::{Deserialize, Serialize};
 
 use crate::contestants::{self, error_note};
@@ -42,7 +41,7 @@ impl Figure for SideBySide {
 
     fn measure(parameters: &Parameters, task: &Task) -> Result<Self> {
         let scale = task.scale;
-        let scene = UnitSpace::enter(&cornell::load()?).0;
+        let scene = cornell::load()?.world.flatten();
         let size = scale.of(parameters.size, 64);
         let settings = Settings { size: [size; 2], ..Settings::default() };
         let bench = Bench::new(&gpu()?, scene, &settings, Where::Camera)?;

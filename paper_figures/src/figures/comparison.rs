@@ -93,7 +93,7 @@ impl Figure for PictureComparison {
         // A power of two, so that pictures can be averaged to each other's size.
         let size = task.scale.of(parameters.size, 32).next_power_of_two();
         let directions = task.scale.of(parameters.directions, 8);
-        let exposure = pictures.scene().settings.exposure;
+        let exposure = pictures.loaded().settings.exposure;
         let mut settings = pictures.settings(directions);
         (settings.size, settings.pipeline) = ([size; 2], parameters.pipeline);
         let (picture, statistics) = pictures.render(&settings)?;

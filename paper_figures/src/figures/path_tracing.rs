@@ -3,7 +3,6 @@
 use std::time::Instant;
 
 use finalgather::Pipeline;
-use finalgather::scene::UnitSpace;
 use serde::{Deserialize, Serialize};
 
 use crate::contestants::color;
@@ -70,7 +69,7 @@ impl Figure for PathTracing {
             runs.push(Run { name, pictures: parameters.directions.iter().map(at).collect::<Result<_>>()? });
         }
 
-        let scene = UnitSpace::enter(pictures.scene()).0;
+        let scene = pictures.loaded().world.flatten();
         let start = Instant::now();
         let mut tracer = PathTracer::new(&scene, size);
         let mut seconds = start.elapsed().as_secs_f64();

@@ -6,7 +6,7 @@
 use std::collections::BTreeSet;
 
 use finalgather::bench::{Bench, Contestant, FUSED, Plan, Row, Where};
-use finalgather::scene::{Scene, UnitSpace};
+use finalgather::scene::Scene;
 use finalgather::settings::LayerSize;
 use finalgather::{Gpu, Settings};
 use serde::{Deserialize, Serialize};
@@ -109,7 +109,7 @@ impl Figure for Scaling {
     fn measure<'a>(parameters: &'a Parameters, task: &Task) -> Result<Self> {
         let scale = task.scale;
         let gpu = gpu()?;
-        let cornell = UnitSpace::enter(&cornell::load()?).0;
+        let cornell = cornell::load()?.world.flatten();
         let settings = |side: u32| Settings { size: [side; 2], photons: 100_000, ..Settings::default() };
         let plan = |directions| Plan { directions, rounds: 3, stages: false, converged: 0 };
         // A quarter of the steps at a quarter of the scale, and always two.

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use finalgather::bake::{Plan, Rough};
 use finalgather::error::Result;
 use finalgather::harmonics::MAX_ORDER;
-use finalgather::job::{BakeRequest, Job, ReceiverKind, outputs_of};
+use finalgather::job::{BakeRequest, Job, JobRequest, ReceiverKind, Work, outputs_of};
 use finalgather::points::{LightMapOptions, Resolution, UvSource};
 use finalgather::quantity::Quantity;
 
@@ -104,8 +104,7 @@ pub fn run(args: &BakeArgs) -> Result<u8> {
             what.push(*quantity);
         }
     }
-    let request = BakeRequest {
-        scene: args.overrides.scene(&args.scene)?,
+    let bake = BakeRequest {
         receivers: to.clone(),
         plan: Plan {
             what,
@@ -121,10 +120,9 @@ pub fn run(args: &BakeArgs) -> Result<u8> {
             padding: *padding,
             samples_per_texel: *samples_per_texel,
         },
-        outputs,
-        memory: args.memory,
-        device: args.device.request(),
     };
+    let (scene, device) = (args.overrides.scene(&args.scene)?, args.device.request());
+    let request = JobRequest { scene, work: Work::Bake(bake), outputs, memory: args.memory, device };
     job::run(Job::new(request, &keeping)?, args.json)
 }
 

@@ -6,7 +6,7 @@ use std::thread::available_parallelism;
 use clap::builder::{PossibleValue, PossibleValuesParser};
 use finalgather::bench::{Bench, CONTESTANTS, Contestant, FUSED, Plan, Row, Where};
 use finalgather::error::{Error, Result};
-use finalgather::scene::{Camera, UnitSpace};
+use finalgather::scene::Loaded;
 use finalgather::settings::{LayerSize, Settings};
 use serde::Serialize;
 use serde_json::Value;
@@ -100,9 +100,8 @@ pub fn run(args: &BenchArgs) -> Result<u8> {
 
 fn bench(args: &BenchArgs, progress: &ProgressLine) -> Result<()> {
     let file = args.scene.clone().map_or_else(default_scene, Ok)?;
-    let scene = args.files.scene(&file).load(true)?;
-    scene.warnings.iter().for_each(|warning| progress.say(&format!("warning: {warning}")));
-    let from_scene = &scene.settings;
+    let Loaded { world, settings: from_scene, report } = args.files.scene(&file).load(true)?;
+    report.warnings.iter().for_each(|warning| progress.say(&format!("warning: {warning}")));
     // A round is of few directions, and stands for the many of a render.
     let layers = Settings { layer_size: args.layer_size.unwrap_or(from_scene.layer_size), ..from_scene.clone() }.layers();
     let settings = Settings {
@@ -121,12 +120,7 @@ fn bench(args: &BenchArgs, progress: &ProgressLine) -> Result<()> {
     progress.stage("starting OpenGL");
     let gpu = args.device.request().open()?;
     progress.stage("tracing photons");
-    let framed = scene.framed;
-    let mut scene = UnitSpace::enter(&scene).0;
-    if framed {
-        scene.camera = Camera::framing(scene.mesh.bounds(), settings.size);
-    }
-    let bench = Bench::new(&gpu, scene, &settings, Where::Camera)?;
+    let bench = Bench::new(&gpu, world.flatten(), &settings, Where::Camera)?;
     progress.stage("measuring");
     let asked = |contestant: &&Contestant| args.pipelines.is_empty() || args.pipelines.iter().any(|name| name == contestant.name);
     let contestants: Vec<_> = CONTESTANTS.iter().filter(asked).collect();

@@ -3,14 +3,13 @@
 use std::f32::consts::{FRAC_1_PI, PI};
 use std::path::{Path, PathBuf};
 
-use finalgather::environment::Environment;
 use finalgather::error::{Error, Result};
 use finalgather::export::{self, Surface, Values, read_prt};
 use finalgather::harmonics::project;
 use finalgather::image::{self, Channel, Image, WriteOptions};
 use finalgather::job::{SceneRequest, check_kept};
 use finalgather::points::Vertices;
-use finalgather::scene::{Bvh, Camera, Mesh, Scene, UnitSpace};
+use finalgather::scene::{Bvh, Environment, Loaded, Mesh, Scene};
 use finalgather::settings::Settings;
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
@@ -56,8 +55,7 @@ pub struct RelightArgs {
 
 /// What is shown, in world space but for the tree.
 struct Model {
-    scene: Scene,
-    space: UnitSpace,
+    loaded: Loaded,
     /// With vertices as bakes have them; triangles are those of the tree.
     mesh: Mesh,
     bvh: Bvh,
@@ -98,13 +96,13 @@ pub fn run(args: &RelightArgs) -> Result<u8> {
     for path in &args.outputs {
         match (&model, ending(path)) {
             (Some(model), "png" | "exr") => {
-                let size = args.size.unwrap_or(model.scene.settings.size);
+                let size = args.size.unwrap_or(model.loaded.settings.size);
                 let settings = Settings { size, exposure: args.exposure, ..Settings::default() };
                 settings.validate()?;
                 model.picture(&irradiance, &environment, size).write(path, &options)?;
             }
             (Some(model), _) => {
-                let surface = Surface { mesh: &model.mesh, materials: &model.scene.materials, textures: &model.scene.textures };
+                let surface = Surface { mesh: &model.mesh, materials: &model.unit.materials, textures: &model.unit.textures };
                 let (positions, normals) = (&model.mesh.positions, &model.mesh.normals);
                 Values { positions, normals, columns: &columns, surface: Some(surface) }.write(path, &options)?;
             }
@@ -144,24 +142,21 @@ fn columns_of(irradiance: &[Vec3]) -> Vec<Channel> {
 
 impl Model {
     fn load(request: &SceneRequest) -> Result<Self> {
-        let scene = request.load(false)?;
-        let (unit, space) = UnitSpace::enter(&scene);
+        let loaded = request.load(false)?;
+        let unit = loaded.world.flatten();
         // As bakes have it.
         let unit = unit.without_glass().unwrap_or(unit);
         // Which vertices there are does not depend on the inset.
         let vertices = Vertices::new(&unit.mesh, 0.0);
-        let to_world = |&position: &Vec3| space.to_world(position);
+        let to_world = |&position: &Vec3| unit.space.to_world(position);
         let mesh = Mesh { positions: vertices.mesh().positions.iter().map(to_world).collect(), ..vertices.mesh().clone() };
-        Ok(Self { bvh: Bvh::new(&unit.mesh), scene, space, mesh, unit })
+        Ok(Self { bvh: Bvh::new(&unit.mesh), loaded, mesh, unit })
     }
 
     /// What the scene's camera sees: albedo × irradiance / π, interpolated between vertices, on fronts; and the environment.
     fn picture(&self, irradiance: &[Vec3], environment: &Environment, size: [u32; 2]) -> Image {
         let [width, height] = size.map(|side| side as usize);
-        let camera = match self.scene.framed {
-            true => self.space.enter_camera(Camera::framing(self.scene.mesh.bounds(), size)),
-            false => self.unit.camera,
-        };
+        let camera = self.unit.space.enter_camera(self.loaded.world.camera(size));
         let radiance = |direction: Vec3| {
             let Some(hit) = self.bvh.nearest(camera.eye, direction, None) else { return environment.radiance(direction) };
             if self.unit.mesh.geometric_normal(hit.triangle).dot(direction) >= 0.0 {

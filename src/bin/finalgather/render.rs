@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use finalgather::error::Result;
-use finalgather::job::{Job, RenderRequest, SceneRequest};
+use finalgather::job::{Job, JobRequest, SceneRequest, Work};
 
 use crate::args::{DeviceArgs, JobArgs, Overrides, count};
 use crate::job;
@@ -63,7 +63,8 @@ impl RenderArgs {
 pub fn run(args: &RenderArgs) -> Result<u8> {
     let outputs = args.outputs();
     let keeping = args.job.keeping(&outputs)?;
-    let request = RenderRequest { scene: args.scene()?, outputs, memory: args.memory, device: args.device.request() };
+    let (scene, device) = (args.scene()?, args.device.request());
+    let request = JobRequest { scene, work: Work::Render, outputs: vec![outputs], memory: args.memory, device };
     job::run(Job::new(request, &keeping)?, args.json)
 }
 

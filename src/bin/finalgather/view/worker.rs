@@ -18,7 +18,7 @@ use finalgather::image::{Image, WriteOptions};
 use finalgather::job::{DeviceRequest, SceneRequest, metadata};
 use finalgather::math::Aabb;
 use finalgather::render::{End, Layers, Probe, Render, Statistics};
-use finalgather::scene::Camera;
+use finalgather::scene::{Camera, Loaded};
 use finalgather::settings::{LayerSize, Settings};
 use finalgather::shaders;
 use glam::Vec2;
@@ -277,19 +277,17 @@ fn newest(path: &Path) -> Option<SystemTime> {
 
 fn open(gpu: &Gpu, start: &Start, path: &Path) -> Result<(Opened, OpenScene)> {
     let request = SceneRequest { path: path.to_owned(), ..start.scene.clone() };
-    let mut scene = request.load(true)?;
-    let settings = request.settings(&scene.settings)?;
-    let render = Render::new(gpu, &scene, &settings)?;
-    if scene.framed {
-        scene.camera = Camera::framing(scene.mesh.bounds(), settings.size);
-    }
-    let camera = about(scene.camera, scene.mesh.bounds());
+    let Loaded { world, settings, report } = request.load(true)?;
+    let settings = request.settings(&settings)?;
+    let render = Render::new(gpu, &world, &settings)?;
+    let bounds = world.bounds();
+    let camera = about(world.camera(settings.size), bounds);
     let opened = Opened {
         path: path.to_owned(),
         camera,
         settings: settings.clone(),
-        bounds: scene.mesh.bounds(),
-        warnings: scene.warnings.clone(),
+        bounds,
+        warnings: report.warnings,
         renderer: gpu.info().renderer.clone(),
     };
     Ok((opened, OpenScene::new(camera, render, settings)))

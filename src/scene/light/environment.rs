@@ -14,16 +14,17 @@ use std::io::Cursor;
 use std::path::Path;
 use std::sync::Arc;
 
-use glam::Vec3;
+use glam::{Vec3, vec3};
 use image::codecs::hdr::HdrDecoder;
 use image::{DynamicImage, ImageDecoder, ImageError};
 use rayon::prelude::*;
 
+use super::super::Path as LightPath;
 use crate::blocks::sha256;
 use crate::error::{Error, Result};
 use crate::file::{MOST_BYTES, can_hold, read_file};
 use crate::image::Image;
-use crate::math::neighbours;
+use crate::math::{frame, neighbours};
 use crate::random::Distribution;
 
 /// The widest picture: 400 MB of texels, a thousand times as many as there are directions in most renders.
@@ -166,9 +167,25 @@ impl Environment {
         (Vec3::new(radius * azimuth.sin(), y, -radius * azimuth.cos()), density)
     }
 
+    /// A photon along a direction chosen by radiance, through any point of the disc across it that the scene's sphere fills; see
+    /// [`super::Lights::emit`]. The first number is not needed.
+    pub(super) fn emit(&self, probability: f32, [_, u, v, s, t]: [f32; 5]) -> (LightPath, Vec3) {
+        let (to_light, density) = self.sample([u, v]);
+        let (sin, cos) = (TAU * s).sin_cos();
+        // The scene lies in the unit sphere, and the disc before it.
+        let disc = frame(to_light) * (t.sqrt() * vec3(cos, sin, 0.0));
+        let path = LightPath { origin: disc + 1.1 * to_light, direction: -to_light, triangle: None };
+        (path, self.radiance(to_light) * (PI / (density * probability)))
+    }
+
     /// Integral of radiance over the sphere, channels added up: 4π times the mean of their sum.
     pub fn power(&self) -> f64 {
         self.picture.power * f64::from(self.scale)
+    }
+
+    /// Whether no radiance comes from anywhere.
+    pub fn is_black(&self) -> bool {
+        self.power() == 0.0
     }
 
     /// In a sentence for a person, when much of the light comes from so small a part of the sphere that shared directions make noise of it.

@@ -22,7 +22,7 @@ pub enum Files {
 }
 
 /// Reads the files of one scene.
-pub(super) struct Reader<'a> {
+pub struct Reader<'a> {
     /// The file that was asked for, wherever it may lie.
     scene: &'a Path,
     files: &'a Files,
@@ -31,7 +31,7 @@ pub(super) struct Reader<'a> {
 }
 
 /// Why a file was not read, and the cure where a better one is known than to put it there.
-pub(super) struct Unread {
+pub struct Unread {
     problem: String,
     cure: Option<String>,
 }

@@ -1,22 +1,24 @@
-//! The emissive triangles as one light that can be sampled by power.
+//! The emissive triangles of a scene, as one light.
 
+use std::f32::consts;
 use std::f64::consts::PI;
 
 use glam::Vec3;
 
-use super::Scene;
+use super::super::{Path, RAY_OFFSET, Scene};
+use crate::math::cosine_direction;
 use crate::random::Distribution;
 
 /// All emissive triangles of a scene.
-pub struct Lights {
-    triangles: Vec<Light>,
+pub struct AreaLight {
+    triangles: Vec<Emitter>,
     /// Of the triangles by power.
     by_power: Distribution,
     power: f64,
 }
 
-struct Light {
-    /// Into [`super::Mesh::triangles`].
+struct Emitter {
+    /// Into [`super::super::Mesh::triangles`].
     triangle: usize,
     corners: [Vec3; 3],
     normal: Vec3,
@@ -27,7 +29,7 @@ struct Light {
 /// A point on a light.
 #[derive(Clone, Copy, Debug)]
 pub struct LightPoint {
-    /// Into [`super::Mesh::triangles`].
+    /// Into [`super::super::Mesh::triangles`].
     pub triangle: usize,
     pub position: Vec3,
     /// Unit normal of the emitting side.
@@ -37,15 +39,15 @@ pub struct LightPoint {
     pub radiance_area: Vec3,
 }
 
-impl Lights {
-    pub fn new(scene: &Scene) -> Self {
+impl AreaLight {
+    pub(super) fn new(scene: &Scene) -> Self {
         let power =
             |triangle: usize| f64::from(scene.material(triangle).emission.element_sum()) * f64::from(scene.mesh.area(triangle));
         let emissive = || (0..scene.mesh.triangles.len()).filter(|&triangle| power(triangle) > 0.0);
         let total: f64 = emissive().map(power).sum();
-        let light = |triangle: usize| {
+        let emitter = |triangle: usize| {
             let probability = (power(triangle) / total) as f32;
-            Light {
+            Emitter {
                 triangle,
                 corners: scene.mesh.corners(triangle),
                 normal: scene.mesh.geometric_normal(triangle),
@@ -53,7 +55,7 @@ impl Lights {
             }
         };
         let by_power = Distribution::new(emissive().map(power).collect());
-        Self { triangles: emissive().map(light).collect(), by_power, power: PI * total }
+        Self { triangles: emissive().map(emitter).collect(), by_power, power: PI * total }
     }
 
     /// Number of emissive triangles.
@@ -61,28 +63,32 @@ impl Lights {
         self.triangles.len()
     }
 
-    /// What they emit, channels added up: of radiance L, πL per unit of area.
+    /// Flux of all, channels added up: of radiance L, πL per unit of area.
     pub fn power(&self) -> f64 {
         self.power
     }
 
-    /// Maps a uniform number and a uniform point of the unit square to a point on the lights, with a density proportional to
-    /// emitted power.
-    ///
-    /// # Panics
-    /// When nothing emits.
+    /// See [`super::Lights::point`].
     pub fn point(&self, pick: f32, [u, v]: [f32; 2]) -> LightPoint {
         let (slot, ..) = self.by_power.pick(pick);
-        let &Light { triangle, corners: [a, b, c], normal, radiance_area, .. } = &self.triangles[slot];
+        let &Emitter { triangle, corners: [a, b, c], normal, radiance_area } = &self.triangles[slot];
         // The square folded along its diagonal, so that its neighbours stay neighbours in the triangle.
         let (u, v) = if u + v > 1.0 { (1.0 - u, 1.0 - v) } else { (u, v) };
         LightPoint { triangle, position: a + u * (b - a) + v * (c - a), normal, radiance_area }
     }
 
-    /// As [`Lights::point`], where `u` picks the triangle and what it has left places the point: points even over the unit square are
-    /// even over the lights.
+    /// See [`super::Lights::point_of_square`].
     pub fn point_of_square(&self, [u, v]: [f32; 2]) -> LightPoint {
         let (_, rest, _) = self.by_power.pick(u);
         self.point(u, [rest, v])
+    }
+
+    /// A photon from a point of the light, with a cosine distribution about the emitting normal; see [`super::Lights::emit`].
+    pub(super) fn emit(&self, probability: f32, [pick, u, v, s, t]: [f32; 5]) -> (Path, Vec3) {
+        let LightPoint { triangle, position, normal, radiance_area } = self.point(pick, [u, v]);
+        let direction = cosine_direction(normal, s, t);
+        let path = Path { origin: position + RAY_OFFSET * normal, direction, triangle: Some(triangle) };
+        // A diffuse emitter of radiance L sends out πL per unit of area.
+        (path, radiance_area * (consts::PI / probability))
     }
 }

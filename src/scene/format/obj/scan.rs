@@ -1,14 +1,10 @@
-//! OBJ text, checked line by line and brought into the plain form that tobj reads without surprises.
-//!
-//! tobj's errors name no place; it also takes a polyline for a face, stumbles over a comment after a number, and gives a
-//! corner without `vn` another corner's normal. So [`scan`] reads the text first: it reports every error with its line and
-//! hands on only vertices and faces, with absolute indices and all three of position, texture coordinate and normal.
+//! The statements of an OBJ, each error with its line. [`Scan::new`] is the entry point.
 
-use std::collections::HashSet;
-use std::fmt::Write;
+use std::collections::HashMap;
+use std::ops::Range;
 use std::path::Path;
 
-use glam::DVec3;
+use glam::{DVec3, Vec2, Vec3};
 
 use crate::error::{Error, Result};
 
@@ -18,13 +14,28 @@ const FARTHEST: f32 = 1e9;
 /// Whether a polygon crosses itself takes the square of its corners in time.
 const MOST_CORNERS: usize = 5000;
 
-/// What [`scan`] found. `text` refers to all material libraries by one `mtllib` line at its top.
+/// What an OBJ says.
 pub struct Scan {
-    pub text: String,
+    /// From index 1 on, as OBJ counts. Index 0 is zero, and means "none" for texture coordinates and normals.
+    pub positions: Vec<Vec3>,
+    pub uvs: Vec<Vec2>,
+    pub normals: Vec<Vec3>,
+    /// Of all faces: indices of position, texture coordinate and normal.
+    pub corners: Vec<[u32; 3]>,
+    pub runs: Vec<Run>,
     /// The `mtllib` statements.
     pub libraries: Vec<Named>,
     /// The `usemtl` statements, the first of each material.
     pub materials: Vec<Named>,
+}
+
+/// Consecutive faces of one material.
+#[derive(Default)]
+pub struct Run {
+    /// Into [`Scan::materials`]; none before the first `usemtl`.
+    pub material: Option<usize>,
+    /// Into [`Scan::corners`].
+    pub faces: Vec<Range<usize>>,
 }
 
 /// A name and the line that uses it.
@@ -33,104 +44,97 @@ pub struct Named {
     pub line: usize,
 }
 
-pub fn scan(path: &Path, bytes: &[u8]) -> Result<Scan> {
-    let error = |problem, cure| Err(Error::input(path, None, problem, cure));
-    if bytes.contains(&0) {
-        return error("this is a binary file, not a Wavefront OBJ", "export the model as OBJ");
-    }
-    // Names and comments in another encoding than UTF-8 must not keep the geometry from loading.
-    let text = String::from_utf8_lossy(bytes);
-    let mut scanner = Scanner::new(path);
-    for (index, statement) in text.trim_start_matches('\u{feff}').lines().enumerate() {
-        scanner.line = index + 1;
-        scanner.statement(statement)?;
-    }
-    if scanner.faces.is_empty() {
-        return match scanner.counts[POSITION] {
-            0 => error("there is no vertex (v) and no face (f): this is not a Wavefront OBJ", "export the model as OBJ"),
-            _ => error("there is no face (f), so there is nothing to render", "export the model with its faces, as a mesh"),
+impl Scan {
+    pub fn new(path: &Path, bytes: &[u8]) -> Result<Self> {
+        let error = |problem, cure| Err(Error::input(path, None, problem, cure));
+        if bytes.contains(&0) {
+            return error("this is a binary file, not a Wavefront OBJ", "export the model as OBJ");
+        }
+        let found = Self {
+            positions: vec![Vec3::ZERO],
+            uvs: vec![Vec2::ZERO],
+            normals: vec![Vec3::ZERO],
+            corners: Vec::new(),
+            runs: vec![Run::default()],
+            libraries: Vec::new(),
+            materials: Vec::new(),
         };
+        let mut scanner = Scanner { path, line: 0, found, farthest: [(0, 0); 3], seen: HashMap::new() };
+        // Names and comments in another encoding than UTF-8 must not keep the geometry from loading.
+        let text = String::from_utf8_lossy(bytes);
+        for (index, statement) in text.trim_start_matches('\u{feff}').lines().enumerate() {
+            scanner.line = index + 1;
+            scanner.statement(statement)?;
+        }
+        if scanner.found.corners.is_empty() {
+            return match scanner.count(POSITION) {
+                0 => error("there is no vertex (v) and no face (f): this is not a Wavefront OBJ", "export the model as OBJ"),
+                _ => error("there is no face (f), so there is nothing to render", "export the model with its faces, as a mesh"),
+            };
+        }
+        scanner.check_farthest()?;
+        Ok(scanner.found)
     }
-    scanner.check_farthest()?;
-    Ok(scanner.finish())
 }
 
-const POSITION: usize = 0;
-const UV: usize = 1;
-const NORMAL: usize = 2;
+/// The kinds of indices, in the order of a corner's.
 const STATEMENTS: [&str; 3] = ["v", "vt", "vn"];
+const POSITION: usize = 0;
 
 struct Scanner<'a> {
     path: &'a Path,
     line: usize,
-    /// How many `v`, `vt` and `vn` there are so far.
-    counts: [usize; 3],
-    /// The greatest index used of each, and the line of its use: a face may come before its vertices.
+    found: Scan,
+    /// The greatest index used of `v`, `vt` and `vn`, and the line of its use: a face may come before its vertices.
     farthest: [(usize, usize); 3],
-    vertices: String,
-    faces: String,
-    libraries: Vec<Named>,
-    materials: Vec<Named>,
-    /// Names of `materials`.
-    seen: HashSet<String>,
+    /// Names of the materials.
+    seen: HashMap<String, usize>,
 }
 
-impl<'a> Scanner<'a> {
-    fn new(path: &'a Path) -> Self {
-        Self {
-            path,
-            line: 0,
-            counts: [0; 3],
-            farthest: [(0, 0); 3],
-            vertices: String::new(),
-            faces: String::new(),
-            libraries: Vec::new(),
-            materials: Vec::new(),
-            seen: HashSet::new(),
-        }
-    }
-
+impl Scanner<'_> {
     fn statement(&mut self, statement: &str) -> Result<()> {
         let (keyword, rest) = split_word(statement);
         match keyword {
             "v" => {
-                let [x, y, z] = self.numbers(keyword, rest, 3)?;
-                if let Some(far) = [x, y, z].iter().find(|value| value.abs() > FARTHEST) {
+                let position = self.numbers(keyword, rest, 3)?;
+                if let Some(far) = position.iter().find(|value| value.abs() > FARTHEST) {
                     let problem = format!("coordinate {far:e} is farther than {FARTHEST:e} from the origin");
                     return self.error(problem, "scale the model down");
                 }
-                self.vertex(POSITION, format_args!("{x} {y} {z}"));
+                self.found.positions.push(position.into());
             }
             "vt" => {
                 // The second coordinate is optional.
                 let dimensions = uncomment(rest).split_whitespace().count().clamp(1, 2);
                 let [u, v, _] = self.numbers(keyword, rest, dimensions)?;
-                self.vertex(UV, format_args!("{u} {v}"));
+                self.found.uvs.push(Vec2::new(u, v));
             }
             "vn" => {
                 let normal = self.numbers_or_nan(keyword, rest, 3)?;
-                let [x, y, z] = DVec3::from(normal.map(f64::from)).normalize_or_zero().to_array();
-                self.vertex(NORMAL, format_args!("{} {} {}", x as f32, y as f32, z as f32));
+                self.found.normals.push(DVec3::from(normal.map(f64::from)).normalize_or_zero().as_vec3());
             }
             "f" => self.face(uncomment(rest))?,
             "usemtl" | "mtllib" if rest.is_empty() => {
                 return self.error(format!("{keyword} without a name"), "name it, or remove the line");
             }
-            "usemtl" => {
-                _ = writeln!(self.faces, "usemtl {rest}");
-                if self.seen.insert(rest.to_owned()) {
-                    self.materials.push(Named { name: rest.to_owned(), line: self.line });
-                }
-            }
-            "mtllib" => self.libraries.push(Named { name: rest.to_owned(), line: self.line }),
+            "usemtl" => self.use_material(rest),
+            "mtllib" => self.found.libraries.push(Named { name: rest.to_owned(), line: self.line }),
             _ => {}
         }
         Ok(())
     }
 
-    fn vertex(&mut self, kind: usize, values: std::fmt::Arguments) {
-        self.counts[kind] += 1;
-        _ = writeln!(self.vertices, "{} {values}", STATEMENTS[kind]);
+    fn use_material(&mut self, name: &str) {
+        let Scan { runs, materials, .. } = &mut self.found;
+        let material = *self.seen.entry(name.to_owned()).or_insert_with(|| {
+            materials.push(Named { name: name.to_owned(), line: self.line });
+            materials.len() - 1
+        });
+        match runs.last_mut() {
+            Some(run) if run.material == Some(material) => {}
+            Some(run) if run.faces.is_empty() => run.material = Some(material),
+            _ => runs.push(Run { material: Some(material), faces: Vec::new() }),
+        }
     }
 
     fn face(&mut self, corners: &str) -> Result<()> {
@@ -139,28 +143,35 @@ impl<'a> Scanner<'a> {
             let cure = format!("give 3 or more, at most {MOST_CORNERS}, or remove the line");
             return self.error(format!("a face with {count} corners"), cure);
         }
-        self.faces.push('f');
+        let first = self.found.corners.len();
         for corner in corners.split_whitespace() {
             let mut parts = corner.split('/');
-            let position = self.index(POSITION, corner, parts.next())?;
-            let uv = self.index(UV, corner, parts.next())?;
-            let normal = self.index(NORMAL, corner, parts.next())?;
-            if position == 0 || parts.next().is_some() {
+            let mut indices = [0; 3];
+            for (kind, index) in indices.iter_mut().enumerate() {
+                *index = self.index(kind, corner, parts.next())?;
+            }
+            if indices[POSITION] == 0 || parts.next().is_some() {
                 return self.malformed(corner);
             }
-            // `finish` puts a "none" before the first vt and vn.
-            _ = write!(self.faces, " {position}/{}/{}", uv + 1, normal + 1);
+            self.found.corners.push(indices);
         }
-        self.faces.push('\n');
+        if let Some(run) = self.found.runs.last_mut() {
+            run.faces.push(first..self.found.corners.len());
+        }
         Ok(())
     }
 
+    /// How many of a kind there are so far.
+    fn count(&self, kind: usize) -> usize {
+        [self.found.positions.len(), self.found.uvs.len(), self.found.normals.len()][kind] - 1
+    }
+
     /// Counts from 1; 0 means that the corner has none of this kind.
-    fn index(&mut self, kind: usize, corner: &str, part: Option<&str>) -> Result<usize> {
+    fn index(&mut self, kind: usize, corner: &str, part: Option<&str>) -> Result<u32> {
         let Some(part) = part.filter(|part| !part.is_empty()) else { return Ok(0) };
         let Ok(index) = part.parse::<i64>() else { return self.malformed(corner) };
         let statement = STATEMENTS[kind];
-        let count = self.counts[kind];
+        let count = self.count(kind);
         let absolute = match index {
             0 => return self.error(format!("index 0 in face corner {corner}"), "count from 1, as OBJ does"),
             1.. => index as usize,
@@ -174,13 +185,14 @@ impl<'a> Scanner<'a> {
             },
         };
         self.farthest[kind] = self.farthest[kind].max((absolute, self.line));
-        Ok(absolute)
+        // What does not fit is beyond the vertices, and refused for that.
+        Ok(absolute as u32)
     }
 
     fn check_farthest(&mut self) -> Result<()> {
         for (kind, statement) in STATEMENTS.iter().enumerate() {
             let (index, line) = self.farthest[kind];
-            let count = self.counts[kind];
+            let count = self.count(kind);
             if index > count {
                 self.line = line;
                 let problem = format!("face refers to {statement} {index}, but the file has {count}");
@@ -220,11 +232,6 @@ impl<'a> Scanner<'a> {
 
     fn error<T>(&self, problem: impl Into<String>, cure: impl Into<String>) -> Result<T> {
         Err(Error::input(self.path, Some(self.line), problem, cure))
-    }
-
-    fn finish(self) -> Scan {
-        let text = format!("mtllib all\nvt 0 0\nvn 0 0 0\n{}{}", self.vertices, self.faces);
-        Scan { text, libraries: self.libraries, materials: self.materials }
     }
 }
 

@@ -1,0 +1,201 @@
+//! Scene files (TOML). A scene file names a model and overrides what the model says or cannot say:
+//!
+//! ```toml
+//! mesh = "room.obj"            # beside this file or in folders there, as all file names here
+//!
+//! [camera]                     # without it: the whole model from the front
+//! eye = [278, 273, -800]
+//! target = [278, 273, 0]
+//! up = [0, 1, 0]               # the default
+//! fov_y_degrees = 39.3         # 40 by default
+//! aperture = 10                # radius of a thin lens; 0, a pinhole, by default
+//! focus_distance = 900         # what is sharp; the target by default
+//!
+//! [environment]                # what lies beyond the model: black without
+//! file = "sky.hdr"             # or radiance = [1, 1, 1], the same from everywhere
+//! scale = 1                    # the default, as are no
+//! turn_degrees = 0             # turns about +y, counter-clockwise from above
+//!
+//! [settings]                   # any field of `Settings`
+//! directions = 1000
+//!
+//! [materials.floor]            # a material of the model
+//! albedo = [0.5, 0.5, 0.5]
+//! emission = [0, 0, 0]
+//! albedo_texture = "tiles.png"
+//! surface = "mirror"           # or "diffuse", or { glass = { index = 1.5, filter = [1, 1, 1] } }; a mirror reflects its albedo
+//! ```
+
+use std::collections::{BTreeMap, HashMap};
+use std::ops::{Range, RangeInclusive};
+use std::path::Path;
+
+use glam::Vec3;
+use serde::Deserialize;
+use toml::Spanned;
+
+use super::{Loader, beside, format_of, names, obj};
+use crate::error::{Error, Result};
+use crate::file::{MOST_BYTES, MOST_WORDS};
+use crate::scene::{Camera, Environment, Lens, Surface, World};
+use crate::settings::Settings;
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SceneFile {
+    mesh: String,
+    camera: Option<Spanned<CameraTable>>,
+    environment: Option<Spanned<EnvironmentTable>>,
+    #[serde(default)]
+    settings: Settings,
+    #[serde(default)]
+    materials: BTreeMap<Spanned<String>, MaterialTable>,
+}
+
+#[derive(Clone, Copy, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct CameraTable {
+    eye: [f32; 3],
+    target: [f32; 3],
+    up: Option<[f32; 3]>,
+    fov_y_degrees: Option<f32>,
+    #[serde(default)]
+    aperture: f32,
+    focus_distance: Option<f32>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct EnvironmentTable {
+    file: Option<String>,
+    radiance: Option<Spanned<[f32; 3]>>,
+    scale: Option<Spanned<f32>>,
+    turn_degrees: Option<Spanned<f32>>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct MaterialTable {
+    albedo: Option<Spanned<[f32; 3]>>,
+    emission: Option<Spanned<[f32; 3]>>,
+    albedo_texture: Option<Spanned<String>>,
+    surface: Option<Spanned<SurfaceTable>>,
+}
+
+#[derive(Clone, Copy, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+enum SurfaceTable {
+    Diffuse,
+    Mirror,
+    Glass { index: Option<f32>, filter: Option<[f32; 3]> },
+}
+
+/// The world of the model with these changes, and the settings.
+pub fn load(loader: &mut Loader, path: &Path) -> Result<(World, Settings)> {
+    let reader = loader.reader;
+    let cure = "name an existing TOML file, in UTF-8";
+    let bytes = reader.read_named(path, MOST_WORDS).map_err(|unread| unread.error(path, None, "this scene file", cure))?;
+    let text = std::str::from_utf8(&bytes)
+        .map_err(|error| Error::input(path, None, format!("this scene file is not UTF-8: {error}"), cure))?;
+    let line = |span: Range<usize>| text.bytes().take(span.start).filter(|&byte| byte == b'\n').count() + 1;
+    let error = |span, problem: String, cure: &str| Error::input(path, Some(line(span)), problem, cure);
+    let file: SceneFile = toml::from_str(text).map_err(|fault| {
+        let cure = "a scene file has mesh, [camera], [environment], [settings] and [materials.NAME]; see the examples in scenes/";
+        Error::input(path, fault.span().map(line), fault.message().trim_end(), cure)
+    })?;
+
+    file.settings.validate().map_err(|fault| match fault {
+        Error::Usage { problem, cure } => {
+            // The problem starts with the setting's name.
+            let name = problem.split_whitespace().next().unwrap_or_default().replace('-', "_");
+            let named = |line: &str| line.split('=').next().is_some_and(|key| key.trim() == name);
+            let line = text.lines().position(named).map(|index| index + 1);
+            Error::input(path, line, problem, cure)
+        }
+        other => other,
+    })?;
+
+    let camera = file.camera.map(|table| {
+        let CameraTable { eye, target, up, fov_y_degrees, aperture, focus_distance } = *table.get_ref();
+        let [eye, target, up] = [eye, target, up.unwrap_or([0.0, 1.0, 0.0])].map(Vec3::from);
+        let focus_distance = focus_distance.unwrap_or_else(|| eye.distance(target));
+        let lens = (aperture != 0.0).then_some(Lens { radius: aperture, focus_distance });
+        let camera = Camera { eye, target, up, fov_y_degrees: fov_y_degrees.unwrap_or(Camera::DEFAULT_FOV_Y), lens };
+        camera.check().map_err(|(problem, cure)| error(table.span(), problem, cure))
+    });
+
+    let own_environment = |table: Spanned<EnvironmentTable>| {
+        let span = table.span();
+        let table = table.into_inner();
+        let environment = match (table.file, table.radiance) {
+            (Some(file), None) => {
+                let file = beside(path, &file);
+                let cure = "put the picture there, or correct its name";
+                let read = reader.read_named(&file, MOST_BYTES);
+                let bytes = read.map_err(|unread| unread.error(&file, None, "this environment", cure))?;
+                Environment::decode(&file, &bytes)?
+            }
+            (None, Some(radiance)) => {
+                let value = Vec3::from(*radiance.get_ref());
+                Environment::constant(value).map_err(|_| {
+                    let cure = "give a finite radiance of 0 or more for each of red, green and blue";
+                    error(radiance.span(), format!("radiance is {value}"), cure)
+                })?
+            }
+            _ => return Err(error(span, "an environment has a file or a radiance".into(), "give one of the two")),
+        };
+        let factor = |number: Option<Spanned<f32>>, name, accepted: RangeInclusive<f32>, default, cure| match number {
+            None => Ok(default),
+            Some(number) if accepted.contains(number.get_ref()) => Ok(*number.get_ref()),
+            Some(number) => Err(error(number.span(), format!("{name} is {}", number.get_ref()), cure)),
+        };
+        let scale = factor(table.scale, "scale", 0.0..=f32::MAX, 1.0, "give a finite factor of 0 or more")?;
+        let turn = factor(table.turn_degrees, "turn_degrees", -360.0..=360.0, 0.0, "give degrees from -360 to 360")?;
+        Ok(environment.scaled(scale).turned(turn))
+    };
+    if loader.environment.is_none() {
+        loader.environment = file.environment.map(own_environment).transpose()?;
+    }
+    let camera = camera.transpose()?;
+
+    // A model of unknown ending is read as OBJ.
+    let mesh = beside(path, &file.mesh);
+    let mut world = format_of(&mesh).unwrap_or(obj::load)(loader, &mesh)?;
+    world.cameras.splice(0..0, camera.map(|camera| ("camera".to_owned(), camera)));
+    let indices: HashMap<_, _> = world.materials.iter().enumerate().map(|(i, material)| (material.name.clone(), i)).collect();
+    for (name, table) in file.materials {
+        let Some(&index) = indices.get(name.get_ref()) else {
+            let problem = format!("the model has no material \"{}\"", name.get_ref());
+            return Err(error(name.span(), problem, &format!("name one that it has: {}", names(&world.materials))));
+        };
+        let material = &mut world.materials[index];
+        let color = |value: Spanned<[f32; 3]>, what, accepted: RangeInclusive<f32>, cure| {
+            let color = Vec3::from(*value.get_ref());
+            let sound = value.get_ref().iter().all(|value| accepted.contains(value));
+            sound.then_some(color).ok_or_else(|| error(value.span(), format!("{what} is {color}"), cure))
+        };
+        if let Some(albedo) = table.albedo {
+            let cure = "give a reflectance from 0 to 1 for each of red, green and blue";
+            material.albedo = color(albedo, "albedo", 0.0..=1.0, cure)?;
+        }
+        if let Some(emission) = table.emission {
+            let cure = "give a finite radiance of 0 or more for each of red, green and blue";
+            material.emission = color(emission, "emission", 0.0..=f32::MAX, cure)?;
+        }
+        if let Some(texture) = table.albedo_texture {
+            let named_at = format!("{}:{}", path.display(), line(texture.span()));
+            material.albedo_texture = Some(loader.textures.load(&beside(path, texture.get_ref()), &named_at)?);
+        }
+        if let Some(surface) = table.surface {
+            let kind = match *surface.get_ref() {
+                SurfaceTable::Diffuse => Surface::Diffuse,
+                SurfaceTable::Mirror => Surface::Mirror,
+                SurfaceTable::Glass { index, filter } => {
+                    Surface::Glass { index: index.unwrap_or(Surface::GLASS_INDEX), filter: filter.map_or(Vec3::ONE, Vec3::from) }
+                }
+            };
+            material.surface = kind.check().map_err(|(problem, cure)| error(surface.span(), problem, cure))?;
+        }
+    }
+    Ok((world, file.settings))
+}

@@ -1,0 +1,65 @@
+//! Materials: what a surface does with the light that meets it, and what it emits.
+
+use glam::Vec3;
+
+#[derive(Clone, Debug, PartialEq)]
+pub struct Material {
+    pub name: String,
+    /// Linear reflectance in [0, 1], RGB; a texture multiplies it.
+    pub albedo: Vec3,
+    /// Radiance emitted from the front, RGB, W/(m² sr) in each channel.
+    pub emission: Vec3,
+    /// Into the textures of the world or scene.
+    pub albedo_texture: Option<usize>,
+    pub surface: Surface,
+}
+
+impl Material {
+    pub fn is_emissive(&self) -> bool {
+        self.emission != Vec3::ZERO
+    }
+
+    /// Whether it is a mirror or glass.
+    pub fn is_specular(&self) -> bool {
+        self.surface != Surface::Diffuse
+    }
+
+    pub fn is_glass(&self) -> bool {
+        matches!(self.surface, Surface::Glass { .. })
+    }
+}
+
+/// What a surface does with the light that meets it.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Surface {
+    /// Reflects it by Lambert's law.
+    #[default]
+    Diffuse,
+    /// Reflects it in one direction, as much as the albedo says.
+    Mirror,
+    /// Reflects and refracts it; the albedo means nothing.
+    Glass {
+        /// Index of refraction behind the fronts, over the index before them.
+        index: f32,
+        /// Share of the light that a body transmits, beside reflection. Each of two faces takes half of it (the square root).
+        filter: Vec3,
+    },
+}
+
+impl Surface {
+    /// Index of refraction of glass, where none is given.
+    pub const GLASS_INDEX: f32 = 1.5;
+
+    /// Itself, or the problem and its cure.
+    pub fn check(self) -> Result<Self, (String, &'static str)> {
+        match self {
+            Self::Glass { index, .. } if !(1.0..=10.0).contains(&index) => {
+                Err((format!("index of refraction is {index}"), "give a number from 1 to 10; glass has 1.5"))
+            }
+            Self::Glass { filter, .. } if !filter.to_array().iter().all(|share| (0.0..=1.0).contains(share)) => {
+                Err((format!("filter is {filter}"), "give a share from 0 to 1 for each of red, green and blue"))
+            }
+            _ => Ok(self),
+        }
+    }
+}

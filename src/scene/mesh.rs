@@ -1,0 +1,81 @@
+//! Triangle meshes.
+
+use glam::{Vec2, Vec3};
+
+use crate::math::Aabb;
+
+/// Triangles with shared vertices.
+#[derive(Clone, Debug, Default)]
+pub struct Mesh {
+    pub positions: Vec<Vec3>,
+    /// Unit shading normals, one a vertex; zero where the face's own normal is meant (flat shading).
+    pub normals: Vec<Vec3>,
+    /// Texture coordinates, one a vertex, v up; zero where the file has none.
+    pub uvs: Vec<Vec2>,
+    pub triangles: Vec<Triangle>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Triangle {
+    /// Into [`Mesh::positions`], [`Mesh::normals`] and [`Mesh::uvs`]; counter-clockwise seen from the front.
+    pub vertices: [u32; 3],
+    /// Into the materials of the world or scene.
+    pub material: u32,
+}
+
+impl Mesh {
+    pub fn bounds(&self) -> Aabb {
+        Aabb::from_points(self.positions.iter().copied())
+    }
+
+    /// The corners' positions.
+    pub fn corners(&self, triangle: usize) -> [Vec3; 3] {
+        self.triangles[triangle].vertices.map(|vertex| self.positions[vertex as usize])
+    }
+
+    /// The unit normal of the face, on its front side; in f64, as thin triangles need.
+    pub fn geometric_normal(&self, triangle: usize) -> Vec3 {
+        let [a, b, c] = self.corners(triangle).map(|corner| corner.as_dvec3());
+        (b - a).cross(c - a).normalize().as_vec3()
+    }
+
+    /// That normal, turned to the side that a ray along `direction` meets.
+    pub fn side_met(&self, triangle: usize, direction: Vec3) -> Vec3 {
+        let normal = self.geometric_normal(triangle);
+        if normal.dot(direction) < 0.0 { normal } else { -normal }
+    }
+
+    /// The unit shading normal at a point of the triangle, on the side of `side`, the face's own normal there.
+    pub fn shading_normal(&self, triangle: usize, barycentric: Vec3, side: Vec3) -> Vec3 {
+        let [a, b, c] = self.triangles[triangle].vertices.map(|vertex| self.normals[vertex as usize]);
+        let normal = a * barycentric.x + b * barycentric.y + c * barycentric.z;
+        // As in glsl/visible_points.frag.
+        if normal.length_squared() < 1e-12 {
+            return side;
+        }
+        let normal = normal.normalize();
+        if normal.dot(side) < 0.0 { -normal } else { normal }
+    }
+
+    pub fn area(&self, triangle: usize) -> f32 {
+        let [a, b, c] = self.corners(triangle);
+        0.5 * (b - a).cross(c - a).length()
+    }
+
+    /// Weights of the corners at a point of the triangle.
+    pub fn barycentric(&self, triangle: usize, position: Vec3) -> Vec3 {
+        let [a, b, c] = self.corners(triangle);
+        let normal = (b - a).cross(c - a);
+        let weight = |from: Vec3, to: Vec3| (to - from).cross(position - from).dot(normal) / normal.length_squared();
+        let (u, v) = (weight(c, a), weight(a, b));
+        Vec3::new(1.0 - u - v, u, v)
+    }
+}
+
+/// Whether a normal can be computed in f32, on the GPU for one: the cross product of the edges must stand out from the
+/// rounding of its terms, and its square must not underflow.
+pub(super) fn has_area(corners: [Vec3; 3]) -> bool {
+    let [a, b, c] = corners.map(|corner| corner.as_dvec3());
+    let longest = (b - a).length_squared().max((c - b).length_squared()).max((a - c).length_squared());
+    (b - a).cross(c - a).length() > (longest * 1e-6).max(1e-18)
+}

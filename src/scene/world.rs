@@ -1,0 +1,125 @@
+//! The world: what the files say, in world space and before any flattening. [`World::flatten`] makes what passes draw.
+
+use std::collections::HashSet;
+
+use glam::{DAffine3, DMat3, DVec3, Vec3};
+
+use super::mesh::has_area;
+use super::{Camera, Environment, Material, Mesh, Scene, Texture, Triangle, UnitSpace};
+use crate::math::Aabb;
+
+/// A world of meshes, placed once or more.
+///
+/// There is no list of lights: emissive materials and the environment are all that emits, and [`Lights::new`](super::Lights::new) collects them
+/// from the flat scene. Point, spot and directional lights will be a list here and in [`Scene`], moved to unit space by [`World::flatten`], counted by
+/// [`World::is_dark`], and a variant of [`Light`](super::Light).
+#[derive(Clone, Debug, Default)]
+pub struct World {
+    pub meshes: Vec<Mesh>,
+    pub instances: Vec<Instance>,
+    /// Of the triangles of all meshes.
+    pub materials: Vec<Material>,
+    pub textures: Vec<Texture>,
+    /// With their names; a render looks through the first. Without one the whole world is framed to fit.
+    pub cameras: Vec<(String, Camera)>,
+    /// Radiance from beyond all surfaces; black without.
+    pub environment: Option<Environment>,
+}
+
+/// A mesh placed in the world. The default is mesh 0, where it is.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Instance {
+    pub name: String,
+    /// Into [`World::meshes`].
+    pub mesh: usize,
+    /// From the mesh's space to world space. A mirror image keeps its fronts and backs.
+    pub transform: DAffine3,
+}
+
+impl World {
+    /// The material of each triangle of each instance.
+    pub fn surfaces(&self) -> impl Iterator<Item = &Material> {
+        let triangles = self.instances.iter().flat_map(|instance| &self.meshes[instance.mesh].triangles);
+        triangles.map(|triangle| &self.materials[triangle.material as usize])
+    }
+
+    /// Whether nothing emits.
+    pub fn is_dark(&self) -> bool {
+        self.environment.as_ref().is_none_or(Environment::is_black) && !self.surfaces().any(Material::is_emissive)
+    }
+
+    /// The camera for a picture of `size`: the first, or one that sees all of the world.
+    pub fn camera(&self, size: [u32; 2]) -> Camera {
+        self.cameras.first().map_or_else(|| Camera::framing(self.bounds(), size), |(_, camera)| *camera)
+    }
+
+    pub fn bounds(&self) -> Aabb {
+        let [min, max] = self.extremes().map(|corner| corner.as_vec3());
+        Aabb { min, max }
+    }
+
+    /// The least and the greatest coordinates.
+    fn extremes(&self) -> [DVec3; 2] {
+        let positions = |instance: &'_ Instance| self.meshes[instance.mesh].positions.iter().map(placed(instance.transform));
+        let grow = |[min, max]: [DVec3; 2], position: DVec3| [min.min(position), max.max(position)];
+        self.instances.iter().flat_map(positions).fold([DVec3::INFINITY, DVec3::NEG_INFINITY], grow)
+    }
+
+    /// All instances as one mesh in unit space. Positions are f64 until they are there. Triangles that are too small beside the world for 32-bit
+    /// normals are left out, and so are triangles that lie exactly on another.
+    pub fn flatten(&self) -> Scene {
+        let space = UnitSpace::around(self.extremes());
+        let mut mesh = Mesh::default();
+        for &Instance { mesh: index, transform, .. } in &self.instances {
+            let source = &self.meshes[index];
+            let first = mesh.positions.len() as u32;
+            let mirrored = transform.matrix3.determinant() < 0.0;
+            mesh.positions.extend(source.positions.iter().map(placed(transform)).map(|position| space.enter_point(position)));
+            mesh.normals.extend(source.normals.iter().map(turned(transform.matrix3)));
+            mesh.uvs.extend(&source.uvs);
+            mesh.triangles.extend(source.triangles.iter().map(|triangle| {
+                let [a, b, c] = triangle.vertices.map(|vertex| first + vertex);
+                // A mirror image winds the other way.
+                Triangle { vertices: if mirrored { [a, c, b] } else { [a, b, c] }, ..*triangle }
+            }));
+        }
+        let Mesh { positions, triangles, .. } = &mut mesh;
+        triangles.retain(|triangle| has_area(triangle.vertices.map(|vertex| positions[vertex as usize])));
+        drop_doubles(&mut mesh, &self.materials);
+        Scene {
+            mesh,
+            materials: self.materials.clone(),
+            textures: self.textures.clone(),
+            environment: self.environment.clone(),
+            camera: self.cameras.first().map(|(_, camera)| space.enter_camera(*camera)),
+            space,
+        }
+    }
+}
+
+/// World positions.
+fn placed(transform: DAffine3) -> impl Fn(&Vec3) -> DVec3 {
+    move |position| transform.transform_point3(position.as_dvec3())
+}
+
+/// World normals: by the inverse transpose, which is the cofactor matrix over the determinant. The cofactor matrix is finite for any transform.
+fn turned(linear: DMat3) -> impl Fn(&Vec3) -> Vec3 {
+    let DMat3 { x_axis: x, y_axis: y, z_axis: z } = linear;
+    let cofactors = DMat3::from_cols(y.cross(z), z.cross(x), x.cross(y)) * linear.determinant().signum();
+    // Rounds nothing where nothing turns.
+    move |&normal| if linear == DMat3::IDENTITY { normal } else { (cofactors * normal.as_dvec3()).normalize_or_zero().as_vec3() }
+}
+
+/// Drops triangles that lie exactly on another, however wound, as exports with two-sided faces have them: surfaces are two-sided anyway, and
+/// light would be shared between the doubles. Emissive ones all stay, for back to back they are a lamp that shines both ways.
+fn drop_doubles(mesh: &mut Mesh, materials: &[Material]) {
+    let Mesh { positions, triangles, .. } = mesh;
+    let emissive = |triangle: &Triangle| materials[triangle.material as usize].is_emissive();
+    let place = |triangle: &Triangle| {
+        let mut corners = triangle.vertices.map(|vertex| positions[vertex as usize].to_array().map(f32::to_bits));
+        corners.sort_unstable();
+        corners
+    };
+    let mut taken: HashSet<_> = triangles.iter().filter(|&triangle| emissive(triangle)).map(place).collect();
+    triangles.retain(|triangle| emissive(triangle) || taken.insert(place(triangle)));
+}
