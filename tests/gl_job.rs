@@ -3,14 +3,14 @@
 mod common;
 
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use common::{gpu, small_scene};
 use finalgather::bake::{Plan, Rough};
 use finalgather::error::Error;
 use finalgather::image::Image;
 use finalgather::job::{
-    BakeRequest, Ending, Job, Keeping, Outcome, ReceiverKind, RenderRequest, SceneRequest, TaskReport, Watch, merge,
+    BakeRequest, Ending, Job, JobRequest, Keeping, Outcome, ReceiverKind, SceneRequest, TaskReport, Watch, Work, merge,
 };
 use finalgather::points::LightMapOptions;
 use finalgather::quantity::Quantity;
@@ -20,6 +20,10 @@ fn scene(folder: &Path) -> SceneRequest {
     let settings = json!({ "size": [24, 24], "directions": 64 });
     let settings = settings.as_object().cloned().unwrap_or_else(Map::new);
     SceneRequest { path: small_scene(folder), settings, ..SceneRequest::default() }
+}
+
+fn request(scene: SceneRequest, work: Work, outputs: &[PathBuf]) -> JobRequest {
+    JobRequest { scene, work, outputs: vec![outputs.to_vec()], memory: None, device: Default::default() }
 }
 
 /// Stops once this many directions are done, and keeps what it is told.
@@ -55,7 +59,7 @@ fn a_render_is_stopped_and_goes_on() {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name);
     let run = |name: &str, keeping: &Keeping, watch: &mut dyn Watch| -> Outcome {
-        let request = RenderRequest { scene: scene(folder.path()), outputs: vec![path(name)], ..RenderRequest::default() };
+        let request = request(scene(folder.path()), Work::Render, &[path(name)]);
         Job::new(request, keeping).unwrap().run(watch).unwrap()
     };
     let outcome = run("one.exr", &Keeping::default(), &mut ());
@@ -80,17 +84,14 @@ fn a_bake_is_merged_from_its_request() {
     let _turn = gpu();
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name);
-    let request = |outputs: &[&str]| BakeRequest {
-        scene: scene(folder.path()),
+    let bake = BakeRequest {
         receivers: vec![ReceiverKind::Camera],
         plan: Plan { what: vec![Quantity::Ao], order: 1, bounces: 0, ao_distance: None, rough: Rough::Photons, memory: 256 },
         light_map: LightMapOptions::default(),
-        outputs: vec![outputs.iter().map(|name| path(name)).collect()],
-        memory: None,
-        device: Default::default(),
     };
+    let request = |outputs: &[PathBuf]| request(scene(folder.path()), Work::Bake(bake.clone()), outputs);
     let run = |request, keeping: &Keeping| Job::new(request, keeping).unwrap().run(&mut ()).unwrap();
-    run(request(&["one.npy"]), &Keeping::default());
+    run(request(&[path("one.npy")]), &Keeping::default());
     let parts = ["1/2", "2/2"].map(|shard| {
         let file = path(&format!("{}.part", &shard[..1]));
         let shard = finalgather::blocks::Shard::parse(shard, |_| None).unwrap();
@@ -110,7 +111,7 @@ fn a_setting_that_does_not_exist_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let mut scene = scene(folder.path());
     scene.settings.insert("directoins".into(), 3.into());
-    let request = RenderRequest { scene, outputs: vec![folder.path().join("a.exr")], ..RenderRequest::default() };
+    let request = request(scene, Work::Render, &[folder.path().join("a.exr")]);
     let refused = Job::new(request, &Keeping::default()).unwrap().run(&mut ()).map(drop);
     assert!(refused.as_ref().is_err_and(|error| error.to_string().contains("directoins")), "{refused:?}");
 }
