@@ -51,6 +51,7 @@ pub mod geometry;
 pub mod gpu;
 pub mod harmonics;
 pub mod image;
+pub mod job;
 pub mod math;
 mod memory;
 pub mod npy;

@@ -9,6 +9,8 @@
 
 mod layers;
 mod memory;
+mod merge;
+mod statistics;
 
 use std::ops::Range;
 use std::path::Path;
@@ -17,10 +19,9 @@ use std::time::Instant;
 
 use glam::{Vec3, Vec4};
 use rayon::prelude::*;
-use serde::Serialize;
 use serde_json::{Value, json};
 
-use crate::blocks::{Blocks, Part};
+use crate::blocks::Part;
 use crate::direct::Direct;
 use crate::direction::{Direction, Directions};
 use crate::error::{Error, Result};
@@ -35,11 +36,15 @@ use crate::points::{CameraPoints, EyeRays, GatherPoint, Interleave, Points, Sums
 use crate::prepared::{Photons, Prepared};
 use crate::random::sobol;
 use crate::reference::Reference;
-use crate::scene::{Camera, Scene, UnitSpace, World};
+use crate::scene::{Camera, Scene, World};
 use crate::settings::{DIRECTIONS_PER_PHOTON_MAP, Estimator, Pipeline, PointSource, Settings};
+
+use self::merge::{FILM, film_of_part};
 
 pub use layers::{End, LayerTexel, Layers, Probe};
 pub use memory::memory_of;
+pub use merge::{RenderMerge, blocks_of};
+pub use statistics::{GatherCounts, SceneCounts, StageSeconds, Statistics};
 
 /// A render in progress.
 pub struct Render {
@@ -110,54 +115,6 @@ struct Block {
     /// Directions that each subset of the pixels took so far.
     taken: Vec<u32>,
     light_samples: u32,
-}
-
-/// Counts and times of a render. Times of GL stages are of finished work.
-#[derive(Clone, Debug, Default, Serialize)]
-pub struct Statistics {
-    pub scene: SceneCounts,
-    pub seconds: StageSeconds,
-    pub gather: GatherCounts,
-    pub photons: PhotonCounts,
-    /// Relative standard error of the picture, see [`Settings::until`]; estimated now and then.
-    pub error: Option<f64>,
-}
-
-#[derive(Clone, Copy, Debug, Default, Serialize)]
-pub struct SceneCounts {
-    pub triangles: usize,
-    /// Emissive triangles.
-    pub lights: usize,
-}
-
-/// Wall-clock seconds.
-#[derive(Clone, Copy, Debug, Default, Serialize)]
-pub struct StageSeconds {
-    pub photons: f64,
-    pub visible_points: f64,
-    pub direct: f64,
-    pub caustics: f64,
-    pub gather: f64,
-}
-
-#[derive(Clone, Copy, Debug, Default, Serialize)]
-pub struct GatherCounts {
-    /// Points of one block: pixels that see a surface.
-    pub points: u32,
-    /// Eye rays that were given up among mirrors and glass, of all blocks.
-    pub cut: u64,
-    pub directions: u32,
-    pub layer_size: u32,
-    /// Peeled for a direction; where a pipeline takes several at once, all of them count as the deepest.
-    pub layers_mean: f64,
-    pub layers_max: u32,
-    pub ms_per_direction: f64,
-    /// Points × directions over the seconds of the gather.
-    pub samples_per_second: f64,
-    #[serde(skip)]
-    layers_sum: u64,
-    #[serde(skip)]
-    samples: u64,
 }
 
 impl Render {
@@ -528,76 +485,6 @@ impl Render {
     }
 }
 
-/// The name of its tree in a [`Part`].
-const FILM: &str = "film";
-
-/// Parts of one render put together, from their files alone.
-pub struct Merge {
-    job: Value,
-    settings: Settings,
-    space: UnitSpace,
-    film: FilmSum,
-}
-
-impl Merge {
-    /// Of the render that `part`, read from `path`, is of; nothing yet.
-    ///
-    /// # Errors
-    /// [`Error::Input`] when it is damaged.
-    pub fn new(path: &Path, part: &Part) -> Result<Self> {
-        let damaged = || Error::input(path, None, "damaged: it does not say what it is of", "make it again");
-        let mut settings: Settings = serde_json::from_value(part.job["settings"].clone()).map_err(|_| damaged())?;
-        settings.exposure = serde_json::from_value(part.state["exposure"].clone()).map_err(|_| damaged())?;
-        let space = serde_json::from_value(part.job["space"].clone()).map_err(|_| damaged())?;
-        if part.job["version"] != env!("CARGO_PKG_VERSION") {
-            let problem = format!("of version {}, and this is {}", part.job["version"], env!("CARGO_PKG_VERSION"));
-            return Err(Error::input(path, None, problem, "merge with the version that made it"));
-        }
-        settings.validate().map_err(|_| damaged())?;
-        Ok(Self { job: part.job.clone(), settings, space, film: FilmSum::default() })
-    }
-
-    /// # Errors
-    /// [`Error::Input`] when it is of another render, damaged, or has blocks that are there already.
-    pub fn add(&mut self, path: &Path, part: &Part) -> Result<()> {
-        part.check(path, &self.job)?;
-        let blocks = blocks_of(&self.settings);
-        blocks.merge(path, &mut self.film, film_of_part(path, part, &self.settings, blocks)?)
-    }
-
-    /// # Errors
-    /// [`Error::Usage`] when directions are missing.
-    pub fn picture(&self) -> Result<Image> {
-        blocks_of(&self.settings).check_whole(&self.film)?;
-        Ok(self.film.image(self.settings.size, &self.space))
-    }
-
-    /// As [`Render::job`].
-    pub fn job(&self) -> &Value {
-        &self.job
-    }
-
-    /// What it was rendered by.
-    pub fn settings(&self) -> &Settings {
-        &self.settings
-    }
-
-    /// Whose bits they are, as the driver calls it.
-    pub fn renderer(&self) -> &str {
-        self.job["gl"]["renderer"].as_str().unwrap_or_default()
-    }
-}
-
-fn film_of_part(path: &Path, part: &Part, settings: &Settings, blocks: Blocks) -> Result<FilmSum> {
-    let film = |range, planes: Vec<&[f32]>| Film::of_planes(settings.size, blocks.directions(range).len() as u32, &planes);
-    part.tree(path, FILM, blocks, film)
-}
-
-/// The blocks of a render by these settings: each has its own sub-pixel offset, and at least one direction for each interleaved subset.
-pub fn blocks_of(settings: &Settings) -> Blocks {
-    Blocks::new(settings.directions, settings.interleave * settings.interleave)
-}
-
 impl Passes {
     fn new(gpu: &Gpu, scene: &Scene, settings: &Settings) -> Result<Self> {
         let points = settings.size;
@@ -639,17 +526,5 @@ impl Source {
             Self::Camera(points) => points.points(visible),
             Self::Traced(points) => points.as_ref().expect("a block begins with its points").points(),
         }
-    }
-}
-
-impl GatherCounts {
-    fn add(&mut self, points: u32, directions: u32, layers: u32, seconds: f64) {
-        self.directions += directions;
-        self.layers_sum += u64::from(layers) * u64::from(directions);
-        self.samples += u64::from(points) * u64::from(directions);
-        self.layers_max = self.layers_max.max(layers);
-        self.layers_mean = self.layers_sum as f64 / f64::from(self.directions);
-        self.ms_per_direction = 1e3 * seconds / f64::from(self.directions);
-        self.samples_per_second = self.samples as f64 / seconds;
     }
 }

@@ -186,6 +186,21 @@ fn relit_by_a_constant_sky() {
     assert!(picture.channel("G").unwrap().iter().any(|&sample| sample > 0.1), "the picture is black");
 }
 
+/// Bounces of transfer do not change photons, whose depth has an option of its own.
+#[test]
+fn bounces_of_a_gather_are_not_those_of_photons() {
+    let folder = folder();
+    let values = |name: &str, args: &[&str]| {
+        let file = format!("{name}.exr");
+        success(&bake(&folder, &scene("cornell.toml"), &[&["--to", "camera", "-o", &file], args].concat()));
+        Image::read(&folder.path().join(&file)).unwrap().channel("IrradianceIndirect.G").unwrap().to_vec()
+    };
+    let alone = values("alone", &["--what", "irradiance"]);
+    assert_eq!(alone, values("both", &["--what", "irradiance,prt", "--bounces", "1"]));
+    assert_eq!(alone, values("named", &["--what", "irradiance,prt", "--gather-bounces", "1"]));
+    assert_ne!(alone, values("photons", &["--what", "irradiance", "--photon-depth", "1"]));
+}
+
 /// The error at which a render stops is nothing to a bake, nor to its layers.
 #[test]
 fn a_bake_takes_all_its_directions() {

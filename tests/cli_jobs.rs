@@ -85,22 +85,31 @@ fn shards_of_a_render_make_the_bytes_of_one_run() {
     }
 }
 
+/// The merge needs no OpenGL: what the camera saw is in the parts.
 #[test]
 fn shards_of_a_bake_make_the_bytes_of_one_run() {
     let folder = folder();
-    success(&mut bake(&folder, &RECEIVERS));
-    let one = ["a.npy", "a.json", "a.exr"].map(|name| bytes(&folder, name));
-    ["a.npy", "a.json", "a.exr"].iter().for_each(|name| fs::remove_file(folder.path().join(name)).unwrap());
+    let (camera, files) = (["--to", "camera"], ["a.npy", "a.json", "a.exr", "c.exr", "c.ply"]);
+    let receivers = [&RECEIVERS[..], &["-o", "camera:c.exr", "-o", "camera:c.ply"]].concat();
+    success(&mut bake(&folder, &[&camera[..], &receivers].concat()));
+    let one = files.map(|name| bytes(&folder, name));
+    files.iter().for_each(|name| fs::remove_file(folder.path().join(name)).unwrap());
     // As tasks of an engine, of which the merge is none; one of them with less memory.
     for (index, memory) in [("0", "256"), ("1", "1024")] {
-        let mut shard = bake(&folder, &["--shard", "auto/2", "--memory", memory, "-o", "{shard}.part"]);
+        let mut shard = bake(&folder, &[&camera[..], &["--shard", "auto/2", "--memory", memory, "-o", "{shard}.part"]].concat());
         success(shard.env("JOB_COMPLETION_INDEX", index));
     }
-    // What another bake has left there is not the merge's.
+    // A file of another bake is not the merge's.
     fs::write(folder.path().join("a.npy.checkpoint"), "of another").unwrap();
-    success(&mut tool(&folder, &[&["merge", "2.part", "1.part"], &RECEIVERS]));
+    let without_gl = |mut command: Command| {
+        command.env("__EGL_VENDOR_LIBRARY_FILENAMES", "/nowhere").env("GALLIUM_DRIVER", "none");
+        command
+    };
+    let baked = without_gl(bake(&folder, &[&camera[..], &receivers].concat())).output().unwrap();
+    assert!(!baked.status.success(), "there is OpenGL");
+    success(&mut without_gl(tool(&folder, &[&["merge", "2.part", "1.part"], &receivers])));
     assert_eq!(bytes(&folder, "a.npy.checkpoint"), b"of another");
-    assert!(one == ["a.npy", "a.json", "a.exr"].map(|name| bytes(&folder, name)), "a file differs");
+    assert!(one == files.map(|name| bytes(&folder, name)), "a file differs");
 }
 
 /// Runs `command` until it is done, each time killed once its checkpoint `file` has been written again. How often it was.
@@ -431,7 +440,7 @@ fn what_does_not_belong_together_is_refused_by_name() {
         (&["--shard", "1/4", "-o", "x.png"][..], "ending in .part"),
         (&["--shard", "1/4", "-o", "x.part", "-o", "y.part"], "one part"),
         (&["--shard", "1/26", "-o", "x.part"], "26 shards, and the directions fall into 25 blocks"),
-        (&["--shard", "1/4", "-o", "x.part", "--until", "0.01"], "--until"),
+        (&["--shard", "1/4", "-o", "x.part", "--until", "0.01"], "--target-error"),
         (&["--shard", "5/4", "-o", "x.part"], "5/4"),
         (&["--shard", "1/4", "-o", "1.part"], "--resume"),
         (&["--shard", "auto/4", "-o", "{shard}.part"], "JOB_COMPLETION_INDEX"),

@@ -16,7 +16,7 @@ use finalgather::error::{Error, Result};
 use finalgather::export::parse_prt;
 use finalgather::image::Image;
 use finalgather::points::file::parse;
-use finalgather::render::Merge;
+use finalgather::render::RenderMerge;
 use finalgather::scene::{Files, LoadOptions, World};
 use finalgather::settings::Settings;
 use serde_json::{Value, json};
@@ -179,7 +179,7 @@ fn part(change: impl Fn(&mut Value, &mut Value), nodes: &[(&str, usize)]) -> Vec
 fn merged(bytes: &[u8]) -> Result<Image> {
     let path = Path::new("x.part");
     let part = Part::parse(path, bytes)?;
-    let mut merge = Merge::new(path, &part)?;
+    let mut merge = RenderMerge::new(path, &part)?;
     merge.add(path, &part)?;
     merge.picture()
 }

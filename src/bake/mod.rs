@@ -13,7 +13,10 @@
 
 mod carriers;
 mod integrals;
+mod merge;
 mod rounds;
+
+pub use merge::Merge;
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -27,7 +30,7 @@ use serde_json::{Value, json};
 use self::carriers::{Carried, Carriers};
 use self::integrals::{Integrals, Rough as Seen, Seen as Pass, Tile, Values, Wanted};
 use self::rounds::{Round, Whose, all_rounds, keeps, largest};
-use crate::blocks::{Blocks, Node, PairwiseSum, Part, Sum, sha256};
+use crate::blocks::{Blocks, PairwiseSum, Part, Sum, sha256};
 use crate::direct::Direct;
 use crate::direction::{Direction, Directions};
 use crate::error::{Error, Result};
@@ -47,7 +50,7 @@ use crate::shaders::BATCH;
 const TILE: usize = 1 << 18;
 
 /// What a bake is to find, beside [`Settings`].
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Plan {
     pub what: Vec<Quantity>,
     /// Bands of spherical harmonics.
@@ -119,8 +122,6 @@ pub struct Bake {
     kept: Option<Kept>,
     /// MiB that all may take, if that is bounded.
     most: Option<usize>,
-    /// The driver of parts that are merged.
-    merged: Option<Value>,
     /// Checksums of scene and points.
     digest: Value,
     statistics: Statistics,
@@ -252,8 +253,8 @@ impl Bake {
             seconds: Seconds { photons: traced, ..Seconds::default() },
             ..Statistics::default()
         };
-        let places: Vec<_> = points.iter().flat_map(|point| [point.position, point.normal, point.surface_normal]).collect();
-        let digest = json!({ "scene": prepared.scene.digest(), "points": sha256(bytemuck::cast_slice(&places)) });
+        let [scene_digest, points_digest] = digest(&prepared.scene, &points);
+        let digest = json!({ "scene": scene_digest, "points": points_digest });
         Ok(Self {
             gpu: gpu.clone(),
             direct: Direct::new(gpu, settings.shadow_size, settings.seed)?,
@@ -273,7 +274,6 @@ impl Bake {
             carried: Held::default(),
             kept,
             most: None,
-            merged: None,
             digest,
             statistics,
         })
@@ -323,7 +323,7 @@ impl Bake {
         json!({
             "what": "bake",
             "version": env!("CARGO_PKG_VERSION"),
-            "gl": self.merged.as_ref().unwrap_or(&self.gpu.identity()),
+            "gl": self.gpu.identity(),
             "scene": self.digest["scene"],
             "space": self.prepared.scene.space,
             "points": self.digest["points"],
@@ -334,7 +334,10 @@ impl Bake {
 
     /// The blocks that are done, of all rounds that are needed to go on.
     pub fn save(&self) -> Part<'_> {
-        let mut part = Part::new(self.job(), json!({ "stage": self.carried.stage, "memory": self.plan.memory }));
+        let mut part = Part::new(
+            self.job(),
+            json!({ "stage": self.carried.stage, "memory": self.plan.memory, "points": self.points.len() }),
+        );
         for (number, summed) in self.summed.iter().enumerate() {
             part.put_tree(&tree(number), &summed.values);
             if !summed.irradiance.is_empty() {
@@ -377,57 +380,6 @@ impl Bake {
         }
         self.count();
         Ok(())
-    }
-
-    /// Adds the blocks of a part of the same job to those of the last stage; all that are merged are of one driver, whichever.
-    ///
-    /// # Errors
-    /// [`Error::Input`] when it is of another job or damaged, or has blocks that are there already.
-    pub fn merge(&mut self, path: &Path, part: &Part) -> Result<()> {
-        if self.merged.is_none() {
-            self.merged = Some(part.job["gl"].clone());
-            // All points at once, for nothing is left to gather.
-            self.rounds.retain(|round| round.last);
-            self.rounds.truncate(1);
-            self.rounds.iter_mut().for_each(|round| round.points = 0..self.points.len());
-            self.summed = self.rounds.iter().map(|_| Summed::default()).collect();
-        }
-        part.check(path, &self.job())?;
-        let plan = Plan { memory: memory_of(path, part)?, ..self.plan.clone() };
-        let blocks = blocks_of(&self.settings);
-        let (mut values, mut irradiance): (Vec<Node<Values>>, _) = (Vec::new(), Vec::new());
-        for (number, round) in self.all_rounds(&plan).iter().enumerate().filter(|(_, round)| round.last) {
-            let own = summed_in(path, part, number, round.points.len(), &plan.wanted(true), blocks)?;
-            let same = values.iter().map(Node::range).eq(own.values.nodes().iter().map(Node::range));
-            if irradiance.is_empty() {
-                values = own.values.into_nodes();
-            } else if same {
-                values.iter_mut().zip(own.values.nodes()).for_each(|(node, further)| node.sum.append(&further.sum));
-            } else {
-                let problem = "not complete: some points are further than others";
-                return Err(Error::input(path, None, problem, "run its shard again with --resume"));
-            }
-            irradiance.extend(own.irradiance);
-        }
-        let mut sum = PairwiseSum::default();
-        values.into_iter().for_each(|node| sum.insert(node).unwrap_or_else(|_| unreachable!("nodes of a tree")));
-        blocks.merge(path, &mut self.summed[0].values, sum)?;
-        self.summed[0].irradiance = irradiance;
-        self.count();
-        Ok(())
-    }
-
-    /// Whose bits they are, as the driver calls it.
-    pub fn renderer(&self) -> &str {
-        let merged = self.merged.as_ref().and_then(|gl| gl["renderer"].as_str());
-        merged.unwrap_or(&self.gpu.info().renderer)
-    }
-
-    /// # Errors
-    /// [`Error::Usage`] that names the directions along which not all points have gathered.
-    pub fn check_whole(&self) -> Result<()> {
-        let mut last = self.rounds.iter().zip(&self.summed).filter(|(round, _)| round.last);
-        last.try_for_each(|(_, summed)| blocks_of(&self.settings).check_whole(&summed.values))
     }
 
     /// Whether no block is in progress, so that nothing is lost by ending here.
@@ -741,6 +693,10 @@ impl Walk {
         self.tiles.iter().for_each(|tile| self.integrals.read(tile, &mut values));
         values
     }
+}
+
+fn digest(scene: &crate::scene::Scene, points: &[GatherPoint]) -> [Value; 2] {
+    [scene.digest(), sha256(bytemuck::cast_slice(points)).into()]
 }
 
 /// The blocks of a bake by these settings: whole batches.

@@ -8,6 +8,7 @@ use glutin::api::egl::{context::PossiblyCurrentContext, device::Device, display:
 use glutin::config::{Api, ConfigSurfaceTypes, ConfigTemplateBuilder};
 use glutin::context::{ContextApi, ContextAttributesBuilder, GlProfile, PossiblyCurrentGlContext, Robustness, Version};
 use glutin::display::GlDisplay;
+use serde::Serialize;
 
 use super::osmesa::OsMesa;
 use super::reset::ResetStatus;
@@ -36,7 +37,7 @@ pub enum DeviceChoice {
 }
 
 /// One EGL device.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize)]
 pub struct DeviceInfo {
     pub index: usize,
     pub name: String,

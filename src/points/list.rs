@@ -1,6 +1,7 @@
 //! Gather points given as data: the source for points that are known on the CPU. [`PointList::upload`] takes them to the GL side, and
 //! [`PointList::in_order`] brings what passes over points found back to the order of the list.
 
+use bytemuck::{Pod, Zeroable};
 use glam::{Vec2, Vec3, Vec4};
 
 use super::{Points, Subset, Visible};
@@ -11,7 +12,8 @@ use crate::gpu::{Filter, Format, Gpu, Texture, Wrap};
 const WIDTH: usize = 1024;
 
 /// Where irradiance is wanted, in unit space.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
 pub struct GatherPoint {
     pub position: Vec3,
     /// Unit shading normal: the hemisphere that is integrated.

@@ -3,61 +3,75 @@
 use std::path::{Path, PathBuf};
 use std::thread::available_parallelism;
 
+use clap::builder::{PossibleValue, PossibleValuesParser};
 use finalgather::bench::{Bench, CONTESTANTS, Contestant, FUSED, Plan, Row, Where};
 use finalgather::error::{Error, Result};
-use finalgather::gpu::Gpu;
-use finalgather::scene::{LoadOptions, Loaded, World};
+use finalgather::scene::Loaded;
 use finalgather::settings::{LayerSize, Settings};
-use serde::Serialize;
+use serde_json::{Value, json};
 
-use crate::args::BenchArgs;
-use crate::progress::Progress;
-use crate::report::{self, Gl};
+use crate::args::{DeviceArgs, FilesArg, count, layer_size, size};
+use crate::progress::ProgressLine;
+use crate::report;
 
 /// Directions of the converged oracle, both ends of each.
 const CONVERGED: u32 = 4096;
+/// Of the table's columns; the first has names.
+const HEADS: &str = ",ends,ms/dir,ms/sample,Msamples/s,xFUSED,peel,gather,wait,idle,diff,bias,RMSE,offset";
 
-#[derive(Serialize)]
-struct Report<'a> {
-    gl: Gl<'a>,
-    cores: usize,
-    scene: SceneReport,
-    /// What the points, directions and photons are; further settings are the scene's.
-    settings: BenchSettings,
-    rows: &'a [Row],
-    /// How many times as fast fused is, by the time for a sample at every point; empty when it was not measured.
-    fused_against: serde_json::Map<String, serde_json::Value>,
-}
+/// Measure all pipelines, and rays on the CPU, side by side: total time, time of stages, error
+#[derive(Debug, clap::Args)]
+#[command(after_help = include_str!("help/bench.txt"), args_override_self = true)]
+pub struct BenchArgs {
+    /// Scene file: .toml, or a bare .obj with its .mtl [default: scenes/cornell.toml, if it exists]
+    scene: Option<PathBuf>,
 
-#[derive(Serialize)]
-struct SceneReport {
-    file: String,
-    triangles: usize,
-}
+    #[command(flatten)]
+    files: FilesArg,
 
-#[derive(Serialize)]
-struct BenchSettings {
+    /// Picture size in pixels; N is N by N
+    #[arg(long, value_name = "WxH|N", default_value = "512", value_parser = size)]
     size: [u32; 2],
-    points: u32,
+
+    /// Directions of a round
+    #[arg(long, value_name = "N", default_value = "32", value_parser = count::<u32>)]
     directions: u32,
-    layer_size: u32,
-    photons: u64,
+
+    /// Rounds. Each pipeline runs once in a round
+    #[arg(long, value_name = "N", default_value = "5", value_parser = count::<u32>)]
     rounds: u32,
-    converged_directions: u32,
+
+    /// Side of the depth layers in texels. auto: as a render of the scene has it [default: the scene file's, else auto]
+    #[arg(long, value_name = "auto|N", value_parser = layer_size)]
+    layer_size: Option<LayerSize>,
+
+    /// Photons emitted from the lights [default: the scene file's, else 1000000]
+    #[arg(long, value_name = "N", value_parser = count::<u64>)]
+    photons: Option<u64>,
+
+    /// Measure only these, separated by commas
+    #[arg(long, value_name = "NAMES", value_delimiter = ',', value_parser = contestants())]
+    pipelines: Vec<String>,
+
+    /// Print one JSON object on stdout
+    #[arg(long)]
+    json: bool,
+
+    #[command(flatten)]
+    device: DeviceArgs,
 }
 
 /// The exit code, unless the run failed.
 pub fn run(args: &BenchArgs) -> Result<u8> {
-    let progress = Progress::new("loading");
+    let progress = ProgressLine::new("loading");
     let outcome = bench(args, &progress);
     progress.clear();
     outcome.map(|()| 0)
 }
 
-fn bench(args: &BenchArgs, progress: &Progress) -> Result<()> {
+fn bench(args: &BenchArgs, progress: &ProgressLine) -> Result<()> {
     let file = args.scene.clone().map_or_else(default_scene, Ok)?;
-    let Loaded { world, settings: from_scene, report } =
-        World::load_with(&file, LoadOptions { files: args.files.files(), ..LoadOptions::default() })?;
+    let Loaded { world, settings: from_scene, report } = args.files.scene(&file).load(true)?;
     report.warnings.iter().for_each(|warning| progress.say(&format!("warning: {warning}")));
     // A round is of few directions, and stands for the many of a render.
     let layers = Settings { layer_size: args.layer_size.unwrap_or(from_scene.layer_size), ..from_scene.clone() }.layers();
@@ -67,7 +81,7 @@ fn bench(args: &BenchArgs, progress: &Progress) -> Result<()> {
         layer_size: LayerSize::Texels(layers),
         photons: args.photons.unwrap_or(from_scene.photons),
         interleave: 1,
-        ..from_scene
+        ..from_scene.clone()
     };
     settings.validate()?;
     if args.rounds == 0 {
@@ -75,7 +89,7 @@ fn bench(args: &BenchArgs, progress: &Progress) -> Result<()> {
     }
 
     progress.stage("starting OpenGL");
-    let gpu = Gpu::headless(args.backend, args.gl_device)?;
+    let gpu = args.device.request().open()?;
     progress.stage("tracing photons");
     let bench = Bench::new(&gpu, world.flatten(), &settings, Where::Camera)?;
     progress.stage("measuring");
@@ -85,29 +99,33 @@ fn bench(args: &BenchArgs, progress: &Progress) -> Result<()> {
     let rows = bench.measure(&contestants, plan)?;
     progress.clear();
 
-    let gl = gpu.info();
     let cores = available_parallelism().map_or(1, usize::from);
     let fused = rows.iter().find(|row| row.name == FUSED).map(|row| row.ms_per_sample);
-    let report = Report {
-        gl: Gl { renderer: &gl.renderer, version: &gl.version, backend: &gl.backend },
-        cores,
-        scene: SceneReport { file: file.display().to_string(), triangles: bench.triangle_count() },
-        settings: BenchSettings {
-            size: settings.size,
-            points: bench.point_count(),
-            directions: settings.directions,
-            layer_size: settings.layers(),
-            photons: settings.photons,
-            rounds: args.rounds,
-            converged_directions: CONVERGED,
+    let others = rows.iter().filter(|row| row.name != FUSED);
+    // Of fused, by the time of a sample at every point; empty when that was not measured.
+    let against = fused.map(|fused| others.map(|row| (row.name.clone(), (row.ms_per_sample / fused).into())).collect());
+    let report = json!({
+        "gl": gpu.identity(),
+        "cores": cores,
+        "scene": { "file": file.display().to_string(), "triangles": bench.triangle_count() },
+        // What the points, directions and photons are; further settings are the scene's.
+        "settings": {
+            "size": settings.size,
+            "points": bench.point_count(),
+            "directions": settings.directions,
+            "layer_size": settings.layers(),
+            "photons": settings.photons,
+            "rounds": args.rounds,
+            "converged_directions": CONVERGED,
         },
-        rows: &rows,
-        fused_against: fused.map_or_else(Default::default, |fused| {
-            let others = rows.iter().filter(|row| row.name != FUSED);
-            others.map(|row| (row.name.clone(), (row.ms_per_sample / fused).into())).collect()
-        }),
-    };
-    if args.json { report::print_json(&report) } else { report::print(&table(&report, fused)) }
+        "rows": rows,
+        "fused_against": Value::Object(against.unwrap_or_default()),
+    });
+    if args.json { report::print_json(&report) } else { report::print(&table(&report, &rows, fused)) }
+}
+
+fn contestants() -> PossibleValuesParser {
+    PossibleValuesParser::new(CONTESTANTS.iter().map(|contestant| PossibleValue::new(contestant.name).help(contestant.about)))
 }
 
 fn default_scene() -> Result<PathBuf> {
@@ -121,42 +139,29 @@ fn default_scene() -> Result<PathBuf> {
     ))
 }
 
-fn table(report: &Report, fused: Option<f64>) -> String {
-    let Report { gl, cores, scene, settings, rows, .. } = report;
-    let [width, height] = settings.size;
+fn table(report: &Value, rows: &[Row], fused: Option<f64>) -> String {
+    let (scene, settings, cores) = (&report["scene"], &report["settings"], &report["cores"]);
+    let text = |value: &Value| value.as_str().unwrap_or_default().to_owned();
+    let number = |name: &str| settings[name].to_string();
     let mut lines = vec![
-        format!("{}, {cores} core{}", gl.renderer, if *cores == 1 { "" } else { "s" }),
+        format!("{}, {cores} core{}", text(&report["gl"]["renderer"]), if *cores == 1 { "" } else { "s" }),
         format!(
-            "{}: {} triangles, {} points ({width}x{height}), {} directions, {layers}x{layers} layers, medians of {} rounds",
-            scene.file,
-            scene.triangles,
-            settings.points,
-            settings.directions,
-            settings.rounds,
-            layers = settings.layer_size,
+            "{}: {} triangles, {} points ({}x{}), {} directions, {layers}x{layers} layers, medians of {} rounds",
+            text(&scene["file"]),
+            scene["triangles"],
+            number("points"),
+            settings["size"][0],
+            settings["size"][1],
+            number("directions"),
+            number("rounds"),
+            layers = number("layer_size"),
         ),
         String::new(),
     ];
-    let heads = [
-        "",
-        "ends",
-        "ms/dir",
-        "ms/sample",
-        "Msamples/s",
-        "xFUSED",
-        "peel",
-        "gather",
-        "wait",
-        "idle",
-        "diff",
-        "bias",
-        "RMSE",
-        "offset",
-    ];
-    let mut cells = vec![heads.map(str::to_owned)];
+    let mut cells = vec![HEADS.split(',').map(str::to_owned).collect::<Vec<_>>()];
     cells.extend(rows.iter().map(|row| cells_of(row, fused)));
     let widths: Vec<_> =
-        (0..heads.len()).map(|column| cells.iter().map(|row| row[column].chars().count()).max().unwrap_or(0)).collect();
+        (0..cells[0].len()).map(|column| cells.iter().map(|row| row[column].chars().count()).max().unwrap_or(0)).collect();
     for row in &cells {
         let line = row.iter().zip(&widths).enumerate().map(|(column, (cell, &width))| match column {
             0 => format!("{cell:<width$}"),
@@ -168,15 +173,12 @@ fn table(report: &Report, fused: Option<f64>) -> String {
         String::new(),
         "ms/sample: every point gets one ray that counts; xFUSED: how many times as fast fused is.".into(),
         "diff and bias: against exact rays along the same directions; own rays have no such oracle.".into(),
-        format!(
-            "RMSE and offset of the mean: against exact rays along {} other directions. More: --help",
-            settings.converged_directions
-        ),
+        format!("RMSE and offset of the mean: against exact rays along {} other directions. More: --help", CONVERGED),
     ]);
     lines.join("\n")
 }
 
-fn cells_of(row: &Row, fused: Option<f64>) -> [String; 14] {
+fn cells_of(row: &Row, fused: Option<f64>) -> Vec<String> {
     let or = |value: Option<String>, none: &str| value.unwrap_or_else(|| none.to_owned());
     let percent = |share: f64, digits: usize| format!("{:.digits$} %", 100.0 * share);
     let signed = |share: f64| format!("{:+.2} %", 100.0 * share);
@@ -186,7 +188,7 @@ fn cells_of(row: &Row, fused: Option<f64>) -> [String; 14] {
         stage.map_or("-".to_owned(), |stage| or(stage.ms_per_direction.map(|ms| format!("{ms:.2}")), "n/a"))
     };
     let device = row.device.as_ref();
-    [
+    vec![
         row.name.clone(),
         or(row.ends.map(|ends| ends.to_string()), "own"),
         format!("{:.2}", row.ms_per_direction),

@@ -6,10 +6,44 @@ use std::path::{Path, PathBuf};
 use finalgather::error::{Error, Result};
 use finalgather::image::compare::{Comparison, Selection, View, compare_as, mask_of};
 use finalgather::image::{Image, check_writable};
+use finalgather::job::check_kept;
 
-use crate::args::CompareArgs;
-use crate::inputs::check_kept;
+use crate::args::{checked, stops};
 use crate::report;
+
+/// Compare a picture with a reference: mean, bias, MAE, RMSE, relative MSE, PSNR, FLIP
+#[derive(Debug, clap::Args)]
+#[command(after_help = include_str!("help/compare.txt"), args_override_self = true, allow_negative_numbers = true)]
+pub struct CompareArgs {
+    /// Picture to judge, .png or .exr
+    #[arg(value_name = "A")]
+    picture: PathBuf,
+
+    /// Reference, .png or .exr, of the same size
+    #[arg(value_name = "B")]
+    reference: PathBuf,
+
+    /// Count only the pixels where R of this picture, or its first channel if it has no R, is above 0.5
+    #[arg(long, value_name = "M")]
+    mask: Option<PathBuf>,
+
+    /// Leave out this fraction of the counted pixels: those with the largest squared error
+    #[arg(long, value_name = "SHARE", default_value_t = 0.0, value_parser = share)]
+    trim: f32,
+
+    /// Exposure in stops of the pictures that FLIP compares
+    #[arg(long, value_name = "EV", default_value_t = 0.0, value_parser = stops)]
+    exposure: f32,
+
+    /// Print one JSON object on stdout
+    #[arg(long)]
+    json: bool,
+
+    /// Map of the differences to write; can be given several times. A .png shows FLIP, from black over purple and orange to pale yellow. An .exr
+    /// holds A - B as R, G and B, and FLIP. Pixels that do not count are grey or 0
+    #[arg(short, long = "output", value_name = "FILE")]
+    outputs: Vec<PathBuf>,
+}
 
 /// The exit code, unless the pictures cannot be compared.
 pub fn run(args: &CompareArgs) -> Result<u8> {
@@ -36,6 +70,11 @@ pub fn run(args: &CompareArgs) -> Result<u8> {
         report::print(table(&comparison, picture.width * picture.height).trim_end())?;
     }
     Ok(0)
+}
+
+/// A fraction that does not leave out everything.
+fn share(text: &str) -> Result<f32, String> {
+    checked(text, |share| (0.0..1.0).contains(share), "not a share from 0 up to, not including, 1")
 }
 
 /// A picture with R, G and B.

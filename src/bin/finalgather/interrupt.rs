@@ -1,7 +1,7 @@
-//! SIGINT, SIGTERM and, of a terminal that closes, SIGHUP: stop after the block in progress, keep the picture so far, and tell the two apart at exit.
+//! SIGINT, SIGTERM and SIGHUP, which a closing terminal sends: stop after the block in progress, keep the result so far, and exit with a code for the signal.
 //!
-//! A second SIGINT or SIGTERM ends the process at once. A thread waits for signals, so that it may take locks and print. Until the first direction is done there is nothing to
-//! keep and the process ends at once, instead of after a photon trace that nobody wants any more.
+//! A second SIGINT or SIGTERM ends the process at once. So does the first one while there is nothing to keep. A thread waits for the signals, so that it
+//! may take locks and print.
 
 use std::cell::Cell;
 use std::fs;
@@ -16,10 +16,10 @@ use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGXFSZ};
 use signal_hook::iterator::Signals;
 use signal_hook::{flag, low_level};
 
-use crate::progress::Progress;
+use crate::progress::ProgressLine;
 use crate::report;
 
-/// What stops jobs leaves them half a minute or more; who presses Ctrl-C does not like to wait.
+/// Job systems leave half a minute or more before they kill a process; a person who presses Ctrl-C waits less gladly.
 const GRACE: Duration = Duration::from_secs(10);
 
 pub struct Interrupt {
@@ -32,12 +32,12 @@ pub struct Interrupt {
 struct State {
     /// Exit code of the signal that asked for a stop, 0 before.
     code: AtomicU8,
-    has_picture: AtomicBool,
+    has_result: AtomicBool,
 }
 
 impl Interrupt {
     /// Takes the signals over for the rest of the process, which at its end leaves no `lock`.
-    pub fn watch(progress: Progress, lock: Option<PathBuf>) -> io::Result<Self> {
+    pub fn watch(progress: ProgressLine, lock: Option<PathBuf>) -> io::Result<Self> {
         // Its default action would end the process in the middle of a file; caught, the write fails like any other.
         flag::register(SIGXFSZ, Arc::default())?;
 
@@ -50,13 +50,13 @@ impl Interrupt {
                 // What a shell reports for a process that the signal has killed.
                 let code = u8::try_from(128 + signal).unwrap_or(u8::MAX);
                 let before = shared.code.swap(code, SeqCst);
-                let has_picture = shared.has_picture.load(SeqCst);
+                let has_result = shared.has_result.load(SeqCst);
                 // A terminal that closes says so twice, by its shell and by the system.
-                if has_picture && (before == 0 || signal == SIGHUP) {
+                if has_result && (before == 0 || signal == SIGHUP) {
                     continue;
                 }
                 progress.clear();
-                if !has_picture {
+                if !has_result {
                     report::say("stopped before there was anything to write; nothing written");
                 }
                 // What cannot be removed does no harm.
@@ -68,9 +68,9 @@ impl Interrupt {
         Ok(Self { state, noticed: Cell::default() })
     }
 
-    /// From now on a signal leaves the time to write the picture.
-    pub fn picture_begun(&self) {
-        self.state.has_picture.store(true, SeqCst);
+    /// From now on a signal leaves the time to write the result.
+    pub fn has_result(&self) {
+        self.state.has_result.store(true, SeqCst);
     }
 
     /// Whether to go on: until a signal asks for a stop, and then to the end of the block in progress, if that comes soon.

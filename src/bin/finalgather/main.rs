@@ -1,19 +1,17 @@
-//! The command-line tool: data on stdout, everything said to a person on stderr, an exit code for each kind of failure.
+//! The command-line tool: data on stdout, messages for a person on stderr, an exit code for each kind of failure.
 
 use std::process::ExitCode;
-use std::time::Instant;
 
-use clap::Parser;
+use clap::{Parser, Subcommand};
 use finalgather::error::{Error, Result};
 
 mod args;
 mod bake;
 mod bench;
-mod checkpoint;
 mod compare;
 mod info;
-mod inputs;
 mod interrupt;
+mod job;
 mod merge;
 mod progress;
 mod relight;
@@ -22,27 +20,51 @@ mod report;
 #[cfg(feature = "window")]
 mod view;
 
-use args::{Args, Command};
+const AFTER_HELP: &str = concat!(
+    include_str!("help/render.txt"),
+    "\n  finalgather compare box.exr reference.exr\n  finalgather bench\n  finalgather info\n\n",
+    include_str!("help/exit_codes.txt")
+);
+
+/// Final gathering by rasterised ray bundles: renders global illumination on OpenGL 3.3, headless
+#[derive(Debug, Parser)]
+#[command(version, after_help = AFTER_HELP)]
+struct Args {
+    #[command(subcommand)]
+    command: ToolCommand,
+}
+
+#[derive(Debug, Subcommand)]
+enum ToolCommand {
+    Render(render::RenderArgs),
+    #[cfg(feature = "window")]
+    View(view::ViewArgs),
+    Compare(compare::CompareArgs),
+    Bake(bake::BakeArgs),
+    Relight(relight::RelightArgs),
+    Merge(merge::MergeArgs),
+    Bench(bench::BenchArgs),
+    Info(info::InfoArgs),
+}
 
 fn main() -> ExitCode {
-    let started = Instant::now();
     let command = Args::parse().command;
     let threads = match &command {
-        // Its renderer's are to leave the window the first turn.
+        // It starts its own, at a lower priority than the window's.
         #[cfg(feature = "window")]
-        Command::View(_) => Ok(()),
+        ToolCommand::View(_) => Ok(()),
         _ => start_threads(),
     };
     let outcome = threads.and_then(|()| match command {
-        Command::Render(args) => render::run(&args, started),
+        ToolCommand::Render(args) => render::run(&args),
         #[cfg(feature = "window")]
-        Command::View(args) => view::run(&args),
-        Command::Compare(args) => compare::run(&args),
-        Command::Bake(args) => bake::run(&args, &[], started),
-        Command::Relight(args) => relight::run(&args),
-        Command::Merge(args) => merge::run(&args, started),
-        Command::Bench(args) => bench::run(&args),
-        Command::Info(args) => info::run(&args),
+        ToolCommand::View(args) => view::run(&args),
+        ToolCommand::Compare(args) => compare::run(&args),
+        ToolCommand::Bake(args) => bake::run(&args),
+        ToolCommand::Relight(args) => relight::run(&args),
+        ToolCommand::Merge(args) => merge::run(&args),
+        ToolCommand::Bench(args) => bench::run(&args),
+        ToolCommand::Info(args) => info::run(&args),
     });
     match outcome {
         Ok(code) => ExitCode::from(code),
@@ -53,7 +75,7 @@ fn main() -> ExitCode {
     }
 }
 
-/// Those of loops on the CPU, which would start them by themselves, but panic where that fails.
+/// Threads for loops on the CPU. Rayon would start them by itself, but panic where that fails.
 fn start_threads() -> Result<()> {
     rayon::ThreadPoolBuilder::new().build_global().map_err(|error| {
         Error::usage(
@@ -63,12 +85,24 @@ fn start_threads() -> Result<()> {
     })
 }
 
-/// After sysexits.h: EX_DATAERR, EX_UNAVAILABLE and EX_TEMPFAIL; 2 is what clap uses. [`args`] lists them for --help.
+/// As in sysexits.h: EX_DATAERR, EX_UNAVAILABLE and EX_TEMPFAIL; 2 is clap's. `help/exit_codes.txt` lists them.
 fn exit_code(error: &Error) -> u8 {
     match error {
         Error::Usage { .. } => 2,
         Error::Input { .. } => 65,
         Error::Gl { .. } => 69,
         Error::Output { .. } => 75,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory;
+
+    use super::*;
+
+    #[test]
+    fn clap_accepts_the_definition() {
+        Args::command().debug_assert();
     }
 }

@@ -1,69 +1,32 @@
-//! `finalgather merge`: the parts of a job's shards → what the job itself would have written.
+//! `finalgather merge`: the parts of a job's shards to the results of the job.
 
 use std::path::PathBuf;
-use std::time::Instant;
 
-use clap::Parser;
-use finalgather::blocks::Part;
-use finalgather::error::{Error, Result};
-use finalgather::image::{WriteOptions, check_writable};
-use finalgather::render::Merge;
-use finalgather::settings::Settings;
+use finalgather::error::Result;
 
-use crate::args::{Args, Command, JobArgs, MergeArgs};
-use crate::bake;
-use crate::inputs::check_kept;
-use crate::render::{metadata, write_all};
+use crate::args::stops;
+use crate::job::Terminal;
 
-/// Of the state of a bake's part: the arguments that made it.
-pub const COMMAND: &str = "command";
+/// Merge the parts of a sharded job, to the same bits as one run
+///
+/// A picture needs only the parts. A bake also reads its scene and files of points, from the paths that its command gave.
+#[derive(Debug, clap::Args)]
+#[command(after_help = include_str!("help/merge.txt"), args_override_self = true, allow_negative_numbers = true)]
+pub struct MergeArgs {
+    /// Parts of all shards, in any order. A finished --checkpoint is a part too
+    #[arg(value_name = "PART", required = true)]
+    parts: Vec<PathBuf>,
 
-/// The exit code, unless it failed.
-pub fn run(args: &MergeArgs, started: Instant) -> Result<u8> {
-    let path = &args.parts[0];
-    let Part { job, state, .. } = Part::read(path)?;
-    match job["what"].as_str() {
-        Some("render") => merge_renders(args),
-        Some("bake") => {
-            let command = state[COMMAND].as_array().into_iter().flatten().filter_map(|argument| argument.as_str());
-            let parsed = Args::try_parse_from(["finalgather"].into_iter().chain(command));
-            let Ok(Args { command: Command::Bake(mut bake) }) = parsed else {
-                return Err(Error::input(path, None, "damaged: it does not say how it was baked", "make it again"));
-            };
-            bake.outputs.clone_from(&args.outputs);
-            bake.overrides.exposure = args.exposure.or(bake.overrides.exposure);
-            bake.job = JobArgs::default();
-            bake.json = false;
-            bake::run(&bake, &args.parts, started)
-        }
-        _ => Err(Error::input(
-            path,
-            None,
-            "a part of no kind of job that this version knows",
-            "merge with the version that made it",
-        )),
-    }
+    /// File to write, as for the job itself; can be given several times
+    #[arg(short, long = "output", value_name = "[RECEIVER:]FILE", required = true)]
+    outputs: Vec<String>,
+
+    /// Exposure of .png in stops [default: the job's]
+    #[arg(long, value_name = "EV", value_parser = stops)]
+    exposure: Option<f32>,
 }
 
-fn merge_renders(args: &MergeArgs) -> Result<u8> {
-    let outputs: Vec<_> = args.outputs.iter().map(PathBuf::from).collect();
-    outputs.iter().try_for_each(|path| check_writable(path))?;
-    check_kept(&outputs, args.parts.iter().map(PathBuf::as_path))?;
-    let mut merge = None;
-    // One at a time, for there may be many.
-    for path in &args.parts {
-        let part = Part::read(path)?;
-        let merge = match &mut merge {
-            Some(merge) => merge,
-            none => none.insert(Merge::new(path, &part)?),
-        };
-        merge.add(path, &part)?;
-    }
-    let merge = merge.ok_or_else(|| Error::usage("no parts to merge", "name those of all shards"))?;
-    let image = merge.picture()?;
-    let own = merge.settings();
-    let settings = Settings { exposure: args.exposure.unwrap_or(own.exposure), ..own.clone() };
-    let metadata = metadata(merge.renderer(), &settings, merge.job(), (settings.directions, true));
-    write_all(&image, &outputs, &WriteOptions { exposure: settings.exposure, metadata: Some(&metadata) })?;
-    Ok(0)
+/// The exit code, unless it failed.
+pub fn run(args: &MergeArgs) -> Result<u8> {
+    finalgather::job::merge(&args.parts, &args.outputs, args.exposure, &mut Terminal::new(None)?).map(|()| 0)
 }

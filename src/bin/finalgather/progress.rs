@@ -1,13 +1,13 @@
-//! How far the render is, on a terminal's stderr; silent anywhere else. Plain text, so NO_COLOR has nothing to switch off.
+//! How far a job is, on stderr if that is a terminal. It is plain text, so that NO_COLOR has nothing to switch off.
 
 use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 #[derive(Clone)]
-pub struct Progress(ProgressBar);
+pub struct ProgressLine(ProgressBar);
 
-impl Progress {
+impl ProgressLine {
     /// A line that says which stage runs.
     pub fn new(stage: &'static str) -> Self {
         // The target hides the bar where stderr is not a terminal.
@@ -23,16 +23,15 @@ impl Progress {
         self.0.set_message(stage);
     }
 
-    /// Turns the line into a bar over this many directions.
-    pub fn begin_directions(&self, directions: impl Into<u64>) {
-        self.0.set_length(directions.into());
-        self.0.set_style(style("{wide_bar} {pos}/{len} directions, {per_sec}, {eta} left"));
-        // Time spent in earlier stages says nothing about the rate of this one.
-        self.0.reset();
-    }
-
-    pub fn directions_done(&self, directions: impl Into<u64>) {
-        self.0.set_position(directions.into());
+    /// Directions that are done, and in all; the first time it turns the line into a bar.
+    pub fn progress(&self, [done, total]: [u64; 2]) {
+        if self.0.length() != Some(total) {
+            self.0.set_length(total);
+            self.0.set_style(style("{wide_bar} {pos}/{len} directions, {per_sec}, {eta} left"));
+            // The rate of earlier stages is another.
+            self.0.reset();
+        }
+        self.0.set_position(done);
     }
 
     /// Prints a line without breaking the bar.

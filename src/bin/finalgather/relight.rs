@@ -7,20 +7,51 @@ use finalgather::error::{Error, Result};
 use finalgather::export::{self, Surface, Values, read_prt};
 use finalgather::harmonics::project;
 use finalgather::image::{self, Channel, Image, WriteOptions};
+use finalgather::job::{SceneRequest, check_kept};
 use finalgather::points::Vertices;
-use finalgather::scene::{Bvh, Environment, Files, LoadOptions, Loaded, Mesh, Scene, World};
+use finalgather::scene::{Bvh, Environment, Loaded, Mesh, Scene};
 use finalgather::settings::Settings;
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
-use crate::args::RelightArgs;
-use crate::inputs::check_kept;
+use crate::args::{FilesArg, size, stops};
 
 const CURE: &str = "give the scene that it was baked of, with --to vertices";
 /// Rings over which the environment is projected.
 const RINGS: usize = 512;
 /// Rays through a pixel, along each side.
 const SUBPIXELS: usize = 4;
+
+/// Turn baked radiance transfer into light under an environment
+#[derive(Debug, clap::Args)]
+#[command(after_help = include_str!("help/relight.txt"), allow_negative_numbers = true)]
+pub struct RelightArgs {
+    /// Transfer: a .npy of `finalgather bake --what prt`, with its .json beside it
+    transfer: PathBuf,
+
+    /// Lat-long picture of the environment, .hdr or .exr
+    #[arg(long, value_name = "FILE")]
+    env: PathBuf,
+
+    /// File to write: .npy (irradiance of each point) or, with --scene, .ply and .glb (its vertices), .png and .exr (a picture); can be given several times
+    #[arg(short, long = "output", value_name = "FILE", required = true)]
+    outputs: Vec<PathBuf>,
+
+    /// Scene whose vertices the transfer was baked at
+    #[arg(long, value_name = "SCENE")]
+    scene: Option<PathBuf>,
+
+    #[command(flatten)]
+    files: FilesArg,
+
+    /// Picture size in pixels; N is N by N [default: the scene's]
+    #[arg(long, value_name = "WxH|N", value_parser = size)]
+    size: Option<[u32; 2]>,
+
+    /// Exposure of colours and .png in stops
+    #[arg(long, value_name = "EV", default_value_t = 0.0, value_parser = stops)]
+    exposure: f32,
+}
 
 /// What is shown, in world space but for the tree.
 struct Model {
@@ -48,7 +79,7 @@ pub fn run(args: &RelightArgs) -> Result<u8> {
     check_kept(&args.outputs, [&args.transfer, &args.env].into_iter().chain(&args.scene).map(PathBuf::as_path))?;
     let transfer = read_prt(&args.transfer)?;
     let environment = Environment::load(&args.env)?;
-    let model = args.scene.as_deref().map(|path| Model::load(path, args.files.files())).transpose()?;
+    let model = args.scene.as_deref().map(|path| Model::load(&args.files.scene(path))).transpose()?;
     let irradiance = relit(&transfer, &environment);
     let columns = columns_of(&irradiance);
     if let Some(model) = &model
@@ -110,8 +141,8 @@ fn columns_of(irradiance: &[Vec3]) -> Vec<Channel> {
 }
 
 impl Model {
-    fn load(path: &Path, files: Files) -> Result<Self> {
-        let loaded = World::load_with(path, LoadOptions { unlit: true, files, ..LoadOptions::default() })?;
+    fn load(request: &SceneRequest) -> Result<Self> {
+        let loaded = request.load(false)?;
         let unit = loaded.world.flatten();
         // As bakes have it.
         let unit = unit.without_glass().unwrap_or(unit);

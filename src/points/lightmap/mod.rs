@@ -19,7 +19,7 @@ use std::ops::Range;
 
 use glam::{DVec2, Vec2, Vec3};
 use rayon::prelude::*;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use self::fill::Fill;
 use self::seams::Seams;
@@ -50,7 +50,7 @@ const MAX_INSET: f32 = 0.1;
 const INSIDE: f32 = 0.5;
 
 /// How a light map is made.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LightMapOptions {
     pub resolution: Resolution,
     pub uvs: UvSource,
@@ -66,7 +66,7 @@ impl Default for LightMapOptions {
     }
 }
 
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Resolution {
     /// Width of the map; its height too, but that an atlas ends where its charts do.
     Pixels(u32),
@@ -76,7 +76,8 @@ pub enum Resolution {
 }
 
 /// Where texture coordinates come from.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum UvSource {
     /// The mesh's own if they serve, else an atlas.
     Auto,

@@ -76,7 +76,7 @@ impl App {
     pub fn new(start: Start, path: PathBuf, layers: bool, proxy: EventLoopProxy<()>) -> Result<Self> {
         let worker = spawn(&start, &proxy)?;
         let camera = Camera { eye: glam::Vec3::Z, target: glam::Vec3::ZERO, up: glam::Vec3::Y, fov_y_degrees: 40.0, lens: None };
-        let view = View { camera, settings: start.overrides.put_over(Default::default()), moving: false, pace: 0 };
+        let view = View { camera, settings: start.scene.settings(&Default::default())?, moving: false, pace: 0 };
         let mut app = Self {
             start,
             proxy,

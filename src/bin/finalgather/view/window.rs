@@ -16,10 +16,10 @@ use winit::event::{StartCause, WindowEvent};
 use winit::event_loop::{ActiveEventLoop, ControlFlow};
 use winit::window::{Window as WinitWindow, WindowAttributes, WindowId};
 
+use super::ViewArgs;
 use super::app::App;
 use super::latency::{Latency, Times};
 use super::panel;
-use crate::args::ViewArgs;
 
 pub struct Window {
     app: App,

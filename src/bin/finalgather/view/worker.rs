@@ -13,18 +13,19 @@ use std::{fs, io};
 
 use egui::ColorImage;
 use finalgather::error::{Error, Result};
-use finalgather::gpu::{Backend, DeviceChoice, Gpu, StageClock};
+use finalgather::gpu::{Gpu, StageClock};
 use finalgather::image::{Image, WriteOptions};
+use finalgather::job::{DeviceRequest, SceneRequest, metadata};
 use finalgather::math::Aabb;
 use finalgather::render::{End, Layers, Probe, Render, Statistics};
 use finalgather::scene::{Camera, Loaded};
 use finalgather::settings::{LayerSize, Settings};
 use finalgather::shaders;
 use glam::Vec2;
+use serde_json::Value;
 
 use super::layers::{Apart, Wish};
 use super::picture::{Shown, developed};
-use crate::args::Overrides;
 
 /// How sides of the picture shrink while it moves.
 const SHRINK: u32 = 2;
@@ -122,9 +123,9 @@ pub struct Worker {
 /// What it starts from.
 #[derive(Clone)]
 pub struct Start {
-    pub backend: Backend,
-    pub device: DeviceChoice,
-    pub overrides: Overrides,
+    pub device: DeviceRequest,
+    /// Of any path.
+    pub scene: SceneRequest,
     /// Where shaders are read, and read again when they change.
     pub shaders: Option<PathBuf>,
 }
@@ -175,7 +176,7 @@ fn panicked(words: &(dyn Any + Send)) -> Error {
 }
 
 /// The scene that is open.
-struct Job {
+struct OpenScene {
     render: Render,
     /// As last asked for, and whether the render is of that.
     view: View,
@@ -204,13 +205,13 @@ fn work(start: &Start, commands: &Receiver<Command>, tell: &dyn Fn(Report)) -> R
         shaders::reload(folder);
     }
     let mut changed = start.shaders.as_deref().and_then(newest);
-    let gpu = Gpu::headless(start.backend, start.device)?;
+    let gpu = start.device.open()?;
     let clock = StageClock::start(&gpu);
-    let mut job: Option<Job> = None;
+    let mut job: Option<OpenScene> = None;
     let mut shown = Shown::default();
     let mut wish: Option<Wish> = None;
     loop {
-        let command = if job.as_ref().is_some_and(Job::has_work) {
+        let command = if job.as_ref().is_some_and(OpenScene::has_work) {
             commands.try_recv().map_err(|none| none == TryRecvError::Disconnected)
         } else if start.shaders.is_some() {
             commands.recv_timeout(Duration::from_millis(250)).map_err(|none| none == RecvTimeoutError::Disconnected)
@@ -246,7 +247,7 @@ fn work(start: &Start, commands: &Receiver<Command>, tell: &dyn Fn(Report)) -> R
             }
             Ok(Command::Save(path)) => {
                 if let Some(job) = &job {
-                    tell(job.save(&gpu, &path).map_or_else(Report::Refused, |()| Report::Saved(path)));
+                    tell(job.save(&path).map_or_else(Report::Refused, |()| Report::Saved(path)));
                 }
             }
             Err(false) => {
@@ -274,9 +275,10 @@ fn newest(path: &Path) -> Option<SystemTime> {
     entries.map(|entry| newest(&entry.path())).chain([own]).max()?
 }
 
-fn open(gpu: &Gpu, start: &Start, path: &Path) -> Result<(Opened, Job)> {
-    let Loaded { world, settings, report } = start.overrides.load_world(path)?;
-    let settings = start.overrides.put_over(settings);
+fn open(gpu: &Gpu, start: &Start, path: &Path) -> Result<(Opened, OpenScene)> {
+    let request = SceneRequest { path: path.to_owned(), ..start.scene.clone() };
+    let Loaded { world, settings, report } = request.load(true)?;
+    let settings = request.settings(&settings)?;
     let render = Render::new(gpu, &world, &settings)?;
     let bounds = world.bounds();
     let camera = about(world.camera(settings.size), bounds);
@@ -288,7 +290,7 @@ fn open(gpu: &Gpu, start: &Start, path: &Path) -> Result<(Opened, Job)> {
         warnings: report.warnings,
         renderer: gpu.info().renderer.clone(),
     };
-    Ok((opened, Job::new(camera, render, settings)))
+    Ok((opened, OpenScene::new(camera, render, settings)))
 }
 
 /// The camera with its target, about which it turns, as far away as the middle of the scene.
@@ -298,7 +300,7 @@ fn about(camera: Camera, bounds: Aabb) -> Camera {
     if distance > 0.0 { Camera { target: camera.eye + distance * forward, ..camera } } else { camera }
 }
 
-impl Job {
+impl OpenScene {
     fn new(camera: Camera, render: Render, settings: Settings) -> Self {
         let view = View { camera, settings, moving: false, pace: 0 };
         Self {
@@ -455,12 +457,11 @@ impl Job {
         Ok(())
     }
 
-    fn save(&self, gpu: &Gpu, path: &Path) -> Result<()> {
-        // The picture's own: the view's may be of one to come, but for the exposure.
+    fn save(&self, path: &Path) -> Result<()> {
+        // The exposure on show; the view's other settings may be of a picture to come.
         let exposure = self.view.settings.exposure;
-        let settings = Settings { exposure, ..self.render.settings().clone() };
         let done = (self.render.directions_done(), self.render.is_done());
-        let metadata = crate::render::metadata(&gpu.info().renderer, &settings, &self.render.job(), done);
+        let metadata = metadata(&self.render.job(), exposure, Value::Null, done);
         self.render.picture().write(path, &WriteOptions { exposure, metadata: Some(&metadata) })
     }
 }

@@ -1,0 +1,185 @@
+//! Options that several commands share. An option that is not given is `None`, so that the scene file can decide it.
+
+mod values;
+
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use clap::builder::{PossibleValuesParser, TypedValueParser};
+use finalgather::blocks::Shard;
+use finalgather::error::{Error, Result};
+use finalgather::gpu::{Backend, DeviceChoice};
+use finalgather::job::{DeviceRequest, Keeping, SceneRequest};
+use finalgather::settings::{Estimator, LayerSize, Pipeline, PointSource, Sequence};
+use serde::Serialize;
+use serde_json::Value;
+
+pub use values::{checked, count, layer_size, named, size, stops};
+use values::{name, setting};
+
+/// Where OpenGL comes from.
+#[derive(Clone, Copy, Debug, clap::Args)]
+#[command(next_help_heading = "OpenGL")]
+pub struct DeviceArgs {
+    /// Where the OpenGL context comes from
+    #[arg(long, default_value = "auto", value_parser = PossibleValuesParser::new(["auto", "egl", "osmesa"]).try_map(|name| name.parse::<Backend>()))]
+    backend: Backend,
+
+    /// EGL device: auto, sw (a software renderer), or an index that `finalgather info` lists
+    #[arg(long, default_value = "auto", value_name = "auto|sw|INDEX")]
+    gl_device: DeviceChoice,
+}
+
+/// How a long job keeps its sums, and which part of it this run does.
+#[derive(Clone, Debug, Default, clap::Args)]
+#[command(next_help_heading = "Long jobs")]
+pub struct JobArgs {
+    /// Keep the sums so far in this file, for --resume [default: the first output's name with .checkpoint, for a job longer than twice --checkpoint-every; removed at the end]
+    #[arg(long, value_name = "FILE", conflicts_with = "shard")]
+    checkpoint: Option<PathBuf>,
+
+    /// Seconds between two writes of the checkpoint, rounded up to the end of a block of directions. It is longer where writing takes long. 0: after every block
+    #[arg(long, value_name = "SECONDS", default_value_t = 30, value_parser = |text: &str| count(text).ok().filter(|&seconds: &u64| seconds <= 86_400).ok_or("not whole seconds, 86400 at most"))]
+    checkpoint_every: u64,
+
+    /// Go on from the checkpoint or, with --shard, from its part, if the file exists. Without --checkpoint: if every output records that this job finished (.exr, .npy and .ply can), leave the outputs as they are
+    #[arg(long)]
+    resume: bool,
+
+    /// Do part I of N of the directions, counted from 1, and write it to the one -o, a .part file for `finalgather merge`. {shard} in its name stands for I. auto: take I and N from an
+    /// array job of Slurm or AWS Batch. auto/N: take I from a system that does not tell N, such as Kubernetes or PBS
+    #[arg(long, value_name = "I/N|auto|auto/N")]
+    shard: Option<String>,
+}
+
+/// Options that replace the settings of the scene file.
+#[derive(Clone, Debug, Serialize, clap::Args)]
+#[command(next_help_heading = "Settings")]
+pub struct Overrides {
+    #[arg(long, value_name = "WxH|N", value_parser = size, help = setting("Picture size in pixels; N is N by N", |s| format!("{}x{}", s.size[0], s.size[1])))]
+    size: Option<[u32; 2]>,
+
+    #[arg(long, value_name = "N", value_parser = count::<u32>, help = setting("Number of global directions. All points share them", |s| s.directions))]
+    directions: Option<u32>,
+
+    #[arg(long, value_name = "auto|N", value_parser = layer_size, help = setting("Side of the depth layers in texels. auto grows with the number of directions: 128 up to a thousand, 256 at four thousand, 1024 at most", |s| s.layer_size))]
+    layer_size: Option<LayerSize>,
+
+    #[arg(long, value_parser = named::<PointSource>(&["camera", "traced"]), help = setting("How the camera finds its points: by rasterisation, or by rays through mirrors, glass and the lens", |s| name(s.points)))]
+    points: Option<PointSource>,
+
+    #[arg(long, value_parser = named::<Pipeline>(&["fused", "kill", "early-kill", "raycast", "raycast-gl"]), help = setting("How to gather. fused: several directions in one pass, both ends of each. kill: the method of 2004. early-kill: the same with early KILL. raycast: exact rays on the CPU. raycast-gl: exact rays on the GL side, both ends of each direction", |s| name(s.pipeline)))]
+    pipeline: Option<Pipeline>,
+
+    #[arg(long, value_name = "N", value_parser = count::<u64>, help = setting("Photons that the lights emit, new ones for every 1024 directions. 1e6 and 1_000_000 are numbers too", |s| s.photons))]
+    photons: Option<u64>,
+
+    #[arg(long, value_name = "N", value_parser = count::<u32>, help = setting("The most surfaces that store one photon", |s| s.bounces))]
+    #[serde(rename = "bounces")]
+    photon_depth: Option<u32>,
+
+    #[arg(long, value_parser = named::<Estimator>(&["self-normalised", "plain"]), help = setting("What divides the sum of radiance: the sum of its weights, or the expected sum", |s| name(s.estimator)))]
+    estimator: Option<Estimator>,
+
+    #[arg(long, value_parser = named::<Sequence>(&["random", "r2", "sobol"]), help = setting("Sequence of the directions", |s| name(s.sequence)))]
+    sequence: Option<Sequence>,
+
+    #[arg(long, value_name = "1|2|4", help = setting("Divide the directions among the pixels of squares of N by N. Neighbours share the light that they find", |s| s.interleave))]
+    interleave: Option<u32>,
+
+    #[arg(long, value_name = "N", value_parser = count::<u64>, help = setting("Seed of all random numbers", |s| s.seed))]
+    seed: Option<u64>,
+
+    #[arg(long, value_name = "F", help = setting("Stop peeling when fewer than this fraction of the points sample a layer", |s| s.stop_fraction))]
+    stop_fraction: Option<f32>,
+
+    #[arg(long, alias = "until", value_name = "ERROR", help = setting("Stop when the relative standard error of the picture is at most this. It is estimated a few times. Layers of `auto` size are then as large as this error needs. 0: never stop early", |s| s.until))]
+    #[serde(rename = "until")]
+    target_error: Option<f64>,
+
+    #[arg(long, value_name = "EV", help = setting("Exposure of .png in stops", |s| s.exposure))]
+    exposure: Option<f32>,
+
+    /// Environment, a lat-long .hdr or .exr: the light from outside the scene [default: the scene file's, else black]
+    #[arg(long, value_name = "FILE")]
+    #[serde(skip)]
+    env: Option<PathBuf>,
+
+    #[command(flatten)]
+    #[serde(skip)]
+    files: FilesArg,
+}
+
+/// Which files a scene may read.
+#[derive(Clone, Copy, Debug, clap::Args)]
+pub struct FilesArg {
+    /// Let the scene read files outside its folder
+    #[arg(long)]
+    allow_outside: bool,
+}
+
+impl FilesArg {
+    /// The scene as its file has it.
+    pub fn scene(self, path: &Path) -> SceneRequest {
+        SceneRequest { path: path.to_owned(), allow_outside: self.allow_outside, ..SceneRequest::default() }
+    }
+}
+
+impl DeviceArgs {
+    pub fn request(self) -> DeviceRequest {
+        DeviceRequest { backend: self.backend, device: self.gl_device }
+    }
+}
+
+impl JobArgs {
+    /// Which part of the job this run does, by what this process knows of an array job.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] when the option has no meaning here, or `outputs` are not one part.
+    pub fn keeping(&self, outputs: &[PathBuf]) -> Result<Keeping> {
+        let shard = self.shard.as_deref().map(|text| Shard::parse(text, |name| std::env::var(name).ok())).transpose()?;
+        let file = match shard {
+            Some(shard) => Some(part_of(shard, self.shard.as_deref().is_some_and(|text| text.starts_with("auto")), outputs)?),
+            None => self.checkpoint.clone(),
+        };
+        Ok(Keeping { shard, file, every: Duration::from_secs(self.checkpoint_every), resume: self.resume })
+    }
+}
+
+/// The one output of a shard.
+fn part_of(shard: Shard, automatic: bool, outputs: &[PathBuf]) -> Result<PathBuf> {
+    let [output] = outputs else {
+        return Err(Error::usage("a shard makes one part", "give one -o, a file ending in .part"));
+    };
+    if output.extension().is_none_or(|ending| ending != "part") {
+        let problem = format!("{}: a shard makes a part, no result", output.display());
+        return Err(Error::usage(problem, "give -o a file ending in .part; `finalgather merge` makes the result of all parts"));
+    }
+    let name = output.to_str().ok_or_else(|| Error::usage("the part's name is not UTF-8", "give another"))?;
+    if automatic && !name.contains("{shard}") {
+        return Err(Error::usage(
+            format!("{name}: all tasks would write this file"),
+            "put {shard}, which stands for the task's number, in the name",
+        ));
+    }
+    Ok(name.replace("{shard}", &shard.number().to_string()).into())
+}
+
+impl Overrides {
+    /// # Errors
+    /// [`Error::Usage`] when a number is infinite or none: JSON, which requests are made for, has no such numbers.
+    pub fn scene(&self, path: &Path) -> Result<SceneRequest> {
+        let (stop_fraction, exposure) = (self.stop_fraction.map(f64::from), self.exposure.map(f64::from));
+        for (name, value) in [("stop-fraction", stop_fraction), ("target-error", self.target_error), ("exposure", exposure)] {
+            if let Some(value) = value.filter(|value| !value.is_finite()) {
+                return Err(Error::usage(format!("{name} is {value}"), "give a finite number"));
+            }
+        }
+        let mut settings = match serde_json::to_value(self) {
+            Ok(Value::Object(settings)) => settings,
+            _ => unreachable!("options are plain values with names"),
+        };
+        settings.retain(|_, value| !value.is_null());
+        Ok(SceneRequest { environment: self.env.clone(), settings, ..self.files.scene(path) })
+    }
+}

@@ -1,0 +1,96 @@
+//! How values of options are read from text.
+
+use std::fmt::Display;
+
+use clap::builder::{PossibleValuesParser, TypedValueParser};
+use finalgather::error::Result;
+use finalgather::settings::{LayerSize, Settings};
+use serde::de::IntoDeserializer;
+use serde::de::value::Error as ValueError;
+use serde::{Deserialize, Serialize};
+
+/// Help for an option that overrides a setting, with the default of the library.
+pub fn setting<T: Display>(text: &str, default: impl Fn(Settings) -> T) -> String {
+    format!("{text} [default: {}]", default(Settings::default()))
+}
+
+/// The name that a scene file uses for this value.
+pub fn name(value: impl Serialize) -> String {
+    serde_json::to_value(value).ok().and_then(|value| value.as_str().map(str::to_owned)).unwrap_or_default()
+}
+
+/// Reads one of these names as a scene file would.
+pub fn named<T>(names: &'static [&'static str]) -> impl TypedValueParser<Value = T>
+where
+    T: for<'de> Deserialize<'de> + Clone + Send + Sync + 'static,
+{
+    PossibleValuesParser::new(names).try_map(|name| -> Result<T, ValueError> { T::deserialize(name.into_deserializer()) })
+}
+
+/// A whole number: digits, grouped by `_` or not, or in the notation of floats (`1e6`).
+pub fn count<T: TryFrom<u64>>(text: &str) -> Result<T, String> {
+    /// 2^53, the first float whose neighbour is not 1 away. From here a float may not be the number that was meant.
+    const INEXACT: f64 = 9_007_199_254_740_992.0;
+    // Only between digits.
+    let digits = if text.starts_with('_') || text.ends_with('_') { String::new() } else { text.replace('_', "") };
+    let number = digits.parse::<u64>().ok().or_else(|| {
+        let float = digits.parse::<f64>().ok()?;
+        ((0.0..INEXACT).contains(&float) && float.fract() == 0.0).then_some(float as u64)
+    });
+    let number = number.ok_or_else(|| match digits.parse::<f64>() {
+        Ok(float) if float < 0.0 => "negative",
+        Ok(float) if float >= INEXACT => "too large",
+        _ => "not a whole number such as 1000, 1_000 or 1e3",
+    })?;
+    T::try_from(number).map_err(|_| "too large".into())
+}
+
+/// A number that is `right`, or what is wrong with it.
+pub fn checked<T: std::str::FromStr>(text: &str, right: impl Fn(&T) -> bool, wrong: &str) -> Result<T, String> {
+    text.parse().ok().filter(right).ok_or_else(|| wrong.to_owned())
+}
+
+pub fn stops(text: &str) -> Result<f32, String> {
+    checked(text, |stops: &f32| stops.is_finite(), "not a number of stops such as -1.5")
+}
+
+pub fn layer_size(text: &str) -> Result<LayerSize, String> {
+    if text == "auto" {
+        Ok(LayerSize::Auto)
+    } else {
+        count(text).map(LayerSize::Texels).map_err(|error| format!("{error}, nor auto"))
+    }
+}
+
+/// `WxH`, or `N` for a square.
+pub fn size(text: &str) -> Result<[u32; 2], String> {
+    let (width, height) = text.split_once(['x', 'X']).unwrap_or((text, text));
+    let side = |side: &str| count(side).map_err(|_| format!("{side:?} is not a number of pixels; give 640x480 or 512"));
+    Ok([side(width)?, side(height)?])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn counts() {
+        for (text, number) in [("0", 0), ("1e6", 1_000_000), ("1_000_000", 1_000_000), ("2.5E2", 250)] {
+            assert_eq!(count::<u64>(text), Ok(number), "{text}");
+        }
+        assert_eq!(count::<u64>("18446744073709551615"), Ok(u64::MAX));
+        for text in ["", "_", "-1", "1.5", "1e40", "nan", "inf", "ten"] {
+            assert!(count::<u64>(text).is_err(), "{text}");
+        }
+        assert_eq!(count::<u32>("5e9"), Err("too large".into()));
+    }
+
+    #[test]
+    fn sizes() {
+        assert_eq!(size("64"), Ok([64, 64]));
+        assert_eq!(size("640x480"), Ok([640, 480]));
+        for text in ["", "x", "640x", "640x480x3", "-1x5"] {
+            assert!(size(text).is_err(), "{text}");
+        }
+    }
+}

@@ -1,0 +1,139 @@
+//! `finalgather bake`: a scene to values at points of receivers.
+
+use std::path::PathBuf;
+
+use finalgather::bake::{Plan, Rough};
+use finalgather::error::Result;
+use finalgather::harmonics::MAX_ORDER;
+use finalgather::job::{BakeRequest, Job, JobRequest, ReceiverKind, Work, outputs_of};
+use finalgather::points::{LightMapOptions, Resolution, UvSource};
+use finalgather::quantity::Quantity;
+
+use crate::args::{DeviceArgs, JobArgs, Overrides, checked, count, named};
+use crate::job;
+
+/// MiB for the points at a time, where nothing bounds all memory.
+const MEMORY: usize = 1024;
+
+/// Bake vertices, light maps, pixels or points of a file: irradiance, openness, spherical harmonics, radiance transfer
+///
+/// One gather serves all receivers and all quantities. Settings come from these options, else from [settings] in the scene file, else from the
+/// defaults shown here.
+#[derive(Debug, clap::Args)]
+#[command(after_help = include_str!("help/bake.txt"), args_override_self = true, allow_negative_numbers = true)]
+pub struct BakeArgs {
+    /// Scene file: .toml, or a bare .obj with its .mtl
+    scene: PathBuf,
+
+    /// Where to bake: vertices, lightmap, camera (one point in each pixel) or points:FILE (.ply, .npy or .csv, in world space); can be given several times
+    #[arg(long, value_name = "RECEIVER", required = true)]
+    to: Vec<ReceiverKind>,
+
+    /// Quantities, separated by commas: irradiance, ao, bent-normal, sky, sh, prt, prt-unshadowed
+    #[arg(long, value_name = "QUANTITY", required = true, value_delimiter = ',', value_parser = named::<Quantity>(&["irradiance", "ao", "bent-normal", "sky", "sh", "prt", "prt-unshadowed"]), hide_possible_values = true)]
+    what: Vec<Quantity>,
+
+    /// File to write; can be given several times. With several receivers, put the receiver's name before it, as in vertices:box.ply. The formats of each receiver are listed below
+    #[arg(short, long = "output", value_name = "[RECEIVER:]FILE", required = true)]
+    outputs: Vec<String>,
+
+    /// Print one JSON object about the run on stdout
+    #[arg(long)]
+    json: bool,
+
+    /// Bands of spherical harmonics, 1 to 5. N bands have N² coefficients
+    #[arg(long, value_name = "N", default_value_t = 3, value_parser = bands)]
+    order: usize,
+
+    /// ao and bent-normal ignore surfaces farther away than this, in the scene's units [default: they count all surfaces]
+    #[arg(long, value_name = "LENGTH")]
+    ao_distance: Option<f32>,
+
+    /// Where the light of surfaces comes from: photons, or --gather-bounces earlier gathers at the vertices of the scene
+    #[arg(long, alias = "rough", default_value = "photons", value_parser = named::<Rough>(&["photons", "gathered"]))]
+    radiance_cache: Rough,
+
+    /// Surfaces that reflect light between a light or the environment and the surface that a point sees: for prt, and for the gathered radiance cache
+    #[arg(long, alias = "bounces", value_name = "N", default_value_t = 2, value_parser = count::<u32>)]
+    gather_bounces: u32,
+
+    /// Side of the light map in texels
+    #[arg(long, value_name = "N", default_value_t = 512, value_parser = count::<u32>, conflicts_with = "texels_per_unit", help_heading = "Light map")]
+    resolution: u32,
+
+    /// Texels along one unit of the scene, instead of --resolution
+    #[arg(long, value_name = "F", value_parser = density, help_heading = "Light map")]
+    texels_per_unit: Option<f32>,
+
+    /// Texture coordinates. own: the mesh's. atlas: new ones. auto: own where they serve, else an atlas
+    #[arg(long, default_value = "auto", value_name = "auto|own|atlas", value_parser = named::<UvSource>(&["auto", "own", "atlas"]), hide_possible_values = true, help_heading = "Light map")]
+    uvs: UvSource,
+
+    /// Texels around each chart that repeat its edge
+    #[arg(long, value_name = "N", default_value_t = 2, value_parser = count::<u32>, help_heading = "Light map")]
+    padding: u32,
+
+    /// Points in a texel, a square number
+    #[arg(long, value_name = "N", default_value_t = 4, value_parser = square, help_heading = "Light map")]
+    samples_per_texel: u32,
+
+    /// MiB that the bake may take, on the GL side and on the CPU together. It gathers fewer points at a time to fit, and is refused where that is not enough.
+    /// Without this option, points and their sums take up to 1024 MiB on the GL side at a time
+    #[arg(long, value_name = "MIB", value_parser = count::<usize>)]
+    memory: Option<usize>,
+
+    #[command(flatten)]
+    overrides: Overrides,
+
+    #[command(flatten)]
+    job: JobArgs,
+
+    #[command(flatten)]
+    device: DeviceArgs,
+}
+
+/// The exit code, unless the run failed.
+pub fn run(args: &BakeArgs) -> Result<u8> {
+    let BakeArgs { to, order, gather_bounces, ao_distance, radiance_cache, padding, samples_per_texel, uvs, .. } = args;
+    let keeping = args.job.keeping(&args.outputs.iter().map(PathBuf::from).collect::<Vec<_>>())?;
+    let outputs = if keeping.shard.is_some() { vec![Vec::new(); to.len()] } else { outputs_of(to, &args.outputs)? };
+    // Each once.
+    let mut what = Vec::new();
+    for quantity in &args.what {
+        if !what.contains(quantity) {
+            what.push(*quantity);
+        }
+    }
+    let bake = BakeRequest {
+        receivers: to.clone(),
+        plan: Plan {
+            what,
+            order: *order,
+            bounces: *gather_bounces,
+            ao_distance: *ao_distance,
+            rough: *radiance_cache,
+            memory: MEMORY,
+        },
+        light_map: LightMapOptions {
+            resolution: args.texels_per_unit.map_or(Resolution::Pixels(args.resolution), Resolution::TexelsPerUnit),
+            uvs: *uvs,
+            padding: *padding,
+            samples_per_texel: *samples_per_texel,
+        },
+    };
+    let (scene, device) = (args.overrides.scene(&args.scene)?, args.device.request());
+    let request = JobRequest { scene, work: Work::Bake(bake), outputs, memory: args.memory, device };
+    job::run(Job::new(request, &keeping)?, args.json)
+}
+
+fn bands(text: &str) -> Result<usize, String> {
+    checked(text, |order| (1..=MAX_ORDER).contains(order), &format!("not a number of bands from 1 to {MAX_ORDER}"))
+}
+
+fn square(text: &str) -> Result<u32, String> {
+    checked(text, |&number: &u32| number > 0 && number.isqrt().pow(2) == number, "not a square number such as 1, 4 or 9")
+}
+
+fn density(text: &str) -> Result<f32, String> {
+    checked(text, |texels: &f32| *texels > 0.0 && texels.is_finite(), "not a number above 0")
+}

@@ -1,0 +1,237 @@
+//! The file that keeps what a job has summed: its checkpoint or, of a shard, its part. It is written whole or not at all.
+
+use std::fs;
+use std::io::ErrorKind;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use super::Watch;
+use crate::blocks::{Part, Shard};
+use crate::error::{Error, Result};
+use crate::export::written_with;
+use crate::file::{Lock, place_of};
+
+/// A checkpoint that nobody asked for is written from this many intervals on: a job that takes less is soon done again.
+const PATIENCE: u32 = 2;
+/// Key of the shard in a part's state.
+const SHARD: &str = "shard";
+/// Writing takes at most one part in this many of the time.
+const SHARE: u32 = 20;
+
+/// How a job keeps its sums.
+#[derive(Clone, Debug, Default)]
+pub struct Keeping {
+    /// The job does this share of the directions and writes a part instead of results; then `file` is required.
+    pub shard: Option<Shard>,
+    /// Without, a long job writes beside its first output and removes the file at its end.
+    pub file: Option<PathBuf>,
+    /// Time between two writes. Zero: after every block.
+    pub every: Duration,
+    /// Goes on from the file, if it exists.
+    pub resume: bool,
+}
+
+pub(super) struct Checkpoint {
+    path: PathBuf,
+    kind: CheckpointKind,
+    shard: Option<Shard>,
+    resume: bool,
+    /// Whether this run has written the file, or goes on from it.
+    own: bool,
+    every: Duration,
+    begun: Instant,
+    /// When the file is to be written again.
+    due: Instant,
+    /// Tensors of the file: it is not written again with the same ones.
+    written: Vec<String>,
+    /// Whether the last write failed. A person is told once.
+    failing: bool,
+    /// Keeps other runs from writing the file.
+    lock: Result<Lock, String>,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum CheckpointKind {
+    /// Asked for, and kept at the end.
+    Named,
+    /// Of a long job, removed at its end.
+    Automatic,
+    /// The result of a shard.
+    Part,
+}
+
+impl Checkpoint {
+    /// For a job that writes `outputs`.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] when the file cannot be written, or holds sums that would be lost; [`Error::Output`] while another run writes it.
+    pub fn new(keeping: &Keeping, outputs: &[PathBuf]) -> Result<Self> {
+        let Keeping { shard, file, every, resume } = keeping.clone();
+        let (path, kind) = match (file, shard) {
+            (Some(path), Some(_)) => (path, CheckpointKind::Part),
+            (None, Some(_)) => return Err(Error::usage("a shard makes a part", "name its file")),
+            (Some(path), None) if outputs.iter().any(|output| is_written_with(output, &path)) => {
+                let problem = format!("{}: is to hold the checkpoint and the result", path.display());
+                return Err(Error::usage(problem, "give them two names"));
+            }
+            (Some(path), None) => (path, CheckpointKind::Named),
+            (None, None) => {
+                // Appended, because the name has an ending.
+                let mut path = outputs.first().cloned().unwrap_or_default().into_os_string();
+                path.push(".checkpoint");
+                (path.into(), CheckpointKind::Automatic)
+            }
+        };
+        Part::check_writable(&path)?;
+        let lock = lock(&path)?;
+        if kind != CheckpointKind::Automatic && !resume && path.exists() {
+            let shown = path.display();
+            return Err(match Part::read(&path) {
+                Ok(_) => Error::usage(
+                    format!("{shown}: is there already, and holds what an earlier run has summed"),
+                    "go on from it with --resume, or remove it",
+                ),
+                Err(_) => {
+                    Error::usage(format!("{shown}: is there already, and is no checkpoint or a damaged one"), "give another name")
+                }
+            });
+        }
+        let begun = Instant::now();
+        let due = begun + if kind == CheckpointKind::Automatic { PATIENCE * every } else { every };
+        Ok(Self { path, kind, shard, resume, own: false, every, begun, due, written: Vec::new(), failing: false, lock })
+    }
+
+    pub fn shard(&self) -> Option<Shard> {
+        self.shard
+    }
+
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Whether an earlier run may have finished the job, and left nothing but its outputs.
+    pub fn may_be_finished(&self) -> bool {
+        self.resume && self.kind == CheckpointKind::Automatic && !self.path.exists()
+    }
+
+    /// A file that exists for as long as this run.
+    pub fn lock_path(&self) -> Option<&Path> {
+        self.lock.as_ref().ok().map(Lock::path)
+    }
+
+    /// Whether a run that ends now leaves the file behind.
+    pub fn is_kept(&self) -> bool {
+        self.kind != CheckpointKind::Automatic || self.begun.elapsed() >= PATIENCE * self.every || self.resume
+    }
+
+    /// The sums of an earlier run, if the job goes on from them.
+    ///
+    /// # Errors
+    /// [`Error::Input`] when the file cannot be read, is damaged or of another shard.
+    pub fn find(&mut self, watch: &mut dyn Watch) -> Result<Option<Part<'static>>> {
+        if let Err(warning) = &self.lock {
+            watch.say(warning);
+        }
+        let (exists, path) = (self.path.exists(), self.path.display());
+        if self.resume && !exists && !self.may_be_finished() {
+            self.say_beginning(watch);
+        } else if exists && !self.resume {
+            watch.say(&format!(
+                "an earlier run has left {path}; --resume goes on from it, and without this run replaces it in time"
+            ));
+        }
+        if !(self.resume && exists) {
+            return Ok(None);
+        }
+        let part = Part::read(&self.path)?;
+        let [theirs, ours] = [part.state[SHARD].as_str().map(str::to_owned), self.shard.map(|shard| shard.to_string())];
+        if theirs != ours {
+            let name = |shard: Option<String>| shard.map_or("of no shard".to_owned(), |shard| format!("of shard {shard}"));
+            let problem = format!("{}, and this run is {}", name(theirs), name(ours));
+            return Err(Error::input(&self.path, None, problem, "give the shard that it was begun as, or another file"));
+        }
+        self.own = true;
+        Ok(Some(part))
+    }
+
+    /// Says that there is nothing to go on from.
+    pub fn say_beginning(&self, watch: &mut dyn Watch) {
+        watch.say(&format!("nothing to go on from in {}; beginning", self.path.display()));
+    }
+
+    /// Writes `part`, if it is time. The job goes on where that fails: there may be space again later.
+    pub fn keep<'a>(&mut self, watch: &mut dyn Watch, part: impl FnOnce() -> Part<'a>) {
+        if Instant::now() < self.due {
+            return;
+        }
+        let part = part();
+        if part.names().eq(self.written.iter().map(String::as_str)) {
+            return;
+        }
+        match self.write(part) {
+            Err(error) if !self.failing => {
+                self.failing = true;
+                watch.say(&format!("warning: no checkpoint: {error}"));
+            }
+            outcome => self.failing = outcome.is_err(),
+        }
+    }
+
+    /// At the end of a run that does not finish the job. Writes the file and returns true, unless the job is short and nobody asked for one.
+    ///
+    /// # Errors
+    /// [`Error::Output`] when it cannot be written.
+    pub fn stop<'a>(&mut self, part: impl FnOnce() -> Part<'a>) -> Result<bool> {
+        let kept = self.is_kept();
+        if kept {
+            self.write(part())?;
+        }
+        Ok(kept)
+    }
+
+    /// At the end of the job, once its outputs are written.
+    ///
+    /// # Errors
+    /// As [`Self::stop`].
+    pub fn finish<'a>(&mut self, part: impl FnOnce() -> Part<'a>) -> Result<()> {
+        match self.kind {
+            CheckpointKind::Named | CheckpointKind::Part => self.write(part())?,
+            // A file that cannot be removed does no harm.
+            CheckpointKind::Automatic if self.own => drop(fs::remove_file(&self.path)),
+            CheckpointKind::Automatic => {}
+        }
+        Ok(())
+    }
+
+    fn write(&mut self, mut part: Part) -> Result<()> {
+        let start = Instant::now();
+        part.state[SHARD] = self.shard.map(|shard| shard.to_string()).into();
+        let written = part.write(&self.path);
+        if written.is_ok() {
+            self.own = true;
+            self.written = part.names().map(str::to_owned).collect();
+        }
+        let pause = if self.every.is_zero() { self.every } else { self.every.max(SHARE * start.elapsed()) };
+        self.due = Instant::now() + pause;
+        written
+    }
+}
+
+/// The lock or, where the file system has none as on some clusters, a warning.
+fn lock(path: &Path) -> Result<Result<Lock, String>> {
+    Lock::take(path).map(Ok).or_else(|error| match error.kind() {
+        ErrorKind::WouldBlock => {
+            Err(Error::output(path, "another run is writing it", "wait until that has ended or end it, or give another name"))
+        }
+        _ => {
+            let path = path.display();
+            Ok(Err(format!("warning: {path}: cannot be locked ({error}): let no other run write it meanwhile")))
+        }
+    })
+}
+
+/// Whether `path` is one of the files that are written with that output.
+fn is_written_with(output: &Path, path: &Path) -> bool {
+    place_of(path)
+        .is_ok_and(|place| written_with(output).iter().any(|output| place_of(output).is_ok_and(|output| output == place)))
+}

@@ -1,0 +1,70 @@
+//! Merges the parts of a job's shards into what the job itself would have written, from their files and without OpenGL.
+
+use std::path::{Path, PathBuf};
+
+use super::task::{Results, place, request_of};
+use super::{DeviceRequest, JobRequest, Receiver, SceneRequest, Watch, Work, all_written, check_kept, outputs_of};
+use crate::bake::Merge;
+use crate::blocks::Part;
+use crate::error::{Error, Result};
+use crate::prepared::Prepared;
+use crate::render::RenderMerge;
+
+/// Writes what `parts` make to `outputs`, named as [`super::outputs_of`] takes them, with this exposure or the job's own. A bake reads its scene and
+/// points again, from the paths of its request.
+///
+/// # Errors
+/// [`Error::Input`] when a part is damaged, of another job or repeats an earlier one; [`Error::Usage`] when directions are missing;
+/// [`Error::Output`] when a file cannot be written.
+pub fn merge(parts: &[PathBuf], outputs: &[String], exposure: Option<f32>, watch: &mut dyn Watch) -> Result<()> {
+    let path = parts.first().ok_or_else(|| Error::usage("no parts to merge", "name those of all shards"))?;
+    let first = Part::read(path)?;
+    // One part at a time, for there may be many.
+    let each = |add: &mut dyn FnMut(&Path, &Part) -> Result<()>| parts.iter().try_for_each(|path| add(path, &Part::read(path)?));
+    let inputs = parts.iter().map(PathBuf::as_path);
+    let (_, errors) = match first.job["what"].as_str() {
+        Some("render") => {
+            let request = JobRequest {
+                scene: SceneRequest::default(),
+                work: Work::Render,
+                outputs: vec![outputs.iter().map(PathBuf::from).collect()],
+                memory: None,
+                device: DeviceRequest::default(),
+            };
+            request.check_outputs()?;
+            check_kept(&request.outputs.concat(), inputs)?;
+            let mut merge = RenderMerge::new(path, &first)?;
+            each(&mut |path, part| merge.add(path, part))?;
+            let (settings, picture) = (merge.settings(), Results::Picture(merge.picture()?));
+            picture.write(&request, merge.job(), exposure.unwrap_or(settings.exposure), (settings.directions, true))
+        }
+        Some("bake") => {
+            let (mut request, own) = request_of(path, &first)?;
+            let Work::Bake(bake) = request.work.clone() else { return Err(unknown(path)) };
+            request.outputs = outputs_of(&bake.receivers, outputs)?;
+            check_kept(&request.outputs.concat(), request.inputs().chain(inputs))?;
+            request.check_outputs()?;
+            watch.stage("loading");
+            let mut merge = Merge::new(path, &first)?;
+            let loaded = request.scene.load(request.needs_light())?;
+            check_kept(&request.outputs.concat(), loaded.report.files.iter().map(PathBuf::as_path))?;
+            loaded.report.warnings.iter().for_each(|warning| watch.say(&format!("warning: {warning}")));
+            let scene = Prepared::without_glass(&loaded.world)?.scene;
+            watch.stage("placing points");
+            let settings = merge.settings().clone();
+            let camera = || Receiver::of_part(path, &first, settings.size);
+            let (receivers, points) = place(&bake, &scene, &settings, &camera, watch)?;
+            merge.check_scene(path, &scene, &points)?;
+            watch.stage("merging");
+            each(&mut |path, part| merge.add(path, part))?;
+            let values = Results::Values(&receivers, merge.columns(&points)?, &scene);
+            values.write(&request, merge.job(), exposure.unwrap_or(own), (settings.directions, true))
+        }
+        _ => return Err(unknown(path)),
+    };
+    all_written(errors, watch)
+}
+
+fn unknown(path: &Path) -> Error {
+    Error::input(path, None, "a part of no kind of job that this version knows", "merge with the version that made it")
+}

@@ -1,0 +1,202 @@
+//! A whole job: load the scene, gather, keep what is summed, write the results, report.
+//!
+//! [`Job::new`] refuses what can be refused before any work. [`Job::run`] does the work and tells a [`Watch`] about it. [`merge`] makes the results
+//! from the parts of shards. Requests and results are in world space.
+
+mod checkpoint;
+mod merge;
+mod outputs;
+mod receiver;
+mod report;
+mod request;
+mod task;
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use self::checkpoint::Checkpoint;
+use self::report::peak_memory_bytes;
+use self::task::Task;
+use crate::error::{Error, Result};
+use crate::scene::Loaded;
+
+pub use checkpoint::Keeping;
+pub use merge::merge;
+pub use outputs::{check_kept, metadata};
+pub use receiver::{Receiver, ReceiverKind, ReceiverValues, outputs_of};
+pub use report::{JobReport, JobSeconds, ReceiverReport, TaskReport};
+pub use request::{BakeRequest, DeviceRequest, JobRequest, SceneRequest, Work};
+
+/// What a caller learns of a job while it runs. `()` lets it run to its end in silence.
+pub trait Watch {
+    /// A stage begins.
+    fn stage(&mut self, _stage: &'static str) {}
+
+    /// A sentence for a person: a warning, or where results are.
+    fn say(&mut self, _line: &str) {}
+
+    /// Directions that are gathered, and in all.
+    fn progress(&mut self, _directions: [u64; 2]) {}
+
+    /// From now on a job that is stopped leaves something behind.
+    fn has_result(&mut self) {}
+
+    /// Whether to go on. What is gathered of the block in progress is not kept, so that between two blocks is the time to stop.
+    fn goes_on(&mut self, _between_blocks: bool) -> bool {
+        true
+    }
+}
+
+impl Watch for () {}
+
+/// A job that can begin.
+pub struct Job {
+    request: JobRequest,
+    outputs: Vec<PathBuf>,
+    checkpoint: Checkpoint,
+    started: Instant,
+}
+
+/// How a job ended that did not fail.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Ending {
+    Finished,
+    /// An earlier run had finished it: nothing was done.
+    AlreadyFinished,
+    /// [`Watch::goes_on`] said no.
+    Stopped,
+}
+
+/// What a job has done.
+#[derive(Clone, Debug)]
+pub struct Outcome {
+    pub ending: Ending,
+    /// Result files, or the part of a shard.
+    pub outputs: Vec<PathBuf>,
+    pub report: JobReport,
+}
+
+impl Job {
+    /// # Errors
+    /// [`Error::Usage`] when an output cannot be written or would replace an input or the sums of an earlier run; [`Error::Output`] while another run
+    /// writes the same.
+    pub fn new(request: JobRequest, keeping: &Keeping) -> Result<Self> {
+        let started = Instant::now();
+        let outputs = if keeping.shard.is_some() { Vec::from_iter(keeping.file.clone()) } else { request.outputs.concat() };
+        check_kept(&outputs, request.inputs())?;
+        let checkpoint = Checkpoint::new(keeping, &outputs)?;
+        if keeping.shard.is_none() {
+            request.check_outputs()?;
+        }
+        Ok(Self { request, outputs, checkpoint, started })
+    }
+
+    /// A file that has to be removed where the process ends in the midst of a run.
+    pub fn lock_path(&self) -> Option<&Path> {
+        self.checkpoint.lock_path()
+    }
+
+    /// Runs until all is written, or `watch` stops it. Then, and where the device fails, what is gathered so far is written, and kept in the checkpoint.
+    ///
+    /// # Errors
+    /// [`Error::Input`] when a file cannot be used, [`Error::Usage`] when the request cannot be met, [`Error::Gl`] when the device fails,
+    /// [`Error::Output`] when a file cannot be written. All that can be written is, before.
+    pub fn run(self, watch: &mut dyn Watch) -> Result<Outcome> {
+        let Self { request, outputs, mut checkpoint, started } = self;
+        let is_shard = checkpoint.shard().is_some();
+        watch.stage("loading");
+        let loading = Instant::now();
+        let Loaded { world, settings, report } = request.scene.load(request.needs_light())?;
+        check_kept(&outputs, report.files.iter().map(PathBuf::as_path))?;
+        report.warnings.iter().for_each(|warning| watch.say(&format!("warning: {warning}")));
+        let settings = request.settings(&settings)?;
+        let load = loading.elapsed().as_secs_f64();
+        let shard = checkpoint.shard().map(|shard| shard.range(request.blocks(&settings).count())).transpose()?;
+        request.check(&world, &settings, shard.as_ref(), watch)?;
+        let found = checkpoint.find(watch)?;
+
+        watch.stage("starting OpenGL");
+        let gpu = request.device.open()?;
+        let mut task = Task::begin(&request, &gpu, &world, &settings, shard, watch)?;
+        if let Some(part) = found {
+            task.resume(checkpoint.path(), &part)?;
+            let [done, total] = task.directions();
+            watch.say(&format!("going on from {done} of {total} directions in {}", checkpoint.path().display()));
+        }
+        let already = checkpoint.may_be_finished() && task.is_written();
+        if checkpoint.may_be_finished() && !already {
+            checkpoint.say_beginning(watch);
+        }
+
+        let mut failure = None;
+        watch.progress(task.directions());
+        while !already && failure.is_none() && !task.is_done() && watch.goes_on(task.is_between_blocks()) {
+            failure = task.step().err();
+            // Before each point has a value there may be a checkpoint.
+            if task.has_values() || checkpoint.is_kept() {
+                watch.has_result();
+            }
+            watch.progress(task.directions());
+            checkpoint.keep(watch, || task.save());
+        }
+        let [done, total] = task.directions();
+        // What was gathered before the device failed is worth keeping.
+        if let Some(error) = failure.take_if(|_| done == 0) {
+            return Err(error);
+        }
+
+        let ended = failure.is_some() || !already && !task.is_done();
+        let ending = if ended {
+            Ending::Stopped
+        } else if already {
+            Ending::AlreadyFinished
+        } else {
+            Ending::Finished
+        };
+        let kept = if ended { checkpoint.stop(|| task.save()) } else { Ok(false) };
+        let writing = Instant::now();
+        let writes = !already && !is_shard && task.has_values();
+        let unwritten = if writes { task.write(watch) } else { Vec::new() };
+        let names: Vec<_> = outputs.iter().map(|path| path.display().to_string()).collect();
+        let (paths, path) = (names.join(", "), checkpoint.path().display().to_string());
+        if ended {
+            let how = if failure.is_some() { "failed" } else { "stopped" };
+            let what = match kept {
+                _ if writes && unwritten.is_empty() => format!("{} so far written to {paths}", task.kind()),
+                Ok(true) => format!("kept in {path}"),
+                _ => "nothing kept".to_owned(),
+            };
+            let resume = if matches!(kept, Ok(true)) { "; --resume goes on" } else { "" };
+            watch.say(&format!("{how} after {done} of {total} directions; {what}{resume}"));
+        } else if unwritten.is_empty() {
+            checkpoint.finish(|| task.save())?;
+            if already {
+                watch.say(&format!("{paths}: finished by an earlier run, and left as it was"));
+            }
+        } else if checkpoint.stop(|| task.save())? {
+            watch.say(&format!("what was gathered is kept in {path}; --resume writes it"));
+        }
+        all_written(failure.into_iter().chain(unwritten).chain(kept.err()), watch)?;
+
+        let write = writing.elapsed().as_secs_f64();
+        let (report, stages) = task.report(already, names);
+        let report = JobReport {
+            gl: gpu.identity(),
+            settings: settings.clone(),
+            task: report,
+            seconds: JobSeconds { load, stages, write, total: started.elapsed().as_secs_f64() },
+            peak_memory_bytes: peak_memory_bytes(),
+            interrupted: ended,
+        };
+        Ok(Outcome { ending, outputs, report })
+    }
+}
+
+/// Fails with the first of these, and says the others.
+fn all_written(errors: impl IntoIterator<Item = Error>, watch: &mut dyn Watch) -> Result<()> {
+    let mut errors = errors.into_iter();
+    errors.next().map_or(Ok(()), |first| {
+        errors.for_each(|error| watch.say(&format!("error: {error}")));
+        Err(first)
+    })
+}

@@ -1,0 +1,57 @@
+//! Result files: none replaces an input, and each says which job made it.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use serde_json::{Value, json};
+
+use crate::blocks::sha256;
+use crate::error::{Error, Result};
+use crate::export::{metadata_of, written_with};
+use crate::file::place_of;
+
+/// # Errors
+/// [`Error::Usage`] when an output is one of the inputs, or another output.
+pub fn check_kept<'a>(outputs: &[PathBuf], inputs: impl IntoIterator<Item = &'a Path>) -> Result<()> {
+    let written: Vec<_> = outputs.iter().flat_map(|output| written_with(output)).collect();
+    // An output without a place cannot be written, and is refused for that.
+    let places: Vec<_> = written.iter().map(|output| place_of(output).unwrap_or_else(|_| output.clone())).collect();
+    let twice = written.iter().enumerate().find(|&(i, _)| places[..i].contains(&places[i]));
+    if let Some((_, output)) = twice {
+        let cure = "name each file once; .obj also writes .mtl and .png, .npy .json";
+        return Err(Error::usage(format!("{}: is to be written twice", output.display()), cure));
+    }
+    let inputs: Vec<_> = inputs.into_iter().filter_map(|input| fs::canonicalize(input).ok()).collect();
+    match written.iter().zip(&places).find(|(_, place)| inputs.contains(place)) {
+        None => Ok(()),
+        Some((output, _)) => {
+            Err(Error::usage(format!("{}: is an input, and would be written over", output.display()), "give another name"))
+        }
+    }
+}
+
+/// What made a result, as JSON: `job` ([`crate::Render::job`], [`crate::bake::Bake::job`]), `own` facts of the output, and how far the job was. It
+/// holds no times and no paths, so that the same job writes the same file.
+pub fn metadata(job: &Value, exposure: f32, own: Value, (directions_done, complete): (u32, bool)) -> String {
+    let mut about = json!({ "version": job["version"], "renderer": job["gl"]["renderer"], "settings": job["settings"] });
+    about["settings"]["exposure"] = exposure.into();
+    let entries = |value: Value| if let Value::Object(entries) = value { entries } else { Default::default() };
+    let state = json!({
+        "job_sha256": sha256(job.to_string().as_bytes()),
+        "directions_done": directions_done,
+        "complete": complete,
+    });
+    let mut about = entries(about);
+    about.extend(entries(own).into_iter().chain(entries(state)));
+    Value::Object(about).to_string()
+}
+
+/// Whether all of these files exist and have this metadata, after any number of directions.
+pub(super) fn are_finished(outputs: &[PathBuf], metadata: &str) -> bool {
+    let about = |mut about: Value| {
+        about["directions_done"].take();
+        about
+    };
+    let ours = serde_json::from_str(metadata).ok().map(about);
+    outputs.iter().all(|path| metadata_of(path).filter(Value::is_object).map(about) == ours)
+}

@@ -1,0 +1,377 @@
+//! Receivers of a bake: each places points in a scene, and makes files of the values found there.
+
+use std::f32::consts::FRAC_1_PI;
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+
+use glam::Vec3;
+use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
+
+use crate::bake::vertex_inset;
+use crate::blocks::Part;
+use crate::error::{Error, Result};
+use crate::export::{self, Lightmap, Surface, Values};
+use crate::image::{self, Channel, Image, WriteOptions};
+use crate::points::{GatherPoint, LightMap, LightMapOptions, Resolution, Vertices, Visible, file};
+use crate::quantity::Quantity;
+use crate::scene::{Mesh, Scene, UnitSpace};
+use crate::settings::Settings;
+
+/// Endings of pictures.
+const PICTURES: [&str; 2] = ["exr", "png"];
+/// Tensors of a part: what the camera saw.
+const CAMERA_PIXELS: &str = "camera/pixels";
+const CAMERA_POINTS: &str = "camera/points";
+
+/// Where values are wanted.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum ReceiverKind {
+    /// The scene's vertices.
+    Vertices,
+    /// Texels of a map over the scene's surfaces.
+    LightMap,
+    /// The surface behind the middle of each pixel.
+    Camera,
+    /// Points of a `.ply`, `.npy` or `.csv` file, in world space.
+    Points(PathBuf),
+}
+
+/// A source of points, with the way back to where they come from.
+pub enum Receiver {
+    Vertices(Vertices),
+    LightMap(Box<LightMap>),
+    /// One point in each pixel that sees a surface, with the pixel's number, row by row from the top.
+    Camera {
+        size: [u32; 2],
+        points: Vec<GatherPoint>,
+        pixels: Vec<u32>,
+    },
+    Points {
+        points: Vec<GatherPoint>,
+        /// Positions as they are in the file.
+        world: Vec<Vec3>,
+    },
+}
+
+/// Values of a receiver in world space, as files hold them.
+pub struct ReceiverValues {
+    /// What became of the points.
+    pub counts: Value,
+    /// Of the points, or of the vertices of `mesh`.
+    pub positions: Vec<Vec3>,
+    pub normals: Vec<Vec3>,
+    pub columns: Vec<Channel>,
+    /// The surface that vertices and light maps belong to; a light map's texture coordinates are those on the map.
+    pub mesh: Option<Mesh>,
+    /// Of light maps, and of the camera where pictures are wanted: a channel for each column.
+    pub image: Option<Image>,
+}
+
+impl ReceiverKind {
+    pub const NAMES: [&str; 4] = ["vertices", "lightmap", "camera", "points"];
+
+    pub fn name(&self) -> &'static str {
+        let index = match self {
+            Self::Vertices => 0,
+            Self::LightMap => 1,
+            Self::Camera => 2,
+            Self::Points(_) => 3,
+        };
+        Self::NAMES[index]
+    }
+
+    /// Refuses, before the work, files that cannot hold `what` of this receiver.
+    ///
+    /// # Errors
+    /// [`Error::Usage`].
+    pub fn check_writable(&self, path: &Path, what: &[Quantity]) -> Result<()> {
+        let shown =
+            |quantity: &Quantity| matches!(quantity, Quantity::Irradiance | Quantity::Ao | Quantity::BentNormal | Quantity::Sky);
+        if is_png(path) && !what.iter().any(shown) {
+            let problem = format!("{}: coefficients make no picture", path.display());
+            let cure = "write .exr or .npy, or add what a picture can show: irradiance, ao, bent-normal or sky";
+            return Err(Error::usage(problem, cure));
+        }
+        match self {
+            Self::LightMap | Self::Camera if is_picture(path) => image::check_writable(path),
+            Self::Vertices => export::check_writable(path, Values::ENDINGS),
+            // PLY holds points without a mesh as well as glTF would.
+            Self::Points(_) => export::check_writable(path, &["ply", "npy"]),
+            Self::Camera => export::check_writable(path, &["exr", "png", "ply", "npy"]),
+            Self::LightMap => {
+                export::check_writable(path, &["exr", "png", "obj", "glb"])?;
+                what.contains(&Quantity::Irradiance).then_some(()).ok_or_else(|| no_light(path))
+            }
+        }
+    }
+}
+
+impl FromStr for ReceiverKind {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match (text, text.split_once(':')) {
+            ("vertices", _) => Ok(Self::Vertices),
+            ("lightmap", _) => Ok(Self::LightMap),
+            ("camera", _) => Ok(Self::Camera),
+            (_, Some(("points", path))) if !path.is_empty() => Ok(Self::Points(path.into())),
+            _ => Err("give vertices, lightmap, camera or points:FILE".to_owned()),
+        }
+    }
+}
+
+impl Receiver {
+    /// Places points in `scene`, which is in unit space and without glass. `camera` makes the camera's receiver, if that is wanted.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] when there is no room for the points, [`Error::Input`] when their file cannot be used.
+    pub fn new(
+        kind: &ReceiverKind,
+        light_map: &LightMapOptions,
+        scene: &Scene,
+        settings: &Settings,
+        camera: impl FnOnce() -> Result<Self>,
+    ) -> Result<Self> {
+        Ok(match kind {
+            ReceiverKind::Vertices => Self::Vertices(Vertices::new(&scene.mesh, vertex_inset(settings))),
+            ReceiverKind::LightMap => {
+                let resolution = match light_map.resolution {
+                    Resolution::TexelsPerUnit(texels) => Resolution::TexelsPerUnit(texels * scene.space.length_to_world(1.0)),
+                    pixels @ Resolution::Pixels(_) => pixels,
+                };
+                Self::LightMap(Box::new(LightMap::new(&scene.mesh, &LightMapOptions { resolution, ..*light_map })?))
+            }
+            ReceiverKind::Camera => camera()?,
+            ReceiverKind::Points(path) => {
+                let read = file::read(path)?;
+                let enter =
+                    |point: &file::OrientedPoint| GatherPoint::flat(scene.space.enter_point(point.position), point.normal);
+                Self::Points {
+                    points: read.iter().map(enter).collect(),
+                    world: read.iter().map(|point| point.position).collect(),
+                }
+            }
+        })
+    }
+
+    /// The receiver of what the camera sees.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] when that is nothing.
+    pub(super) fn of_camera(visible: &Visible, size: [u32; 2], space: &UnitSpace) -> Result<Self> {
+        // As they would be written and read again, so that the same points in a file give the same values to the bit.
+        let through_world =
+            |point: GatherPoint| GatherPoint { position: space.enter_point(space.to_world(point.position)), ..point };
+        let [width, height] = size.map(|side| side as usize);
+        let from_top = |i: usize| ((height - 1 - i / width) * width + i % width) as u32;
+        let seen = visible.pixels().into_iter().enumerate().filter_map(|(i, point)| Some((from_top(i), through_world(point?))));
+        let (pixels, points): (Vec<_>, Vec<_>) = seen.unzip();
+        if points.is_empty() {
+            return Err(Error::usage("the camera sees no surface", "turn it in the scene file"));
+        }
+        Ok(Self::Camera { size, points, pixels })
+    }
+
+    /// The same from a part, without a device.
+    ///
+    /// # Errors
+    /// [`Error::Input`] when the part does not have it.
+    pub(super) fn of_part(path: &Path, part: &Part, size: [u32; 2]) -> Result<Self> {
+        let read = || {
+            let pixels: &[u32] = bytemuck::cast_slice(part.get(CAMERA_PIXELS)?);
+            let points: &[GatherPoint] = bytemuck::try_cast_slice(part.get(CAMERA_POINTS)?).ok()?;
+            let fits = pixels.len() == points.len() && pixels.iter().all(|pixel| u64::from(*pixel) < size_of_picture(size));
+            fits.then(|| Self::Camera { size, points: points.to_vec(), pixels: pixels.to_vec() })
+        };
+        read().ok_or_else(|| Error::input(path, None, "damaged: it does not say what the camera saw", "make it again"))
+    }
+
+    /// Puts what [`Self::of_part`] reads into a part.
+    pub(super) fn save<'a>(&'a self, part: &mut Part<'a>) {
+        if let Self::Camera { points, pixels, .. } = self {
+            part.put(CAMERA_PIXELS, bytemuck::cast_slice(pixels));
+            part.put(CAMERA_POINTS, bytemuck::cast_slice(points));
+        }
+    }
+
+    /// In unit space.
+    pub fn points(&self) -> &[GatherPoint] {
+        match self {
+            Self::Vertices(vertices) => vertices.points(),
+            Self::LightMap(map) => map.points(),
+            Self::Camera { points, .. } | Self::Points { points, .. } => points,
+        }
+    }
+
+    /// Sentences for a person.
+    pub fn warnings(&self) -> &[String] {
+        match self {
+            Self::LightMap(map) => map.warnings(),
+            _ => &[],
+        }
+    }
+
+    /// What files hold of `columns`, a value for each of the points, of which `inside` says where they lie inside something. `picture`: whether the
+    /// camera's are wanted as a picture.
+    pub fn values(&self, mut columns: Vec<Channel>, inside: &[f32], space: &UnitSpace, picture: bool) -> ReceiverValues {
+        let world_of = |mesh: &Mesh| Mesh {
+            positions: mesh.positions.iter().map(|&position| space.to_world(position)).collect(),
+            ..mesh.clone()
+        };
+        let (mut mesh, mut image) = (None, None);
+        let (counts, positions) = match self {
+            Self::Vertices(vertices) => {
+                let counts = vertices.fill(&mut columns, inside);
+                let world = mesh.insert(world_of(vertices.mesh()));
+                (json!(counts), world.positions.clone())
+            }
+            Self::LightMap(map) => {
+                let (map_image, mended) = map.image(&columns, inside);
+                image = Some(map_image);
+                mesh = Some(world_of(map.mesh()));
+                let mut counts = json!(map.counts());
+                counts
+                    .as_object_mut()
+                    .into_iter()
+                    .for_each(|all| all.extend(json!(mended).as_object().cloned().unwrap_or_default()));
+                (counts, Vec::new())
+            }
+            Self::Camera { size, points, pixels } => {
+                image = picture.then(|| spread(&columns, pixels, *size));
+                let positions = points.iter().map(|point| space.to_world(point.position)).collect();
+                (json!({ "pixels": pixels.len() }), positions)
+            }
+            Self::Points { world, .. } => (json!({ "points": world.len() }), world.clone()),
+        };
+        let normals = self.points().iter().map(|point| point.normal).collect();
+        ReceiverValues { counts, positions, normals, columns, mesh, image }
+    }
+}
+
+impl ReceiverValues {
+    /// Writes them in the format that the path ends in; `scene` has the materials of the mesh.
+    ///
+    /// # Errors
+    /// [`Error::Output`] when the file cannot be written.
+    pub fn write(&self, path: &Path, scene: &Scene, options: &WriteOptions) -> Result<()> {
+        let surface = self.mesh.as_ref().map(|mesh| Surface { mesh, materials: &scene.materials, textures: &scene.textures });
+        match (&self.image, surface) {
+            (Some(image), _) if is_picture(path) => write_picture(image, path, options),
+            (Some(image), Some(surface)) => {
+                let irradiance = &irradiance_of(image).ok_or_else(|| no_light(path))?;
+                Lightmap { surface, uvs: &surface.mesh.uvs, irradiance }.write(path, options)
+            }
+            _ => {
+                let Self { positions, normals, columns, .. } = self;
+                Values { positions, normals, columns, surface }.write(path, options)
+            }
+        }
+    }
+}
+
+/// The files of each of `receivers` among `outputs`, which are named as in `vertices:box.ply`; where there is one receiver it needs no name.
+///
+/// # Errors
+/// [`Error::Usage`] when a file is of no receiver, or a receiver without files.
+pub fn outputs_of(receivers: &[ReceiverKind], outputs: &[String]) -> Result<Vec<Vec<PathBuf>>> {
+    let mut files = vec![Vec::new(); receivers.len()];
+    for output in outputs {
+        let of = |name: &str| output.strip_prefix(name).and_then(|rest| rest.strip_prefix(':'));
+        let named = receivers.iter().enumerate().find_map(|(i, receiver)| of(receiver.name()).map(|path| (i, path)));
+        match named {
+            Some((_, "")) => return Err(Error::usage(format!("-o {output} names no file"), "put one after the colon")),
+            Some((i, path)) => files[i].push(PathBuf::from(path)),
+            None if let Some(name) = ReceiverKind::NAMES.into_iter().find(|name| of(name).is_some()) => {
+                let cure = format!("add --to {name}, or give a file of what is baked");
+                return Err(Error::usage(format!("-o {output}: {name} was not asked for"), cure));
+            }
+            None if let Some((name, _)) = output.split_once(':').filter(|(name, _)| is_word(name)) => {
+                let cure = format!("put {} before the colon, or ./ before a file of this name", ReceiverKind::NAMES.join(", "));
+                return Err(Error::usage(format!("-o {output}: there is no receiver {name:?}"), cure));
+            }
+            None if receivers.len() == 1 => files[0].push(PathBuf::from(output)),
+            None => {
+                let names: Vec<_> = receivers.iter().map(|receiver| format!("{}:{output}", receiver.name())).collect();
+                let cure = format!("put its name before the file: {}", names.join(" or "));
+                return Err(Error::usage(format!("-o {output}: of which receiver?"), cure));
+            }
+        }
+    }
+    match receivers.iter().zip(&files).find(|(_, files)| files.is_empty()) {
+        None => Ok(files),
+        Some((receiver, _)) => {
+            let problem = format!("no file is named for {}", receiver.name());
+            Err(Error::usage(problem, "name one with -o, or leave the receiver out"))
+        }
+    }
+}
+
+/// Whether it can be a receiver's name. Drives have names of one letter.
+fn is_word(name: &str) -> bool {
+    name.len() != 1 && name.chars().all(|letter| letter.is_ascii_alphabetic() || letter == '-')
+}
+
+pub(super) fn is_picture(path: &Path) -> bool {
+    path.extension().and_then(|ending| ending.to_str()).is_some_and(|ending| PICTURES.contains(&ending.to_lowercase().as_str()))
+}
+
+fn is_png(path: &Path) -> bool {
+    path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("png"))
+}
+
+fn size_of_picture([width, height]: [u32; 2]) -> u64 {
+    u64::from(width) * u64::from(height)
+}
+
+/// The values of these pixels as a picture, with `A` for where they are; black elsewhere.
+fn spread(columns: &[Channel], pixels: &[u32], size: [u32; 2]) -> Image {
+    let spread = |name: &str, samples: &[f32]| {
+        let mut plane = vec![0.0; size_of_picture(size) as usize];
+        pixels.iter().zip(samples).for_each(|(&pixel, &sample)| plane[pixel as usize] = sample);
+        Channel { name: name.to_owned(), samples: plane }
+    };
+    let mut channels: Vec<_> = columns.iter().map(|column| spread(&column.name, &column.samples)).collect();
+    channels.push(spread("A", &vec![1.0; pixels.len()]));
+    let [width, height] = size.map(|side| side as usize);
+    Image { width, height, channels }
+}
+
+/// The irradiance of a map as a picture of its own.
+fn irradiance_of(image: &Image) -> Option<Image> {
+    let channel =
+        |name: &str| Some(Channel { name: name.into(), samples: image.channel(&format!("Irradiance.{name}"))?.to_vec() });
+    let channels = vec![channel("R")?, channel("G")?, channel("B")?];
+    Some(Image { channels, ..*image })
+}
+
+/// With the channels that make a picture. They are irradiance as it is or, in a PNG, what a white surface sends back of it, as a display shows light.
+/// Without irradiance they are the first quantity, in a PNG as data: a direction as colour, a number as grey.
+fn write_picture(image: &Image, path: &Path, options: &WriteOptions) -> Result<()> {
+    let (exr, irradiance) = (!is_png(path), irradiance_of(image));
+    let light = irradiance.is_some();
+    let mut picture = image.clone();
+    let mut shown = irradiance.map(|image| image.channels).unwrap_or_default();
+    if !light {
+        // Never empty: something is baked, and has one column or three at least.
+        let named = |name: &str| image.channels.iter().position(|channel| channel.name == name);
+        let first = ["AO", "BentNormal.X", "Sky"].into_iter().filter_map(named).min().unwrap_or(0);
+        let is_direction = image.channels[first].name == "BentNormal.X";
+        let of = |k: usize| first + if image.channels[first].name.contains('.') { k } else { 0 };
+        let value = |x: &f32| if is_direction { 0.5 * x + 0.5 } else { *x };
+        let samples = |k: usize| image.channels[of(k)].samples.iter().map(value).collect();
+        shown = (0..3).map(|k| Channel { name: ["R", "G", "B"][k].into(), samples: samples(k) }).collect();
+    } else if !exr {
+        shown.iter_mut().flat_map(|channel| &mut channel.samples).for_each(|sample| *sample *= FRAC_1_PI);
+    }
+    picture.channels.extend(shown);
+    if exr || light { picture.write(path, options) } else { picture.write_data_png(path) }
+}
+
+fn no_light(path: &Path) -> Error {
+    Error::usage(
+        format!("{}: a model with its light map shows irradiance, and none was baked", path.display()),
+        "add irradiance to --what, or write .exr or .png",
+    )
+}

@@ -1,0 +1,78 @@
+//! What a job reports at its end, as plain data.
+
+use std::fs;
+
+use serde::Serialize;
+use serde_json::Value;
+
+use crate::bake::{Plan, Statistics};
+use crate::photon::PhotonCounts;
+use crate::render::{GatherCounts, SceneCounts};
+use crate::settings::Settings;
+
+/// What a job did.
+#[derive(Clone, Debug, Serialize)]
+pub struct JobReport {
+    /// Renderer, version and backend of OpenGL.
+    pub gl: Value,
+    pub settings: Settings,
+    #[serde(flatten)]
+    pub task: TaskReport,
+    pub seconds: JobSeconds,
+    /// The most memory of the process so far. `None` where the system does not tell.
+    pub peak_memory_bytes: Option<u64>,
+    /// Whether the job was stopped before its end.
+    pub interrupted: bool,
+}
+
+/// What only a render or only a bake reports.
+#[derive(Clone, Debug, Serialize)]
+#[serde(untagged)]
+pub enum TaskReport {
+    Render {
+        scene: SceneCounts,
+        gather: GatherCounts,
+        photons: PhotonCounts,
+        /// Relative standard error of the picture. `None` where there are too few directions to tell.
+        error: Option<f64>,
+        /// Paths of the pictures, or of the shard's part.
+        outputs: Vec<String>,
+    },
+    Bake {
+        plan: Plan,
+        bake: Statistics,
+        /// Those that are written.
+        receivers: Vec<ReceiverReport>,
+        /// Path of the shard's part.
+        part: Option<String>,
+    },
+}
+
+/// A receiver whose values are written.
+#[derive(Clone, Debug, Serialize)]
+pub struct ReceiverReport {
+    /// Name of the receiver.
+    pub to: &'static str,
+    pub points: usize,
+    /// What became of the points. `None` where an earlier run has written it.
+    pub counts: Option<Value>,
+    pub outputs: Vec<String>,
+}
+
+/// Wall-clock seconds.
+#[derive(Clone, Debug, Serialize)]
+pub struct JobSeconds {
+    pub load: f64,
+    /// Of stages that only a render or only a bake has.
+    #[serde(flatten)]
+    pub stages: Value,
+    pub write: f64,
+    pub total: f64,
+}
+
+/// The most memory that the process has occupied so far, where the system tells.
+pub(super) fn peak_memory_bytes() -> Option<u64> {
+    let status = fs::read_to_string("/proc/self/status").ok()?;
+    let kib = status.lines().find_map(|line| line.strip_prefix("VmHWM:")?.trim().strip_suffix(" kB"))?;
+    kib.parse::<u64>().ok()?.checked_mul(1024)
+}

@@ -1,0 +1,200 @@
+//! What a job is asked for, as plain data: the command line fills it in, and so can any other caller.
+
+use std::iter::successors;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value, json};
+
+use super::outputs::metadata;
+use super::{ReceiverKind, Watch};
+use crate::bake::{Plan, blocks_of as blocks_of_bake};
+use crate::blocks::Blocks;
+use crate::error::{Error, Result};
+use crate::gpu::{Backend, DeviceChoice, Gpu};
+use crate::image::check_writable;
+use crate::points::LightMapOptions;
+use crate::quantity::Quantity;
+use crate::render::{blocks_of, memory_of};
+use crate::scene::{Environment, Files, LoadOptions, Loaded, Material, World};
+use crate::settings::{PointSource, Settings};
+
+/// A job. Parts of a bake hold it, for their merge makes the receivers again.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct JobRequest {
+    pub scene: SceneRequest,
+    pub work: Work,
+    /// Files of the picture or, of a bake, of each receiver.
+    #[serde(skip)]
+    pub outputs: Vec<Vec<PathBuf>>,
+    /// MiB that the job may take, on the GL side and on the CPU together.
+    #[serde(skip)]
+    pub memory: Option<usize>,
+    #[serde(skip)]
+    pub device: DeviceRequest,
+}
+
+/// What a job makes.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Work {
+    /// A picture.
+    Render,
+    Bake(BakeRequest),
+}
+
+/// Values at points.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct BakeRequest {
+    /// At most one of each kind.
+    pub receivers: Vec<ReceiverKind>,
+    pub plan: Plan,
+    /// For [`ReceiverKind::LightMap`]. Texels per unit are those of world space.
+    pub light_map: LightMapOptions,
+}
+
+/// A scene file, and what differs from it.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct SceneRequest {
+    /// `.toml` or `.obj`.
+    pub path: PathBuf,
+    /// Lat-long picture in place of the scene's environment.
+    pub environment: Option<PathBuf>,
+    /// The scene may name files outside its folder.
+    pub allow_outside: bool,
+    /// Settings in place of the scene's, under the names of the fields of [`Settings`].
+    pub settings: Map<String, Value>,
+}
+
+/// Which OpenGL context a job runs on.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct DeviceRequest {
+    pub backend: Backend,
+    pub device: DeviceChoice,
+}
+
+impl SceneRequest {
+    /// # Errors
+    /// [`Error::Input`] when a file cannot be used, or nothing emits light and `needs_light`.
+    pub fn load(&self, needs_light: bool) -> Result<Loaded> {
+        let environment = self.environment.as_deref().map(Environment::load).transpose()?;
+        let files = if self.allow_outside { Files::Anywhere } else { Files::Folder };
+        World::load_with(&self.path, LoadOptions { environment, files, unlit: !needs_light })
+    }
+
+    /// `of_scene` with [`Self::settings`] put over it.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] when a name is not known or a value has another type.
+    pub fn settings(&self, of_scene: &Settings) -> Result<Settings> {
+        let mut all = serde_json::to_value(of_scene).unwrap_or_default();
+        self.settings.iter().for_each(|(name, value)| all[name] = value.clone());
+        serde_json::from_value(all).map_err(|error| Error::usage(format!("settings: {error}"), "give a setting of this version"))
+    }
+}
+
+impl DeviceRequest {
+    /// # Errors
+    /// [`Error::Gl`] when it gives no OpenGL 3.3.
+    pub fn open(self) -> Result<Gpu> {
+        Gpu::headless(self.backend, self.device)
+    }
+}
+
+impl JobRequest {
+    /// Files that are read beside those that the scene names.
+    pub(super) fn inputs(&self) -> impl Iterator<Item = &Path> {
+        let receivers = if let Work::Bake(bake) = &self.work { &bake.receivers[..] } else { &[] };
+        let points = receivers.iter().filter_map(|kind| if let ReceiverKind::Points(path) = kind { Some(path) } else { None });
+        [&self.scene.path].into_iter().chain(&self.scene.environment).chain(points).map(PathBuf::as_path)
+    }
+
+    pub(super) fn check_outputs(&self) -> Result<()> {
+        let Work::Bake(bake) = &self.work else {
+            return self.outputs.iter().flatten().try_for_each(|path| check_writable(path));
+        };
+        let mut files =
+            bake.receivers.iter().zip(&self.outputs).flat_map(|(kind, paths)| paths.iter().map(move |path| (kind, path)));
+        files.try_for_each(|(kind, path)| kind.check_writable(path, &bake.plan.what))
+    }
+
+    /// Openness and transfer need none.
+    pub(super) fn needs_light(&self) -> bool {
+        let needs = |quantity: &Quantity| matches!(quantity, Quantity::Irradiance | Quantity::Sh);
+        if let Work::Bake(bake) = &self.work { bake.plan.what.iter().any(needs) } else { true }
+    }
+
+    /// Of this job, in a scene with these settings.
+    pub(super) fn settings(&self, of_scene: &Settings) -> Result<Settings> {
+        let mut settings = self.scene.settings(of_scene)?;
+        if let Work::Bake(bake) = &self.work {
+            // It takes all its directions, and layers for as many.
+            settings.until = 0.0;
+            bake.plan.validate()?;
+        }
+        settings.validate()?;
+        Ok(settings)
+    }
+
+    pub(super) fn blocks(&self, settings: &Settings) -> Blocks {
+        if let Work::Bake(_) = &self.work { blocks_of_bake(settings) } else { blocks_of(settings) }
+    }
+
+    /// Refuses what can be refused before the device starts. `shard`: the blocks of a shard.
+    pub(super) fn check(
+        &self,
+        world: &World,
+        settings: &Settings,
+        shard: Option<&Range<u32>>,
+        watch: &mut dyn Watch,
+    ) -> Result<()> {
+        if let Work::Bake(_) = &self.work {
+            return match serde_json::to_value(self) {
+                Err(_) if shard.is_some() => {
+                    Err(Error::usage("a path is not UTF-8, and a part is to hold it", "give names in UTF-8"))
+                }
+                _ => Ok(()),
+            };
+        }
+        let lens = world.cameras.first().is_some_and(|(_, camera)| camera.lens.is_some());
+        if settings.points == PointSource::Camera && (lens || world.surfaces().any(Material::is_specular)) {
+            watch.say("warning: mirrors and glass are drawn as diffuse, through a pinhole; --points traced shows what they are");
+        }
+        if shard.is_some() && settings.until > 0.0 {
+            return Err(Error::usage("a shard cannot tell the error of the whole picture", "give --target-error 0"));
+        }
+        self.memory.map_or(Ok(()), |allowed| check_memory(allowed as u64, world, settings, shard))
+    }
+
+    /// What the files of the picture, or of a receiver, say of the `job` that made them.
+    pub(super) fn metadata(&self, receiver: usize, job: &Value, exposure: f32, done: (u32, bool)) -> String {
+        let own = match &self.work {
+            Work::Render => Value::Null,
+            // Of a light map's options, padding alone shapes no point and so is not part of the job.
+            Work::Bake(BakeRequest { receivers, light_map, .. }) => {
+                json!({ "plan": job["plan"], "receiver": receivers[receiver].name(), "padding": light_map.padding })
+            }
+        };
+        metadata(job, exposure, own, done)
+    }
+}
+
+/// Whether a render, or a shard of these blocks, fits into so many MiB.
+fn check_memory(allowed: u64, world: &World, settings: &Settings, shard: Option<&Range<u32>>) -> Result<()> {
+    let blocks = |settings: &Settings| shard.map_or(blocks_of(settings).count(), |shard| shard.len() as u32);
+    let of = |settings: &Settings| memory_of(world, settings, blocks(settings), shard.is_some()).div_ceil(1 << 20);
+    let (needed, fits) = (of(settings), |settings: Settings| of(&settings) <= allowed);
+    if needed <= allowed {
+        return Ok(());
+    }
+    let sizes = successors(Some(settings.size), |size| Some(size.map(|side| side * 15 / 16)).filter(|size| !size.contains(&0)));
+    let size = { sizes }.find(|&size| fits(Settings { size, ..settings.clone() }));
+    let counts = successors(Some(settings.directions), |directions| Some(directions / 2).filter(|&directions| directions > 0));
+    let directions = { counts }.find(|&directions| shard.is_none() && fits(Settings { directions, ..settings.clone() }));
+    let size = size.map(|[width, height]| format!("--size {width}x{height}"));
+    let directions = directions.map(|directions| format!("--directions {directions}"));
+    let cures = size.into_iter().chain(directions).chain([format!("--memory {needed}")]).collect::<Vec<_>>();
+    let problem = format!("the render may take {needed} MiB, and --memory allows {allowed}");
+    Err(Error::usage(problem, format!("give {}", cures.join(" or "))))
+}

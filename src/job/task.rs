@@ -1,0 +1,272 @@
+//! A job's gather in progress, and what becomes of it.
+
+use std::ops::Range;
+use std::path::Path;
+use std::time::Instant;
+
+use glam::Vec2;
+use serde_json::{Value, json};
+
+use super::outputs::are_finished;
+use super::receiver::is_picture;
+use super::report::{ReceiverReport, TaskReport};
+use super::{BakeRequest, JobRequest, Receiver, Watch, Work};
+use crate::bake::Bake;
+use crate::blocks::Part;
+use crate::error::{Error, Result};
+use crate::geometry::Geometry;
+use crate::gpu::Gpu;
+use crate::image::{Channel, Image, WriteOptions};
+use crate::points::{CameraPoints, GatherPoint};
+use crate::prepared::Prepared;
+use crate::render::Render;
+use crate::scene::{Scene, World};
+use crate::settings::Settings;
+
+/// Keys of a part's state.
+const REQUEST: &str = "request";
+const EXPOSURE: &str = "exposure";
+
+pub(super) struct Task<'a> {
+    request: &'a JobRequest,
+    settings: &'a Settings,
+    gather: Gather,
+    /// Directions of a render: all, or those of a shard.
+    directions: u32,
+    is_shard: bool,
+    /// What became of the points of each receiver, once that is written.
+    counts: Vec<Value>,
+    /// Wall-clock seconds that placing the points took.
+    placing: f64,
+}
+
+enum Gather {
+    Render(Box<Render>),
+    Bake(Box<Bake>, Vec<Receiver>),
+}
+
+/// The same of a render and of a bake.
+macro_rules! either {
+    ($task:expr, $gather:ident => $value:expr) => {
+        match $task {
+            Gather::Render($gather) => $value,
+            Gather::Bake($gather, _) => $value,
+        }
+    };
+}
+
+/// What is written.
+pub(super) enum Results<'a> {
+    Picture(Image),
+    /// Of the points of all receivers in a row; beside them where they lie inside something.
+    Values(&'a [Receiver], (Vec<Channel>, Vec<f32>), &'a Scene),
+}
+
+impl<'a> Task<'a> {
+    /// Prepares everything up to the first direction. `shard`: its blocks alone.
+    pub fn begin(
+        request: &'a JobRequest,
+        gpu: &Gpu,
+        world: &World,
+        settings: &'a Settings,
+        shard: Option<Range<u32>>,
+        watch: &mut dyn Watch,
+    ) -> Result<Self> {
+        let start = Instant::now();
+        let (blocks, is_shard) = (request.blocks(settings), shard.is_some());
+        let directions = blocks.directions(shard.clone().unwrap_or(0..blocks.count())).len() as u32;
+        let mut placing = 0.0;
+        let mut gather = match &request.work {
+            Work::Render => {
+                watch.stage("tracing photons");
+                Gather::Render(Box::new(Render::new(gpu, world, settings)?))
+            }
+            Work::Bake(bake) => {
+                watch.stage("placing points");
+                let prepared = Prepared::without_glass(world)?;
+                let camera = || see(gpu, &prepared.scene, settings.size);
+                let (receivers, points) = place(bake, &prepared.scene, settings, &camera, watch)?;
+                placing = start.elapsed().as_secs_f64();
+                watch.stage("tracing photons");
+                Gather::Bake(Box::new(Bake::new(gpu, prepared, points, settings, &bake.plan)?), receivers)
+            }
+        };
+        if let Some(shard) = shard {
+            either!(&mut gather, gather => gather.only(shard));
+        }
+        if let (Gather::Bake(bake, _), Some(most)) = (&mut gather, request.memory) {
+            bake.fit(most)?;
+        }
+        Ok(Self { request, settings, gather, directions, is_shard, counts: Vec::new(), placing })
+    }
+
+    pub fn step(&mut self) -> Result<()> {
+        either!(&mut self.gather, gather => gather.step())
+    }
+
+    pub fn is_done(&self) -> bool {
+        either!(&self.gather, gather => gather.is_done())
+    }
+
+    pub fn is_between_blocks(&self) -> bool {
+        either!(&self.gather, gather => gather.is_between_blocks())
+    }
+
+    /// Directions that are gathered, and in all.
+    pub fn directions(&self) -> [u64; 2] {
+        match &self.gather {
+            Gather::Render(render) => [render.directions_done(), self.directions].map(u64::from),
+            Gather::Bake(bake, _) => [bake.statistics().directions_done, bake.statistics().directions_total],
+        }
+    }
+
+    /// Whether there is something to write.
+    pub fn has_values(&self) -> bool {
+        match &self.gather {
+            Gather::Render(render) => render.directions_done() > 0,
+            Gather::Bake(bake, _) => bake.has_values(),
+        }
+    }
+
+    pub fn save(&self) -> Part<'_> {
+        let mut part = either!(&self.gather, gather => gather.save());
+        if let Gather::Bake(_, receivers) = &self.gather {
+            // Null where a path is not UTF-8: then it is no shard's, and nobody merges it.
+            part.state[REQUEST] = serde_json::to_value(self.request).unwrap_or_default();
+            part.state[EXPOSURE] = self.settings.exposure.into();
+            receivers.iter().for_each(|receiver| receiver.save(&mut part));
+        }
+        part
+    }
+
+    pub fn resume(&mut self, path: &Path, part: &Part) -> Result<()> {
+        either!(&mut self.gather, gather => gather.resume(path, part))
+    }
+
+    /// Whether an earlier run of the same job has finished all files.
+    pub fn is_written(&self) -> bool {
+        let job = either!(&self.gather, gather => gather.job());
+        let metadata = |receiver| self.request.metadata(receiver, &job, self.settings.exposure, (0, true));
+        self.request.outputs.iter().enumerate().all(|(receiver, paths)| are_finished(paths, &metadata(receiver)))
+    }
+
+    /// Writes what there is so far to all files that can be written. Returns why the others cannot.
+    pub fn write(&mut self, watch: &mut dyn Watch) -> Vec<Error> {
+        let results = match &self.gather {
+            Gather::Render(render) => Results::Picture(render.picture()),
+            Gather::Bake(bake, receivers) => match bake.columns() {
+                Some(values) => Results::Values(receivers, values, &bake.prepared().scene),
+                None => return Vec::new(),
+            },
+        };
+        if let Results::Picture(image) = &results
+            && is_black(image)
+        {
+            watch.say("warning: the picture is black: the camera sees no surface that light reaches; turn it or the lights");
+        }
+        let (job, done) = either!(&self.gather, gather => (gather.job(), (gather.directions_done(), gather.is_done())));
+        let (counts, errors) = results.write(self.request, &job, self.settings.exposure, done);
+        self.counts = counts;
+        errors
+    }
+
+    /// What is written, in a word.
+    pub fn kind(&self) -> &'static str {
+        if let Gather::Render(_) = &self.gather { "picture" } else { "values" }
+    }
+
+    /// The report and the seconds of stages. `finished`: by an earlier run. `outputs`: all files, or the part of a shard.
+    pub fn report(&self, finished: bool, outputs: Vec<String>) -> (TaskReport, Value) {
+        let (bake, receivers) = match &self.gather {
+            Gather::Render(render) => {
+                let statistics = render.statistics().clone();
+                let (seconds, scene, error) = (json!(statistics.seconds), statistics.scene, statistics.error);
+                let report = TaskReport::Render { scene, gather: statistics.gather, photons: statistics.photons, error, outputs };
+                return (report, seconds);
+            }
+            Gather::Bake(bake, receivers) => (bake, receivers),
+        };
+        let Work::Bake(request) = &self.request.work else { unreachable!("a bake was asked for") };
+        let files = request.receivers.iter().zip(receivers).zip(&self.request.outputs).enumerate();
+        let written = files.filter(|(index, _)| finished || *index < self.counts.len());
+        let receivers = written.map(|(index, ((kind, receiver), paths))| ReceiverReport {
+            to: kind.name(),
+            points: receiver.points().len(),
+            counts: self.counts.get(index).cloned(),
+            outputs: paths.iter().map(|path| path.display().to_string()).collect(),
+        });
+        let report = TaskReport::Bake {
+            plan: bake.plan().clone(),
+            bake: bake.statistics().clone(),
+            receivers: receivers.collect(),
+            part: outputs.into_iter().next().filter(|_| self.is_shard),
+        };
+        (report, json!({ "receivers": self.placing }))
+    }
+}
+
+impl Results<'_> {
+    /// Writes all files that can be written. Returns what became of the points of each receiver, and why files cannot be written.
+    pub fn write(self, request: &JobRequest, job: &Value, exposure: f32, done: (u32, bool)) -> (Vec<Value>, Vec<Error>) {
+        let (mut end, mut counts, mut errors) = (0, Vec::new(), Vec::new());
+        for (index, paths) in request.outputs.iter().enumerate() {
+            let metadata = request.metadata(index, job, exposure, done);
+            let options = WriteOptions { exposure, metadata: Some(&metadata) };
+            match &self {
+                Self::Picture(image) => errors.extend(paths.iter().filter_map(|path| image.write(path, &options).err())),
+                Self::Values(receivers, (columns, inside), scene) => {
+                    let range = end..end + receivers[index].points().len();
+                    end = range.end;
+                    let own = |all: &Channel| Channel { name: all.name.clone(), samples: all.samples[range.clone()].to_vec() };
+                    let picture = paths.iter().any(|path| is_picture(path));
+                    let own = columns.iter().map(own).collect();
+                    let values = receivers[index].values(own, &inside[range.clone()], &scene.space, picture);
+                    errors.extend(paths.iter().filter_map(|path| values.write(path, scene, &options).err()));
+                    counts.push(values.counts);
+                }
+            }
+        }
+        (counts, errors)
+    }
+}
+
+/// The request of a bake and the exposure of its files, from a part that was read from `path`.
+///
+/// # Errors
+/// [`Error::Input`] when the part does not hold them.
+pub(super) fn request_of(path: &Path, part: &Part) -> Result<(JobRequest, f32)> {
+    let request = serde_json::from_value(part.state[REQUEST].clone()).ok();
+    let exposure = part.state[EXPOSURE].as_f64().map(|exposure| exposure as f32);
+    let problem = "damaged, or of an earlier version: it does not say how it was baked";
+    request.zip(exposure).ok_or_else(|| Error::input(path, None, problem, "make it again"))
+}
+
+/// All receivers in a scene without glass, and their points in a row. `camera` makes that of the camera.
+///
+/// # Errors
+/// As [`Receiver::new`].
+pub(super) fn place(
+    request: &BakeRequest,
+    scene: &Scene,
+    settings: &Settings,
+    camera: &dyn Fn() -> Result<Receiver>,
+    watch: &mut dyn Watch,
+) -> Result<(Vec<Receiver>, Vec<GatherPoint>)> {
+    let new = |kind| Receiver::new(kind, &request.light_map, scene, settings, camera);
+    let receivers = request.receivers.iter().map(new).collect::<Result<Vec<_>>>()?;
+    receivers.iter().flat_map(Receiver::warnings).for_each(|warning| watch.say(&format!("warning: {warning}")));
+    let points = receivers.iter().flat_map(Receiver::points).copied().collect();
+    Ok((receivers, points))
+}
+
+/// What the scene's camera sees, by rasterisation.
+fn see(gpu: &Gpu, scene: &Scene, size: [u32; 2]) -> Result<Receiver> {
+    let geometry = Geometry::upload(gpu, scene)?;
+    let visible = CameraPoints::new(gpu, size)?.see(&geometry, &scene.camera(size), Vec2::splat(0.5));
+    Receiver::of_camera(&visible, size, &scene.space)
+}
+
+/// Whether nothing is brighter than a millionth of what the brightest light would show.
+fn is_black(image: &Image) -> bool {
+    image.rgb().is_ok_and(|channels| channels.iter().all(|channel| channel.iter().all(|&sample| sample < 1e-6)))
+}

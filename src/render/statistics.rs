@@ -1,0 +1,65 @@
+//! What a render counts and times.
+
+use serde::Serialize;
+
+use crate::photon::PhotonCounts;
+
+/// Counts and times of a render. Times include the device's work.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct Statistics {
+    pub scene: SceneCounts,
+    pub seconds: StageSeconds,
+    pub gather: GatherCounts,
+    pub photons: PhotonCounts,
+    /// Relative standard error of the picture, see [`Settings::until`]; estimated now and then.
+    pub error: Option<f64>,
+}
+
+#[derive(Clone, Copy, Debug, Default, Serialize)]
+pub struct SceneCounts {
+    pub triangles: usize,
+    /// Emissive triangles.
+    pub lights: usize,
+}
+
+/// Wall-clock seconds.
+#[derive(Clone, Copy, Debug, Default, Serialize)]
+pub struct StageSeconds {
+    pub photons: f64,
+    pub visible_points: f64,
+    pub direct: f64,
+    pub caustics: f64,
+    pub gather: f64,
+}
+
+#[derive(Clone, Copy, Debug, Default, Serialize)]
+pub struct GatherCounts {
+    /// Points of one block: pixels that see a surface.
+    pub points: u32,
+    /// Eye rays that were given up among mirrors and glass, of all blocks.
+    pub cut: u64,
+    pub directions: u32,
+    pub layer_size: u32,
+    /// Peeled for a direction; where a pipeline takes several at once, all of them count as the deepest.
+    pub layers_mean: f64,
+    pub layers_max: u32,
+    pub ms_per_direction: f64,
+    /// Points × directions over the seconds of the gather.
+    pub samples_per_second: f64,
+    #[serde(skip)]
+    layers_sum: u64,
+    #[serde(skip)]
+    samples: u64,
+}
+
+impl GatherCounts {
+    pub(super) fn add(&mut self, points: u32, directions: u32, layers: u32, seconds: f64) {
+        self.directions += directions;
+        self.layers_sum += u64::from(layers) * u64::from(directions);
+        self.samples += u64::from(points) * u64::from(directions);
+        self.layers_max = self.layers_max.max(layers);
+        self.layers_mean = self.layers_sum as f64 / f64::from(self.directions);
+        self.ms_per_direction = 1e3 * seconds / f64::from(self.directions);
+        self.samples_per_second = self.samples as f64 / seconds;
+    }
+}

@@ -1,0 +1,117 @@
+//! Jobs run from the library, without the command line.
+
+mod common;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use common::{gpu, small_scene};
+use finalgather::bake::{Plan, Rough};
+use finalgather::error::Error;
+use finalgather::image::Image;
+use finalgather::job::{
+    BakeRequest, Ending, Job, JobRequest, Keeping, Outcome, ReceiverKind, SceneRequest, TaskReport, Watch, Work, merge,
+};
+use finalgather::points::LightMapOptions;
+use finalgather::quantity::Quantity;
+use serde_json::{Map, json};
+
+fn scene(folder: &Path) -> SceneRequest {
+    let settings = json!({ "size": [24, 24], "directions": 64 });
+    let settings = settings.as_object().cloned().unwrap_or_else(Map::new);
+    SceneRequest { path: small_scene(folder), settings, ..SceneRequest::default() }
+}
+
+fn request(scene: SceneRequest, work: Work, outputs: &[PathBuf]) -> JobRequest {
+    JobRequest { scene, work, outputs: vec![outputs.to_vec()], memory: None, device: Default::default() }
+}
+
+/// Stops once this many directions are done, and keeps what it is told.
+#[derive(Default)]
+struct Stop {
+    after: u64,
+    directions: [u64; 2],
+    stages: Vec<&'static str>,
+    said: Vec<String>,
+}
+
+impl Watch for Stop {
+    fn stage(&mut self, stage: &'static str) {
+        self.stages.push(stage);
+    }
+
+    fn say(&mut self, line: &str) {
+        self.said.push(line.to_owned());
+    }
+
+    fn progress(&mut self, directions: [u64; 2]) {
+        self.directions = directions;
+    }
+
+    fn goes_on(&mut self, _: bool) -> bool {
+        self.directions[0] < self.after
+    }
+}
+
+#[test]
+fn a_render_is_stopped_and_goes_on() {
+    let _turn = gpu();
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    let run = |name: &str, keeping: &Keeping, watch: &mut dyn Watch| -> Outcome {
+        let request = request(scene(folder.path()), Work::Render, &[path(name)]);
+        Job::new(request, keeping).unwrap().run(watch).unwrap()
+    };
+    let outcome = run("one.exr", &Keeping::default(), &mut ());
+    let TaskReport::Render { gather, .. } = &outcome.report.task else { panic!("not a render's: {outcome:?}") };
+    assert_eq!((outcome.ending, gather.directions), (Ending::Finished, 64));
+
+    let keeping = Keeping { file: Some(path("sums")), resume: true, ..Keeping::default() };
+    let mut watch = Stop { after: 32, ..Stop::default() };
+    let outcome = run("two.exr", &keeping, &mut watch);
+    assert!(outcome.ending == Ending::Stopped && outcome.report.interrupted);
+    assert_eq!((watch.directions, watch.stages.first()), ([32, 64], Some(&"loading")));
+    assert!(watch.said.last().is_some_and(|line| line.starts_with("stopped after 32 of 64")), "{:?}", watch.said);
+    assert!(Image::read(&path("two.exr")).unwrap() != Image::read(&path("one.exr")).unwrap(), "it was not stopped");
+    let outcome = run("two.exr", &keeping, &mut ());
+    assert_eq!((outcome.ending, outcome.outputs), (Ending::Finished, vec![path("two.exr")]));
+    assert!(fs::read(path("two.exr")).unwrap() == fs::read(path("one.exr")).unwrap(), "the pictures differ");
+}
+
+/// A part says how it was baked, and a merge needs only that and the scene.
+#[test]
+fn a_bake_is_merged_from_its_request() {
+    let _turn = gpu();
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    let bake = BakeRequest {
+        receivers: vec![ReceiverKind::Camera],
+        plan: Plan { what: vec![Quantity::Ao], order: 1, bounces: 0, ao_distance: None, rough: Rough::Photons, memory: 256 },
+        light_map: LightMapOptions::default(),
+    };
+    let request = |outputs: &[PathBuf]| request(scene(folder.path()), Work::Bake(bake.clone()), outputs);
+    let run = |request, keeping: &Keeping| Job::new(request, keeping).unwrap().run(&mut ()).unwrap();
+    run(request(&[path("one.npy")]), &Keeping::default());
+    let parts = ["1/2", "2/2"].map(|shard| {
+        let file = path(&format!("{}.part", &shard[..1]));
+        let shard = finalgather::blocks::Shard::parse(shard, |_| None).unwrap();
+        run(request(&[]), &Keeping { shard: Some(shard), file: Some(file.clone()), ..Keeping::default() });
+        file
+    });
+    let output = |name: &str| vec![path(name).to_str().unwrap().to_owned()];
+    merge(&parts, &output("merged.npy"), None, &mut ()).unwrap();
+    assert!(fs::read(path("merged.npy")).unwrap() == fs::read(path("one.npy")).unwrap(), "the values differ");
+    let missing = merge(&parts[..1], &output("half.npy"), None, &mut ());
+    assert!(matches!(missing, Err(Error::Usage { .. })), "{missing:?}");
+}
+
+#[test]
+fn a_setting_that_does_not_exist_is_refused() {
+    let _turn = gpu();
+    let folder = tempfile::tempdir().unwrap();
+    let mut scene = scene(folder.path());
+    scene.settings.insert("directoins".into(), 3.into());
+    let request = request(scene, Work::Render, &[folder.path().join("a.exr")]);
+    let refused = Job::new(request, &Keeping::default()).unwrap().run(&mut ()).map(drop);
+    assert!(refused.as_ref().is_err_and(|error| error.to_string().contains("directoins")), "{refused:?}");
+}
