@@ -8,7 +8,6 @@
 //! traced afresh now and then, so that their noise averages out in long renders as the directions' does.
 
 mod layers;
-mod memory;
 
 use std::ops::Range;
 use std::path::Path;
@@ -37,8 +36,8 @@ use crate::reference::Reference;
 use crate::scene::{Camera, Scene, UnitSpace};
 use crate::settings::{DIRECTIONS_PER_PHOTON_MAP, Estimator, Pipeline, PointSource, Settings};
 
+pub use crate::memory::of_render as memory_of;
 pub use layers::{End, LayerTexel, Layers, Probe};
-pub use memory::memory_of;
 
 /// A render in progress.
 pub struct Render {
@@ -535,15 +534,11 @@ impl Merge {
     /// # Errors
     /// [`Error::Input`] when it is damaged.
     pub fn new(path: &Path, part: &Part) -> Result<Self> {
-        let damaged = || Error::input(path, None, "damaged: it does not say what it is of", "make it again");
-        let mut settings: Settings = serde_json::from_value(part.job["settings"].clone()).map_err(|_| damaged())?;
-        settings.exposure = serde_json::from_value(part.state["exposure"].clone()).map_err(|_| damaged())?;
-        let space = serde_json::from_value(part.job["space"].clone()).map_err(|_| damaged())?;
-        if part.job["version"] != env!("CARGO_PKG_VERSION") {
-            let problem = format!("of version {}, and this is {}", part.job["version"], env!("CARGO_PKG_VERSION"));
-            return Err(Error::input(path, None, problem, "merge with the version that made it"));
-        }
-        settings.validate().map_err(|_| damaged())?;
+        part.check_version(path)?;
+        let mut settings: Settings = Part::parse_value(path, &part.job["settings"])?;
+        settings.exposure = Part::parse_value(path, &part.state["exposure"])?;
+        let space = Part::parse_value(path, &part.job["space"])?;
+        settings.validate().map_err(|_| Error::input(path, None, "damaged: its settings are out of range", "make it again"))?;
         Ok(Self { job: part.job.clone(), settings, space, film: FilmSum::default() })
     }
 

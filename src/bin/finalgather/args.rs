@@ -6,7 +6,7 @@ use std::str::FromStr;
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Parser, Subcommand};
-use finalgather::bake::Rough;
+use finalgather::bake::RadianceCache;
 use finalgather::bench::CONTESTANTS;
 use finalgather::blocks::Shard;
 use finalgather::environment::Environment;
@@ -269,8 +269,8 @@ pub struct BakeArgs {
     pub ao_distance: Option<f32>,
 
     /// Where the light of surfaces comes from: traced photons, or earlier gathers at the scene's own vertices, --bounces of them
-    #[arg(long, default_value = "photons", value_parser = named::<Rough>(&["photons", "gathered"]))]
-    pub rough: Rough,
+    #[arg(long, default_value = "photons", value_parser = named::<RadianceCache>(&["photons", "gathered"]))]
+    pub rough: RadianceCache,
 
     /// Side of the light map in texels
     #[arg(long, value_name = "N", default_value_t = 512, value_parser = count::<u32>, conflicts_with = "texels_per_unit", help_heading = "Light map")]

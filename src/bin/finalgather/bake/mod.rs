@@ -6,7 +6,7 @@ use std::io::{self, IsTerminal};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use finalgather::bake::{Bake, Plan, Statistics, blocks_of};
+use finalgather::bake::{Bake, Merge, Plan, Statistics, blocks_of};
 use finalgather::blocks::{Part, sha256};
 use finalgather::error::{Error, Result};
 use finalgather::gpu::Gpu;
@@ -17,6 +17,7 @@ use finalgather::quantity::Quantity;
 use finalgather::scene::{LoadOptions, Scene};
 use finalgather::settings::Settings;
 use serde::Serialize;
+use serde_json::Value;
 
 use self::receiver::{Counts, Receiver};
 use crate::args::{BakeArgs, To};
@@ -115,9 +116,9 @@ fn bake(
     let plan = Plan {
         what,
         order: args.order,
-        bounces: args.overrides.bounces.unwrap_or(BOUNCES),
+        gather_bounces: args.overrides.bounces.unwrap_or(BOUNCES),
         ao_distance: args.ao_distance,
-        rough: args.rough,
+        radiance_cache: args.rough,
         memory: MEMORY,
     };
     // Before the device and the receivers, which take their time.
@@ -136,13 +137,21 @@ fn bake(
     receivers.iter().flat_map(Receiver::warnings).for_each(|warning| progress.say(&format!("warning: {warning}")));
     let points: Vec<GatherPoint> = receivers.iter().flat_map(|receiver| receiver.points().iter().copied()).collect();
     let placed = placing.elapsed().as_secs_f64();
+    if !parts.is_empty() {
+        let merge = merge(parts, &prepared, &points)?;
+        let about = |receiver: &Receiver| {
+            metadata(args, (merge.renderer(), merge.plan(), merge.job()), &settings, receiver, (settings.directions, true))
+        };
+        let (_, failures) = write(&receivers, outputs, &merge.columns(&points)?, about, &settings, &scene, &prepared);
+        progress.clear();
+        return failures.into_iter().next().map_or(Ok(0), Err);
+    }
     progress.stage("tracing photons");
     let mut bake = Bake::new(&gpu, prepared, points, &settings, &plan)?;
     if let Some(mine) = mine {
         bake.only(mine);
     }
-    // What is merged takes as much as it takes, whatever the shards were given.
-    if let Some(most) = args.memory.filter(|_| parts.is_empty()) {
+    if let Some(most) = args.memory {
         bake.fit(most)?;
     }
     if let Some(part) = found {
@@ -150,17 +159,12 @@ fn bake(
         let (Statistics { directions_done, directions_total, .. }, path) = (bake.statistics(), checkpoint.path().display());
         progress.say(&format!("going on from {directions_done} of {directions_total} directions in {path}"));
     }
-    for path in parts {
-        bake.merge(path, &Part::read(path)?)?;
-    }
-    if !parts.is_empty() {
-        bake.check_whole()?;
-    }
+    let about = |bake: &Bake, receiver: &Receiver, complete: bool| {
+        let job = (bake.renderer(), bake.plan(), &bake.job());
+        metadata(args, job, &settings, receiver, (bake.directions_done(), complete))
+    };
     let over = checkpoint.may_be_over()
-        && receivers
-            .iter()
-            .zip(outputs)
-            .all(|(receiver, paths)| are_done(paths.iter(), &metadata(args, &bake, &settings, receiver, true)));
+        && receivers.iter().zip(outputs).all(|(receiver, paths)| are_done(paths.iter(), &about(&bake, receiver, true)));
     if checkpoint.may_be_over() && !over {
         checkpoint.say_beginning(progress);
     }
@@ -187,25 +191,15 @@ fn bake(
     let how = if failure.is_some() { "failed" } else { "stopped" };
     let so_far = format!("{how} after {directions_done} of {directions_total} directions");
     let writing = Instant::now();
-    let (mut first, mut baked, mut failures) = (0, Vec::new(), Vec::new());
     // A shard has a part to make, and a bake that ends early may not have a value for each point.
     let columns = bake.columns().filter(|_| !over && checkpoint.shard().is_none());
-    for (receiver, paths) in receivers.iter().zip(outputs) {
-        let outputs = paths.iter().map(|path| path.display().to_string()).collect();
-        if over {
-            baked.push(Baked { to: receiver.name(), points: receiver.points().len(), counts: None, outputs });
-            continue;
-        }
-        let Some((columns, inside)) = &columns else { break };
-        let range = first..first + receiver.points().len();
-        first = range.end;
-        let part = |column: &Channel| Channel { name: column.name.clone(), samples: column.samples[range.clone()].to_vec() };
-        let own = columns.iter().map(part).collect();
-        let about = metadata(args, &bake, &settings, receiver, bake.is_done());
-        let options = WriteOptions { exposure: settings.exposure, metadata: Some(&about) };
-        let (counts, errors) = receiver.write(own, &inside[range.clone()], paths, &scene, bake.prepared(), &options);
-        failures.extend(errors);
-        baked.push(Baked { to: receiver.name(), points: range.len(), counts: Some(counts), outputs });
+    let (mut baked, mut failures) = (Vec::new(), Vec::new());
+    if let Some(columns) = &columns {
+        let about = |receiver: &Receiver| about(&bake, receiver, bake.is_done());
+        (baked, failures) = write(&receivers, outputs, columns, about, &settings, &scene, bake.prepared());
+    } else if over {
+        let done = |(receiver, paths): (&Receiver, &Vec<PathBuf>)| Baked::new(receiver, paths, None);
+        baked = receivers.iter().zip(outputs).map(done).collect();
     }
     let paths: Vec<_> = baked.iter().flat_map(|baked| baked.outputs.iter().map(String::as_str)).collect();
     if ended {
@@ -252,6 +246,53 @@ fn bake(
         })?;
     }
     Ok(stopped.unwrap_or(0))
+}
+
+impl Baked {
+    fn new(receiver: &Receiver, paths: &[PathBuf], counts: Option<Counts>) -> Self {
+        let outputs = paths.iter().map(|path| path.display().to_string()).collect();
+        Self { to: receiver.name(), points: receiver.points().len(), counts, outputs }
+    }
+}
+
+/// The parts of all shards of a bake of these points.
+fn merge(parts: &[PathBuf], prepared: &Prepared, points: &[GatherPoint]) -> Result<Merge> {
+    let mut merge: Option<Merge> = None;
+    for path in parts {
+        let part = Part::read(path)?;
+        let merge = match &mut merge {
+            Some(merge) => merge,
+            none => none.insert(Merge::new(path, &part)?),
+        };
+        merge.check_scene(path, &prepared.scene, points)?;
+        merge.add(path, &part)?;
+    }
+    merge.ok_or_else(|| Error::usage("no parts to merge", "name those of all shards"))
+}
+
+/// Writes the values of each receiver, with what `about` says of them. Returns what became of them, and what failed.
+fn write(
+    receivers: &[Receiver],
+    outputs: &[Vec<PathBuf>],
+    (columns, inside): &(Vec<Channel>, Vec<f32>),
+    about: impl Fn(&Receiver) -> String,
+    settings: &Settings,
+    scene: &Scene,
+    prepared: &Prepared,
+) -> (Vec<Baked>, Vec<Error>) {
+    let (mut first, mut baked, mut failures) = (0, Vec::new(), Vec::new());
+    for (receiver, paths) in receivers.iter().zip(outputs) {
+        let range = first..first + receiver.points().len();
+        first = range.end;
+        let part = |column: &Channel| Channel { name: column.name.clone(), samples: column.samples[range.clone()].to_vec() };
+        let own = columns.iter().map(part).collect();
+        let about = about(receiver);
+        let options = WriteOptions { exposure: settings.exposure, metadata: Some(&about) };
+        let (counts, errors) = receiver.write(own, &inside[range.clone()], paths, scene, prepared, &options);
+        failures.extend(errors);
+        baked.push(Baked::new(receiver, paths, Some(counts)));
+    }
+    (baked, failures)
 }
 
 /// With the arguments of this run, by which `finalgather merge` finds scene and points again.
@@ -310,17 +351,23 @@ fn is_word(name: &str) -> bool {
 }
 
 /// What made the values. No times and no paths: the same bake gives the same files.
-fn metadata(args: &BakeArgs, bake: &Bake, settings: &Settings, receiver: &Receiver, complete: bool) -> String {
+fn metadata(
+    args: &BakeArgs,
+    (renderer, plan, job): (&str, &Plan, &Value),
+    settings: &Settings,
+    receiver: &Receiver,
+    (directions_done, complete): (u32, bool),
+) -> String {
     serde_json::json!({
         "version": env!("CARGO_PKG_VERSION"),
-        "renderer": bake.renderer(),
+        "renderer": renderer,
         "settings": settings,
-        "plan": bake.plan(),
+        "plan": plan,
         "receiver": receiver.name(),
         // Of a light map's options the only one that shapes no point.
         "padding": args.padding,
-        "job_sha256": sha256(bake.job().to_string().as_bytes()),
-        "directions_done": bake.directions_done(),
+        "job_sha256": sha256(job.to_string().as_bytes()),
+        "directions_done": directions_done,
         "complete": complete,
     })
     .to_string()

@@ -1,0 +1,117 @@
+//! The parts of a bake's shards put together, from their files alone: no GL, no photons, no scene.
+
+use std::path::Path;
+
+use serde_json::Value;
+
+use super::accumulation::RoundSums;
+use super::plan::{Plan, blocks_of};
+use super::schedule::{PointCounts, Round};
+use super::{digest, memory_of};
+use crate::blocks::{Node, PairwiseSum, Part};
+use crate::error::{Error, Result};
+use crate::image::Channel;
+use crate::points::GatherPoint;
+use crate::scene::Scene;
+use crate::settings::Settings;
+
+/// Parts of one bake put together. All come from one renderer, any.
+pub struct Merge {
+    job: Value,
+    settings: Settings,
+    plan: Plan,
+    counts: PointCounts,
+    sums: RoundSums,
+}
+
+impl Merge {
+    /// Of the bake that `part`, read from `path`, is of; nothing yet.
+    ///
+    /// # Errors
+    /// [`Error::Input`] when it is of another version or damaged.
+    pub fn new(path: &Path, part: &Part) -> Result<Self> {
+        part.check_version(path)?;
+        let settings: Settings = Part::parse_value(path, &part.job["settings"])?;
+        let plan: Plan = Part::parse_value(path, &part.job["plan"])?;
+        let receivers: u32 = Part::parse_value(path, &part.state["points"])?;
+        let damaged = |_| Error::input(path, None, "damaged: its settings are out of range", "make it again");
+        settings.validate().and_then(|()| plan.validate()).map_err(damaged)?;
+        let counts = PointCounts { vertices: 0, receivers: receivers as usize, same: false };
+        Ok(Self { job: part.job.clone(), settings, plan, counts, sums: RoundSums::default() })
+    }
+
+    /// Adds the blocks that a part has of the last stage.
+    ///
+    /// # Errors
+    /// [`Error::Input`] when it is of another bake or damaged, or has blocks that are there already.
+    pub fn add(&mut self, path: &Path, part: &Part) -> Result<()> {
+        part.check(path, &self.job)?;
+        let plan = Plan { memory: memory_of(path, part)?, ..self.plan.clone() };
+        let blocks = blocks_of(&self.settings);
+        let (mut nodes, mut direct) = (Vec::new(), Vec::new());
+        // Rounds gathered one after another, and are put side by side.
+        for round in Round::last(&plan, blocks, self.counts) {
+            let own = RoundSums::read(path, part, &round, &plan.wanted(true), blocks)?;
+            let same = nodes.iter().map(Node::range).eq(own.values.nodes().iter().map(Node::range));
+            if round.points.start == 0 {
+                nodes = own.values.into_nodes();
+            } else if same {
+                nodes.iter_mut().zip(own.values.nodes()).for_each(|(node, further)| node.sum.append(&further.sum));
+            } else {
+                let problem = "not complete: some points are further than others";
+                return Err(Error::input(path, None, problem, "run its shard again with --resume"));
+            }
+            direct.extend(own.direct);
+        }
+        let mut sum = PairwiseSum::default();
+        nodes.into_iter().for_each(|node| sum.insert(node).unwrap_or_else(|_| unreachable!("nodes of a tree")));
+        blocks.merge(path, &mut self.sums.values, sum)?;
+        self.sums.direct = direct;
+        Ok(())
+    }
+
+    /// # Errors
+    /// [`Error::Usage`] that names the directions that no part has.
+    pub fn check_whole(&self) -> Result<()> {
+        blocks_of(&self.settings).check_whole(&self.sums.values)
+    }
+
+    /// Checks that the bake was one of `scene`, in unit space and without glass, and of `points` there. `path` is that of a part.
+    ///
+    /// # Errors
+    /// [`Error::Input`] that names what differs.
+    pub fn check_scene(&self, path: &Path, scene: &Scene, points: &[GatherPoint]) -> Result<()> {
+        let mut job = self.job.clone();
+        [job["scene"], job["points"]] = digest(scene, points);
+        Part::new(self.job.clone(), Value::Null).check(path, &job)
+    }
+
+    /// A value for each of `points`, those of all receivers in a row, as [`super::Bake::columns`].
+    ///
+    /// # Errors
+    /// As [`Self::check_whole`].
+    pub fn columns(&self, points: &[GatherPoint]) -> Result<(Vec<Channel>, Vec<f32>)> {
+        self.check_whole()?;
+        Ok(self.plan.columns(&self.sums.values.total().unwrap_or_default(), &self.sums.direct, points))
+    }
+
+    /// As [`super::Bake::job`].
+    pub fn job(&self) -> &Value {
+        &self.job
+    }
+
+    /// What it was baked by.
+    pub fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
+    /// What it was asked for.
+    pub fn plan(&self) -> &Plan {
+        &self.plan
+    }
+
+    /// The renderer that all parts come from, as the driver calls it.
+    pub fn renderer(&self) -> &str {
+        self.job["gl"]["renderer"].as_str().unwrap_or_default()
+    }
+}
