@@ -5,7 +5,7 @@ use std::path::Path;
 
 use glam::Vec3;
 
-use super::integrals::{Integrals, Seen, Tile, Values, Wanted};
+use super::integrals::{Integrals, Tile, Values, Wanted};
 use super::schedule::Round;
 use crate::blocks::{Blocks, PairwiseSum, Part, Sum};
 use crate::error::{Error, Result};
@@ -27,7 +27,7 @@ pub struct RoundSums {
 /// The points of a round on the GL side, with the sums of the block in progress.
 pub struct BlockSums {
     round: usize,
-    integrals: Integrals,
+    pub integrals: Integrals,
     pub tiles: Vec<Tile>,
 }
 
@@ -55,10 +55,9 @@ impl RoundSums {
     pub fn read(path: &Path, part: &Part, round: &Round, wanted: &Wanted, blocks: Blocks) -> Result<Self> {
         let ([values, direct], points) = (names(round), round.points.len());
         let values = part.tree(path, &values, blocks, |_, planes| Values::of_planes(wanted, points, &planes))?;
-        let floats = part.get(&direct).and_then(|floats| bytemuck::try_cast_slice(floats).ok());
-        let direct: Vec<Vec3> = floats.unwrap_or_default().to_vec();
+        let direct = part.get(&direct).and_then(|floats| bytemuck::try_cast_slice::<_, Vec3>(floats).ok()).unwrap_or_default();
         if direct.len() == points || direct.is_empty() && values.blocks() == 0 {
-            return Ok(Self { direct, values });
+            return Ok(Self { direct: direct.to_vec(), values });
         }
         Err(Error::input(path, None, "damaged: its direct light is not that of its points", "make it again"))
     }
@@ -73,18 +72,8 @@ fn names(round: &Round) -> [String; 2] {
 impl BlockSums {
     pub fn new(gpu: &Gpu, round: usize, integrals: Integrals, points: &[GatherPoint]) -> Result<Self> {
         let tiles = points.chunks(TILE).map(|points| integrals.tile(gpu, points)).collect::<Result<Vec<_>>>()?;
-        let new = Self { round, integrals, tiles };
-        new.clear();
-        Ok(new)
-    }
-
-    fn clear(&self) {
-        self.tiles.iter().for_each(Tile::clear);
-    }
-
-    /// Adds what the points of tile `index` see.
-    pub fn add(&self, index: usize, seen: &Seen) {
-        self.integrals.add(&self.tiles[index], seen);
+        tiles.iter().for_each(Tile::clear);
+        Ok(Self { round, integrals, tiles })
     }
 
     fn read(&self) -> Values {
@@ -102,12 +91,11 @@ impl Accumulation {
 
     /// Adds the block in progress to its round, and begins another of the same round.
     pub fn end_block(&mut self, gpu: &Gpu, index: u32) -> Result<()> {
-        if let Some(block) = &self.block {
-            let values = block.read();
-            gpu.check("reading sums")?;
-            self.rounds[block.round].values.insert_block(index, values);
-            block.clear();
-        }
+        let Some(block) = &self.block else { return Ok(()) };
+        let values = block.read();
+        gpu.check("reading sums")?;
+        self.rounds[block.round].values.insert_block(index, values);
+        block.tiles.iter().for_each(Tile::clear);
         Ok(())
     }
 
@@ -125,14 +113,15 @@ impl Accumulation {
     pub fn total(&self, rounds: Range<usize>) -> (Values, Vec<Vec3>) {
         let (mut values, mut direct) = (Values::default(), Vec::new());
         for round in rounds {
-            let mut sums = self.rounds[round].values.total();
-            if let Some(latest) = self.block_of(round).map(BlockSums::read) {
-                match &mut sums {
-                    Some(sums) => sums.add(&latest),
-                    None => sums = Some(latest),
+            let latest = self.block_of(round).map(BlockSums::read);
+            let sums = match (self.rounds[round].values.total(), latest) {
+                (Some(mut sums), Some(latest)) => {
+                    sums.add(&latest);
+                    sums
                 }
-            }
-            values.append(&sums.unwrap_or_default());
+                (sums, latest) => sums.or(latest).unwrap_or_default(),
+            };
+            values.append(&sums);
             direct.extend(&self.rounds[round].direct);
         }
         (values, direct)

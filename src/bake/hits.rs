@@ -26,15 +26,13 @@ pub struct BatchHits<'a> {
 }
 
 impl<'a> BatchHits<'a> {
-    /// Along some of `directions`, from `first` on; those of `stored` if it has them.
+    /// Along some of `directions`, the first ones; the stored ones if there are any.
     pub fn begin(
         finder: &'a mut dyn Find,
-        stored: Option<&'a mut StoredHits>,
+        stored: Option<&'a mut Vec<KeptHits>>,
         geometry: &Geometry,
-        first: u32,
         directions: &[Direction],
     ) -> Result<Self> {
-        let stored = stored.map(|stored| stored.entry(first).or_default());
         let known = stored.as_ref().and_then(|tiles| tiles.first()).map(KeptHits::directions);
         let (directions, layers) = match known {
             Some(directions) => (directions, 0),

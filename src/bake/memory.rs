@@ -5,7 +5,7 @@ use glam::Vec3;
 use super::accumulation::TILE;
 use super::integrals::Values;
 use super::plan::Plan;
-use super::schedule::{PointCounts, PointSet, Schedule};
+use super::schedule::{PointSet, Schedule};
 use crate::blocks::{Blocks, PairwiseSum};
 use crate::error::{Error, Result};
 use crate::gather::HIT_BYTES;
@@ -33,8 +33,8 @@ fn bytes_of_point(plan: &Plan, blocks: Blocks, last: bool) -> usize {
 
 /// Whether the hits of the vertices are worth storing: a later round wants them again, and there is memory for all of them.
 pub fn stores_hits(plan: &Plan, schedule: &Schedule) -> bool {
-    let blocks = schedule.blocks();
-    let mut of_vertices = schedule.rounds().iter().filter(|round| round.set == PointSet::Vertices).map(|round| &round.points);
+    let blocks = schedule.blocks;
+    let mut of_vertices = schedule.rounds.iter().filter(|round| round.set == PointSet::Vertices).map(|round| &round.points);
     let Some(first) = of_vertices.next() else { return false };
     let bytes = bytes_of_point(plan, blocks, true) + HIT_BYTES * blocks.directions(0..blocks.count()).len();
     let again = of_vertices.clone().count() > 0 && of_vertices.all(|points| points == first);
@@ -54,8 +54,8 @@ impl Plan {
     /// [`Error::Usage`] when that is not enough.
     pub(super) fn fit(&mut self, most: usize, scene: &Scene, settings: &Settings, schedule: &Schedule) -> Result<()> {
         let [during, end] = self.bytes(scene, settings, schedule);
-        let PointCounts { vertices, receivers, .. } = schedule.counts();
-        let least = LEAST.min(vertices.max(receivers)) * bytes_of_point(self, schedule.blocks(), true);
+        let [vertices, receivers] = schedule.points;
+        let least = LEAST.min(vertices.max(receivers)) * bytes_of_point(self, schedule.blocks, true);
         let needed = (during + least).max(end).div_ceil(1 << 20);
         if needed > most {
             return Err(Error::usage(
@@ -70,8 +70,8 @@ impl Plan {
 
     /// Bytes while rounds go on, beside those of the round in progress; and in the end, when all points have their values.
     fn bytes(&self, scene: &Scene, settings: &Settings, schedule: &Schedule) -> [usize; 2] {
-        let PointCounts { vertices, receivers, .. } = schedule.counts();
-        let (all, own) = (0..schedule.blocks().count(), schedule.shard());
+        let ([vertices, receivers], own) = (schedule.points, schedule.shard.clone());
+        let all = 0..schedule.blocks.count();
         let sums = |last| Values::bytes(&self.wanted(last));
         let nodes = |blocks| PairwiseSum::<Values>::nodes_of(blocks) as usize;
         let hits = TILE.min(vertices.max(receivers)) * BATCH * HIT_BYTES;

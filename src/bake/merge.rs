@@ -5,10 +5,9 @@ use std::path::Path;
 use serde_json::Value;
 
 use super::accumulation::RoundSums;
-use super::plan::{Plan, blocks_of};
-use super::schedule::{PointCounts, Round};
-use super::{digest, memory_of};
-use crate::blocks::{Node, PairwiseSum, Part};
+use super::schedule::{PointSet, Round};
+use super::{Plan, blocks_of, digest};
+use crate::blocks::{Blocks, Node, PairwiseSum, Part};
 use crate::error::{Error, Result};
 use crate::image::Channel;
 use crate::points::GatherPoint;
@@ -18,9 +17,10 @@ use crate::settings::Settings;
 /// Parts of one bake put together. All come from one renderer, any.
 pub struct Merge {
     job: Value,
-    settings: Settings,
     plan: Plan,
-    counts: PointCounts,
+    blocks: Blocks,
+    /// How many.
+    points: usize,
     sums: RoundSums,
 }
 
@@ -33,11 +33,11 @@ impl Merge {
         part.check_version(path)?;
         let settings: Settings = Part::parse_value(path, &part.job["settings"])?;
         let plan: Plan = Part::parse_value(path, &part.job["plan"])?;
-        let receivers: u32 = Part::parse_value(path, &part.state["points"])?;
+        let points: u32 = Part::parse_value(path, &part.state["points"])?;
         let damaged = |_| Error::input(path, None, "damaged: its settings are out of range", "make it again");
         settings.validate().and_then(|()| plan.validate()).map_err(damaged)?;
-        let counts = PointCounts { vertices: 0, receivers: receivers as usize, same: false };
-        Ok(Self { job: part.job.clone(), settings, plan, counts, sums: RoundSums::default() })
+        let (blocks, points) = (blocks_of(&settings), points as usize);
+        Ok(Self { job: part.job.clone(), plan, blocks, points, sums: RoundSums::default() })
     }
 
     /// Adds the blocks that a part has of the last stage.
@@ -46,12 +46,11 @@ impl Merge {
     /// [`Error::Input`] when it is of another bake or damaged, or has blocks that are there already.
     pub fn add(&mut self, path: &Path, part: &Part) -> Result<()> {
         part.check(path, &self.job)?;
-        let plan = Plan { memory: memory_of(path, part)?, ..self.plan.clone() };
-        let blocks = blocks_of(&self.settings);
+        let plan = self.plan.by(path, part)?;
         let (mut nodes, mut direct) = (Vec::new(), Vec::new());
         // Rounds gathered one after another, and are put side by side.
-        for round in Round::last(&plan, blocks, self.counts) {
-            let own = RoundSums::read(path, part, &round, &plan.wanted(true), blocks)?;
+        for round in Round::split(&plan, self.blocks, PointSet::Receivers, self.points, plan.stages()) {
+            let own = RoundSums::read(path, part, &round, &plan.wanted(true), self.blocks)?;
             let same = nodes.iter().map(Node::range).eq(own.values.nodes().iter().map(Node::range));
             if round.points.start == 0 {
                 nodes = own.values.into_nodes();
@@ -65,7 +64,7 @@ impl Merge {
         }
         let mut sum = PairwiseSum::default();
         nodes.into_iter().for_each(|node| sum.insert(node).unwrap_or_else(|_| unreachable!("nodes of a tree")));
-        blocks.merge(path, &mut self.sums.values, sum)?;
+        self.blocks.merge(path, &mut self.sums.values, sum)?;
         self.sums.direct = direct;
         Ok(())
     }
@@ -73,7 +72,7 @@ impl Merge {
     /// # Errors
     /// [`Error::Usage`] that names the directions that no part has.
     pub fn check_whole(&self) -> Result<()> {
-        blocks_of(&self.settings).check_whole(&self.sums.values)
+        self.blocks.check_whole(&self.sums.values)
     }
 
     /// Checks that the bake was one of `scene`, in unit space and without glass, and of `points` there. `path` is that of a part.
@@ -95,19 +94,9 @@ impl Merge {
         Ok(self.plan.columns(&self.sums.values.total().unwrap_or_default(), &self.sums.direct, points))
     }
 
-    /// As [`super::Bake::job`].
+    /// As [`super::Bake::job`]: `settings` and `plan` among it.
     pub fn job(&self) -> &Value {
         &self.job
-    }
-
-    /// What it was baked by.
-    pub fn settings(&self) -> &Settings {
-        &self.settings
-    }
-
-    /// What it was asked for.
-    pub fn plan(&self) -> &Plan {
-        &self.plan
     }
 
     /// The renderer that all parts come from, as the driver calls it.

@@ -29,7 +29,7 @@ use self::accumulation::{Accumulation, BlockSums, RoundSums};
 use self::hits::{BatchHits, StoredHits};
 use self::integrals::{Integrals, Rough, Seen};
 use self::memory::stores_hits;
-use self::schedule::{BlockInProgress, PointCounts, PointSet, Round, Schedule};
+use self::schedule::{BlockInProgress, PointSet, Round, Schedule};
 use self::vertex_cache::VertexCache;
 use crate::blocks::{Part, sha256};
 use crate::direct::Direct;
@@ -80,13 +80,14 @@ pub struct Bake {
     schedule: Schedule,
     photons: Option<Photons>,
     direct: Direct,
-    cache: Option<VertexCache>,
+    cache: VertexCache,
     /// Once there are points to find hits for.
     finder: Option<Box<dyn Find>>,
     sums: Accumulation,
     /// MiB that the whole bake may take, if [`Self::fit`] has limited them.
     limit: Option<usize>,
-    statistics: Statistics,
+    layers_max: u32,
+    seconds: Seconds,
 }
 
 impl Bake {
@@ -105,24 +106,18 @@ impl Bake {
         }
         let start = Instant::now();
         let photons = plan.needs_photons().then(|| Photons::new(gpu, [&prepared, &prepared], settings, || false)).transpose()?;
-        let traced = start.elapsed().as_secs_f64();
-        let cache = (plan.stages() > 0).then(|| VertexCache::new(gpu, &prepared.scene, vertex_inset(settings))).transpose()?;
-        // Where the receivers are the vertices themselves, hits are found once for both.
-        let vertices = cache.as_ref().map_or(&[][..], VertexCache::points);
-        let counts = PointCounts { vertices: vertices.len(), receivers: points.len(), same: vertices == points };
+        let seconds = Seconds { photons: start.elapsed().as_secs_f64(), ..Seconds::default() };
+        let cache = (plan.stages() > 0).then(|| VertexCache::new(gpu, &prepared.scene, vertex_inset(settings)));
+        let cache = cache.transpose()?.unwrap_or_default();
+        // Where they are the vertices themselves, hits are stored for them too.
+        let receivers = if cache.points() == points { PointSet::Vertices } else { PointSet::Receivers };
         let mut bake = Self {
             gpu: gpu.clone(),
             digest: digest(&prepared.scene, &points),
-            schedule: Schedule::new(settings, counts),
+            schedule: Schedule::new(settings, [cache.points().len(), points.len()], receivers),
             direct: Direct::new(gpu, settings.shadow_size, settings.seed)?,
             settings: settings.clone(),
             plan: plan.clone(),
-            statistics: Statistics {
-                points: points.len(),
-                photons: photons.as_ref().map_or(PhotonCounts::default(), |photons| photons.counts),
-                seconds: Seconds { photons: traced, ..Seconds::default() },
-                ..Statistics::default()
-            },
             prepared,
             points,
             photons,
@@ -130,6 +125,8 @@ impl Bake {
             finder: None,
             sums: Accumulation::default(),
             limit: None,
+            layers_max: 0,
+            seconds,
         };
         bake.begin_rounds();
         Ok(bake)
@@ -149,14 +146,22 @@ impl Bake {
         self.schedule.next(&self.sums.rounds).is_none()
     }
 
-    pub fn statistics(&self) -> &Statistics {
-        &self.statistics
+    pub fn statistics(&self) -> Statistics {
+        let (directions_done, directions_total) = self.schedule.progress(&self.sums.rounds);
+        Statistics {
+            points: self.points.len(),
+            directions_done,
+            directions_total,
+            rounds: self.schedule.rounds.len(),
+            layers_max: self.layers_max,
+            photons: self.photons.as_ref().map_or(PhotonCounts::default(), |photons| photons.counts),
+            seconds: self.seconds,
+        }
     }
 
     /// Limits the last gather to these blocks, of [`blocks_of`] its settings. Bounces, on which all blocks depend, keep all directions.
     pub fn only(&mut self, blocks: Range<u32>) {
-        self.schedule.only(blocks);
-        self.count();
+        self.schedule.shard = blocks;
     }
 
     /// Limits the whole bake to so many MiB, on the GL side and on the CPU: as many points gather at a time as the rest leaves room for.
@@ -195,7 +200,7 @@ impl Bake {
     pub fn save(&self) -> Part<'_> {
         let state = json!({ "stage": self.schedule.stage, "memory": self.plan.memory, "points": self.points.len() });
         let mut part = Part::new(self.job(), state);
-        self.schedule.rounds().iter().zip(&self.sums.rounds).for_each(|(round, sums)| sums.put(&mut part, round));
+        self.schedule.rounds.iter().zip(&self.sums.rounds).for_each(|(round, sums)| sums.put(&mut part, round));
         part
     }
 
@@ -205,9 +210,9 @@ impl Bake {
     /// [`Error::Input`] when it is of another job, damaged, or grouped more points than [`Self::fit`] allows.
     pub fn resume(&mut self, path: &Path, part: &Part) -> Result<()> {
         part.check(path, &self.job())?;
-        let theirs = Plan { memory: memory_of(path, part)?, ..self.plan.clone() };
+        let theirs = self.plan.by(path, part)?;
         // The same groups need no more memory than here.
-        if self.schedule.rounds_by(&theirs) != self.schedule.rounds() {
+        if self.schedule.rounds_by(&theirs) != self.schedule.rounds {
             if let Some(limit) = self.limit.filter(|_| theirs.memory > self.plan.memory) {
                 let needed = limit + theirs.memory - self.plan.memory;
                 let problem = format!("more points were gathered at a time than --memory {limit} allows");
@@ -216,23 +221,24 @@ impl Bake {
             self.plan = theirs;
         }
         self.begin_rounds();
-        let blocks = self.schedule.blocks();
-        for (round, sums) in self.schedule.rounds().iter().zip(&mut self.sums.rounds) {
+        let blocks = self.schedule.blocks;
+        for (round, sums) in self.schedule.rounds.iter().zip(&mut self.sums.rounds) {
             *sums = RoundSums::read(path, part, round, &self.plan.wanted(round.last), blocks)?;
         }
         // A stage begins from all blocks of the one before.
-        self.schedule.stage = part.state["stage"].as_u64().unwrap_or(0).try_into().unwrap_or(u32::MAX);
+        let stage: u32 = Part::parse_value(path, &part.state["stage"])?;
+        let mut before = stage.checked_sub(1).map_or(0..0, |before| self.schedule.of_stage(before));
         let is_whole = |round: usize| self.sums.rounds[round].values.missing(0..blocks.count()).is_empty();
-        if self.schedule.stage > self.schedule.last_stage() || !self.schedule.before_stage().all(is_whole) {
+        if stage > self.plan.stages() || !before.all(is_whole) {
             return Err(Error::input(path, None, "damaged: bounces are missing", "make it again"));
         }
-        self.count();
+        self.schedule.stage = stage;
         Ok(())
     }
 
     /// Whether no block is in progress, so that nothing is lost by ending here.
     pub fn is_between_blocks(&self) -> bool {
-        self.schedule.is_between_blocks()
+        self.schedule.current.is_none()
     }
 
     /// Gathers along the next directions, as many as the pipeline takes at once, if any are left. Where memory ends the block begins again, with less
@@ -246,14 +252,13 @@ impl Bake {
             // What the device holds is gone, or not to be trusted.
             (self.schedule.current, self.sums.block) = (None, None);
         }
-        self.count();
         gathered.or_else(|error| if self.gpu.goes_on(&error) && self.shrink() { Ok(()) } else { Err(error) })
     }
 
     /// One step of the pipeline.
     fn gather(&mut self) -> Result<()> {
         let Some(mut at) = self.schedule.next(&self.sums.rounds) else { return Ok(()) };
-        let round = self.schedule.rounds()[at.round].clone();
+        let round = self.schedule.rounds[at.round].clone();
         self.fill_cache(round.stage)?;
         if self.sums.block.is_none() {
             self.begin_round(at.round, &round)?;
@@ -274,11 +279,12 @@ impl Bake {
 
     /// Gives the vertex cache what was found in the stage before this one.
     fn fill_cache(&mut self, stage: u32) -> Result<()> {
-        let filled = |cache: &VertexCache| stage == 0 || self.schedule.stage == stage && cache.is_filled();
-        let Some(cache) = self.cache.as_mut().filter(|cache| !filled(cache)) else { return Ok(()) };
+        if stage == 0 || self.schedule.stage == stage && self.cache.is_filled() {
+            return Ok(());
+        }
         let before = self.schedule.of_stage(stage - 1);
         let (values, direct) = self.sums.total(before.clone());
-        cache.fill(&self.gpu, &self.plan, &values, &direct)?;
+        self.cache.fill(&self.gpu, &self.plan, &values, &direct)?;
         self.schedule.stage = stage;
         self.sums.rounds[..before.start].fill_with(RoundSums::default);
         Ok(())
@@ -287,11 +293,8 @@ impl Bake {
     /// Takes the points of a round to the GL side, and finds their direct light.
     fn begin_round(&mut self, number: usize, round: &Round) -> Result<()> {
         let start = Instant::now();
-        if let Some(cache) = self.cache.as_mut().filter(|_| round.set == PointSet::Receivers) {
-            cache.hits = None;
-        }
-        let cached = self.cache.as_ref().map_or([None; 2], |cache| [cache.radiance.as_ref(), cache.transfer.as_ref()]);
-        let [radiance, transfer] = cached.map(|values| values.is_some());
+        self.cache.hits.take_if(|_| round.set == PointSet::Receivers);
+        let (radiance, transfer) = (self.cache.radiance.is_some(), self.cache.transfer.is_some());
         let mut wanted = self.plan.wanted(round.last);
         // Without photons, surfaces are black until a stage has lit them.
         wanted.radiance &= radiance || self.photons.is_some();
@@ -302,15 +305,12 @@ impl Bake {
         self.gpu.check("direct light")?;
         self.sums.rounds[number].direct = direct;
         self.sums.block = Some(block);
-        self.statistics.seconds.direct += start.elapsed().as_secs_f64();
+        self.seconds.direct += start.elapsed().as_secs_f64();
         Ok(())
     }
 
     fn points_of(&self, set: PointSet) -> &[GatherPoint] {
-        match (&self.cache, set) {
-            (Some(cache), PointSet::Vertices) => cache.points(),
-            _ => &self.points,
-        }
+        if set == PointSet::Vertices { self.cache.points() } else { &self.points }
     }
 
     /// Irradiance from the lights at the points of a round; zero where it is not wanted.
@@ -323,7 +323,7 @@ impl Bake {
         let same = |(other, sums): &(&Round, &RoundSums)| {
             lit(other) && (other.set, &other.points) == (round.set, &round.points) && !sums.direct.is_empty()
         };
-        if let Some((_, sums)) = self.schedule.rounds().iter().zip(&self.sums.rounds).find(same) {
+        if let Some((_, sums)) = self.schedule.rounds.iter().zip(&self.sums.rounds).find(same) {
             return Ok(sums.direct.clone());
         }
         let mut direct = Vec::with_capacity(round.points.len());
@@ -343,8 +343,7 @@ impl Bake {
         let Some(photons) = &mut self.photons else { return Ok(()) };
         let start = Instant::now();
         photons.renew(&self.gpu, &self.prepared, &self.settings, (direction / DIRECTIONS_PER_PHOTON_MAP).into())?;
-        self.statistics.photons = photons.counts;
-        self.statistics.seconds.photons += start.elapsed().as_secs_f64();
+        self.seconds.photons += start.elapsed().as_secs_f64();
         Ok(())
     }
 
@@ -358,43 +357,39 @@ impl Bake {
         };
         let mut directions = self.schedule.directions(at, finder.batch());
         let Prepared { scene, geometry, space, .. } = &self.prepared;
-        let (stored, radiance, transfer) = match &mut self.cache {
-            Some(VertexCache { hits, radiance, transfer, .. }) => (hits.as_mut(), radiance.as_ref(), transfer.as_ref()),
-            None => (None, None, None),
-        };
-        let stored = stored.filter(|_| round.set == PointSet::Vertices);
+        let VertexCache { hits, radiance, transfer, .. } = &mut self.cache;
+        let (radiance, transfer) = (radiance.as_ref(), transfer.as_ref());
         let rough = match (radiance, &self.photons) {
             (Some(cached), _) => Rough::Gathered(cached),
             (None, Some(photons)) => Rough::Photons(&photons.texture),
             (None, None) => Rough::Black,
         };
-        let mut hits = BatchHits::begin(&mut **finder, stored, geometry, at.left.start, &directions)?;
+        let stored = hits.as_mut().filter(|_| round.set == PointSet::Vertices);
+        let stored = stored.map(|stored| stored.entry(at.left.start).or_default());
+        let mut hits = BatchHits::begin(&mut **finder, stored, geometry, &directions)?;
         directions.truncate(hits.directions);
-        self.statistics.layers_max = self.statistics.layers_max.max(hits.layers);
+        self.layers_max = self.layers_max.max(hits.layers);
         let beyond = &Beyond::new(scene, directions.iter().map(|direction| direction.vector));
         let open_distance = self.plan.ao_distance.map_or(f32::MAX, |length| space.length_to_unit(length));
         for (index, tile) in block.tiles.iter().enumerate() {
             let points = tile.list.points();
             let hits = hits.of_tile(geometry, index, points)?;
-            block.add(index, &Seen { geometry, hits, beyond, points, rough, transfer, open_distance });
+            block.integrals.add(tile, &Seen { geometry, hits, beyond, points, rough, transfer, open_distance });
         }
         self.gpu.finish();
         self.gpu.check("gathering")?;
-        self.statistics.seconds.gather += start.elapsed().as_secs_f64();
+        self.seconds.gather += start.elapsed().as_secs_f64();
         Ok(directions.len() as u32)
     }
 
     /// Gives memory back that it can do without, if any.
     fn shrink(&mut self) -> bool {
-        self.cache.as_mut().is_some_and(|cache| cache.hits.take().is_some())
-            || self.finder.as_mut().is_some_and(|finder| finder.shrink())
-            || self.take_fewer_points()
-    }
-
-    /// Groups half as many points. Where blocks are complete it is too late: a block is of all points of a round.
-    fn take_fewer_points(&mut self) -> bool {
+        if self.cache.hits.take().is_some() || self.finder.as_mut().is_some_and(|finder| finder.shrink()) {
+            return true;
+        }
+        // Half as many points at a time. Where blocks are complete it is too late: a block is of all points of a round.
         let begun = self.sums.rounds.iter().any(|sums| sums.values.blocks() > 0);
-        let fewer = !begun && self.plan.halve(self.schedule.blocks(), self.schedule.largest_round());
+        let fewer = !begun && self.plan.halve(self.schedule.blocks, self.schedule.largest_round());
         if fewer {
             self.begin_rounds();
         }
@@ -404,18 +399,10 @@ impl Bake {
     /// Begins the rounds of the plan, with nothing summed.
     fn begin_rounds(&mut self) {
         self.schedule.restart(&self.plan);
-        self.statistics.rounds = self.schedule.rounds().len();
-        self.sums = Accumulation::new(self.statistics.rounds);
-        if let Some(cache) = &mut self.cache {
-            cache.clear();
-            cache.hits = stores_hits(&self.plan, &self.schedule).then(StoredHits::new);
-        }
+        self.sums = Accumulation::new(self.schedule.rounds.len());
+        (self.cache.radiance, self.cache.transfer) = (None, None);
+        self.cache.hits = stores_hits(&self.plan, &self.schedule).then(StoredHits::new);
         self.finder = None;
-        self.count();
-    }
-
-    fn count(&mut self) {
-        (self.statistics.directions_done, self.statistics.directions_total) = self.schedule.progress(&self.sums.rounds);
     }
 
     /// Directions along which every point has gathered, of those asked for.
@@ -443,11 +430,4 @@ impl Bake {
 fn digest(scene: &Scene, points: &[GatherPoint]) -> [Value; 2] {
     let vectors: Vec<_> = points.iter().flat_map(|point| [point.position, point.normal, point.surface_normal]).collect();
     [scene.digest(), sha256(bytemuck::cast_slice(&vectors)).into()]
-}
-
-/// MiB that a part was made with.
-fn memory_of(path: &Path, part: &Part) -> Result<usize> {
-    let memory = part.state["memory"].as_u64().filter(|&memory| memory < 1 << 24);
-    let damaged = || Error::input(path, None, "damaged: it does not say with how much memory it was made", "make it again");
-    memory.map(|memory| memory as usize).ok_or_else(damaged)
 }

@@ -1,10 +1,12 @@
 //! What a bake is asked for.
 
+use std::path::Path;
+
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
 use super::integrals::{Values, Wanted};
-use crate::blocks::Blocks;
+use crate::blocks::{Blocks, Part};
 use crate::error::{Error, Result};
 use crate::harmonics::MAX_ORDER;
 use crate::image::Channel;
@@ -62,6 +64,12 @@ impl Plan {
             ));
         }
         Ok(())
+    }
+
+    /// With the memory that `part`, read from `path`, was made with.
+    pub(super) fn by(&self, path: &Path, part: &Part) -> Result<Self> {
+        let memory: u32 = Part::parse_value(path, &part.state["memory"])?;
+        Ok(Self { memory: memory as usize, ..self.clone() })
     }
 
     pub(super) fn wants(&self, quantity: Quantity) -> bool {

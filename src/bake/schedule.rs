@@ -20,16 +20,6 @@ pub enum PointSet {
     Receivers,
 }
 
-/// The points of a bake.
-#[derive(Clone, Copy, Debug)]
-pub struct PointCounts {
-    /// 0 where nothing is cached.
-    pub vertices: usize,
-    pub receivers: usize,
-    /// Whether the receivers are the vertices themselves.
-    pub same: bool,
-}
-
 /// Points that gather together.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Round {
@@ -52,35 +42,27 @@ pub struct BlockInProgress {
 
 pub struct Schedule {
     directions: Directions,
-    counts: PointCounts,
-    blocks: Blocks,
-    /// Those of the last stage that are wanted.
-    shard: Range<u32>,
+    pub blocks: Blocks,
+    /// The blocks of the last stage that are wanted.
+    pub shard: Range<u32>,
+    /// How many vertices gather, and how many receivers.
+    pub points: [usize; 2],
+    /// Receivers may be the vertices themselves.
+    receivers: PointSet,
     /// In the order of stages.
-    rounds: Vec<Round>,
-    /// The stage that has begun. Sums of stages before the previous one are no longer there.
+    pub rounds: Vec<Round>,
+    /// The stage that has begun. Only sums from the previous one on are kept.
     pub stage: u32,
+    /// Some of its directions are done. `None` between blocks.
     pub current: Option<BlockInProgress>,
 }
 
 impl Schedule {
     /// Without rounds yet.
-    pub fn new(settings: &Settings, counts: PointCounts) -> Self {
-        let blocks = blocks_of(settings);
-        Self {
-            directions: Directions::new(settings.sequence, settings.seed),
-            counts,
-            blocks,
-            shard: 0..blocks.count(),
-            rounds: Vec::new(),
-            stage: 0,
-            current: None,
-        }
-    }
-
-    /// Limits the last stage to these blocks.
-    pub fn only(&mut self, blocks: Range<u32>) {
-        self.shard = blocks;
+    pub fn new(settings: &Settings, points: [usize; 2], receivers: PointSet) -> Self {
+        let (directions, blocks) = (Directions::new(settings.sequence, settings.seed), blocks_of(settings));
+        let shard = 0..blocks.count();
+        Self { directions, blocks, shard, points, receivers, rounds: Vec::new(), stage: 0, current: None }
     }
 
     /// Begins with the rounds of `plan`.
@@ -90,43 +72,20 @@ impl Schedule {
 
     /// The rounds that the points take by the memory of `plan`.
     pub fn rounds_by(&self, plan: &Plan) -> Vec<Round> {
-        let bounces = (0..plan.stages()).flat_map(|stage| {
-            let round = Round { set: PointSet::Vertices, points: 0..self.counts.vertices, stage, last: false };
-            round.split(most_points(plan, self.blocks, false))
-        });
-        bounces.chain(Round::last(plan, self.blocks, self.counts)).collect()
+        let [vertices, receivers] = self.points;
+        let bounces = (0..plan.stages()).flat_map(|stage| Round::split(plan, self.blocks, PointSet::Vertices, vertices, stage));
+        bounces.chain(Round::split(plan, self.blocks, self.receivers, receivers, plan.stages())).collect()
     }
 
-    pub fn counts(&self) -> PointCounts {
-        self.counts
-    }
-
-    pub fn blocks(&self) -> Blocks {
-        self.blocks
-    }
-
-    pub fn shard(&self) -> Range<u32> {
-        self.shard.clone()
-    }
-
-    pub fn rounds(&self) -> &[Round] {
-        &self.rounds
-    }
-
-    /// The rounds of a stage, by their numbers.
+    /// The numbers of the rounds of a stage.
     pub fn of_stage(&self, stage: u32) -> Range<usize> {
         let first = |stage: u32| self.rounds.partition_point(|round| round.stage < stage);
         first(stage)..first(stage.saturating_add(1))
     }
 
-    /// Those of the last stage.
+    /// The numbers of the rounds of the last stage.
     pub fn last(&self) -> Range<usize> {
-        self.of_stage(self.last_stage())
-    }
-
-    /// Those of the stage before the one that has begun.
-    pub fn before_stage(&self) -> Range<usize> {
-        self.stage.checked_sub(1).map_or(0..0, |before| self.of_stage(before))
+        self.rounds.last().map_or(0..0, |round| self.of_stage(round.stage))
     }
 
     /// The most points of a round.
@@ -134,22 +93,18 @@ impl Schedule {
         self.rounds.iter().map(|round| round.points.len()).max().unwrap_or(0)
     }
 
-    pub fn last_stage(&self) -> u32 {
-        self.rounds.last().map_or(0, |round| round.stage)
-    }
-
     /// The block in progress, or the first that is missing in `sums`, those of each round. `None` at the end.
     pub fn next(&self, sums: &[RoundSums]) -> Option<BlockInProgress> {
         let first_missing = |round: usize| {
-            let block = sums[round].values.missing(self.blocks_of(&self.rounds[round])).first()?.start;
+            let block = sums[round].values.missing(self.blocks_of(round)).first()?.start;
             Some(BlockInProgress { round, block, left: self.blocks.directions(block..block + 1) })
         };
         let in_stages = || {
             let mut last = self.last();
-            let earlier = self.before_stage().start..last.start;
+            let mut before = self.of_stage(self.stage.saturating_sub(1)).start..last.start;
             // Where the last stage has all its blocks, those before are not needed.
             let of_last = last.find_map(first_missing)?;
-            earlier.into_iter().find_map(first_missing).or(Some(of_last))
+            before.find_map(first_missing).or(Some(of_last))
         };
         self.current.clone().or_else(in_stages)
     }
@@ -159,51 +114,38 @@ impl Schedule {
         at.left.clone().take(most).map(|number| self.directions.get(number)).collect()
     }
 
-    /// Directions of the block in progress that are done, if it is one of this round.
-    fn done_of_current(&self, round: usize) -> u32 {
-        let done = |at: &BlockInProgress| at.left.start - self.blocks.directions(at.block..at.block + 1).start;
-        self.current.as_ref().filter(|at| at.round == round).map_or(0, done)
-    }
-
-    /// Whether nothing is lost by ending here.
-    pub fn is_between_blocks(&self) -> bool {
-        self.current.as_ref().is_none_or(|at| self.done_of_current(at.round) == 0)
+    /// Directions along which the points of a round have gathered.
+    fn done(&self, round: usize, sums: &[RoundSums]) -> u32 {
+        let current = self.current.iter().filter(|at| at.round == round);
+        let current = current.map(|at| at.left.start - self.blocks.directions(at.block..at.block + 1).start);
+        self.blocks.summed(&sums[round].values) + current.sum::<u32>()
     }
 
     /// Directions along which all points of the last stage have gathered.
     pub fn directions_done(&self, sums: &[RoundSums]) -> u32 {
-        let done = |number: usize| self.blocks.summed(&sums[number].values) + self.done_of_current(number);
-        self.last().map(done).min().unwrap_or(0)
+        self.last().map(|round| self.done(round, sums)).min().unwrap_or(0)
     }
 
     /// Directions of all rounds together: those that are done, and all.
     pub fn progress(&self, sums: &[RoundSums]) -> (u64, u64) {
-        let count = |(number, (round, sum)): (usize, (&Round, &RoundSums))| {
-            let total = self.blocks.directions(self.blocks_of(round)).len() as u64;
-            let summed = self.blocks.summed(&sum.values) + self.done_of_current(number);
-            (if round.stage + 1 < self.stage { total } else { summed.into() }, total)
-        };
-        let counts = self.rounds.iter().zip(sums).enumerate().map(count);
-        counts.fold((0, 0), |(done, total), (more, of)| (done + more, total + of))
+        let total = |round| self.blocks.directions(self.blocks_of(round)).len() as u64;
+        let kept = self.of_stage(self.stage.saturating_sub(1)).start;
+        let done = |round| if round < kept { total(round) } else { self.done(round, sums).into() };
+        let rounds = 0..self.rounds.len();
+        (rounds.clone().map(done).sum(), rounds.map(total).sum())
     }
 
-    fn blocks_of(&self, round: &Round) -> Range<u32> {
-        if round.last { self.shard.clone() } else { 0..self.blocks.count() }
+    /// The blocks that a round is to do.
+    fn blocks_of(&self, round: usize) -> Range<u32> {
+        if self.rounds[round].last { self.shard.clone() } else { 0..self.blocks.count() }
     }
 }
 
 impl Round {
-    /// The rounds of the last stage.
-    pub fn last(plan: &Plan, blocks: Blocks, counts: PointCounts) -> impl Iterator<Item = Self> + use<> {
-        let set = if counts.same { PointSet::Vertices } else { PointSet::Receivers };
-        let round = Self { set, points: 0..counts.receivers, stage: plan.stages(), last: true };
-        round.split(most_points(plan, blocks, true))
-    }
-
-    /// Its points by so many at a time.
-    fn split(self, most: usize) -> impl Iterator<Item = Self> {
-        let end = self.points.end;
-        let points = (0..end).step_by(most).map(move |first| first..end.min(first + most));
-        points.map(move |points| Self { points, ..self.clone() })
+    /// The rounds of a stage, for so many points by the memory of `plan`.
+    pub fn split(plan: &Plan, blocks: Blocks, set: PointSet, count: usize, stage: u32) -> impl Iterator<Item = Self> + use<> {
+        let last = stage == plan.stages();
+        let most = most_points(plan, blocks, last);
+        (0..count).step_by(most).map(move |first| Self { set, points: first..count.min(first + most), stage, last })
     }
 }

@@ -5,27 +5,24 @@
 
 use std::rc::Rc;
 
-use glam::{DVec4, Vec3, Vec4};
+use glam::{DVec4, Vec3};
 
 use super::hits::StoredHits;
 use super::integrals::Values;
 use super::plan::Plan;
 use crate::error::Result;
 use crate::geometry::{corner_weights, triangle_order, upload_table};
-use crate::gpu::{Filter, Format, Gpu, Texture, Uniform, Wrap};
+use crate::gpu::{Format, Gpu, Texture, Uniform};
 use crate::image::Channel;
 use crate::points::{GatherPoint, Vertices};
 use crate::quantity::Quantity;
 use crate::scene::Scene;
 
-/// Texels in a row of cached values.
-const WIDTH: usize = 1024;
-
-/// The vertices, and what they have found in the stage before.
+/// What the vertices have found in the stage before. By default there are none.
+#[derive(Default)]
 pub struct VertexCache {
-    vertices: Vertices,
-    /// Between which vertices a hit lies: for each triangle in the order of the shaders' table.
-    triangles: Rc<Texture>,
+    /// And between which of them a hit lies, for each triangle in the order of the shaders' table.
+    vertices: Option<(Vertices, Rc<Texture>)>,
     /// Irradiance, where it replaces photons.
     pub radiance: Option<CachedValues>,
     pub transfer: Option<CachedValues>,
@@ -55,20 +52,16 @@ impl VertexCache {
         };
         let triangles = triangle_order(scene).into_iter().flat_map(texels).collect();
         let triangles = Rc::new(upload_table(gpu, Format::Rgba32F, triangles)?);
-        Ok(Self { vertices, triangles, radiance: None, transfer: None, hits: None })
+        Ok(Self { vertices: Some((vertices, triangles)), ..Self::default() })
     }
 
     /// The points that gather for it.
     pub fn points(&self) -> &[GatherPoint] {
-        self.vertices.points()
+        self.vertices.as_ref().map_or(&[], |(vertices, _)| vertices.points())
     }
 
     pub fn is_filled(&self) -> bool {
         self.radiance.is_some() || self.transfer.is_some()
-    }
-
-    pub fn clear(&mut self) {
-        (self.radiance, self.transfer) = (None, None);
     }
 
     /// Replaces its values by those that a stage has found, with `direct` light.
@@ -76,36 +69,33 @@ impl VertexCache {
     /// # Errors
     /// When the device's limits are below their number.
     pub fn fill(&mut self, gpu: &Gpu, plan: &Plan, values: &Values, direct: &[Vec3]) -> Result<()> {
+        let Some((vertices, triangles)) = &self.vertices else { return Ok(()) };
         let inside = values.inside();
         let cached = |quantity, columns| {
-            let all = values.columns(quantity, plan.order, self.points(), direct);
-            self.upload(gpu, all.into_iter().take(columns).collect(), &inside)
+            let mut all = values.columns(quantity, plan.order, vertices.points(), direct);
+            all.truncate(columns);
+            vertices.fill(&mut all, &inside);
+            CachedValues::upload(gpu, triangles, &all)
         };
         let transfer = plan.wants(Quantity::Prt).then(|| cached(Quantity::Prt, usize::MAX)).transpose()?;
-        // The first three columns are the sum of direct and indirect light.
+        // The first three columns are direct and indirect light together.
         let radiance = plan.caches_radiance().then(|| cached(Quantity::Irradiance, 3)).transpose()?;
         (self.radiance, self.transfer) = (radiance, transfer);
         Ok(())
     }
-
-    /// Takes `columns` of values, one for each vertex, to the GL side, after those of hidden vertices are filled.
-    fn upload(&self, gpu: &Gpu, mut columns: Vec<Channel>, inside: &[f32]) -> Result<CachedValues> {
-        self.vertices.fill(&mut columns, inside);
-        let texels = columns.len().div_ceil(4);
-        let rows = (self.points().len() * texels).div_ceil(WIDTH).max(1);
-        let mut values = vec![Vec4::ZERO; rows * WIDTH];
-        for (k, column) in columns.iter().enumerate() {
-            for (vertex, &sample) in column.samples.iter().enumerate() {
-                values[vertex * texels + k / 4][k % 4] = sample;
-            }
-        }
-        let size = [WIDTH as u32, rows as u32];
-        let values = Texture::from_texels(gpu, Format::Rgba32F, size, Filter::Nearest, Wrap::Clamp, &values)?;
-        Ok(CachedValues { triangles: self.triangles.clone(), values, texels })
-    }
 }
 
 impl CachedValues {
+    /// Of `columns` with a value for each vertex.
+    fn upload(gpu: &Gpu, triangles: &Rc<Texture>, columns: &[Channel]) -> Result<Self> {
+        let texels = columns.len().div_ceil(4);
+        let mut values = vec![[0.0f32; 4]; columns.first().map_or(0, |column| column.samples.len()) * texels];
+        for (k, column) in columns.iter().enumerate() {
+            column.samples.iter().enumerate().for_each(|(vertex, &sample)| values[vertex * texels + k / 4][k % 4] = sample);
+        }
+        Ok(Self { triangles: triangles.clone(), values: upload_table(gpu, Format::Rgba32F, values)?, texels })
+    }
+
     /// The uniforms that shaders read.
     pub fn uniforms(&self) -> [(&'static str, Uniform<'_>); 3] {
         [

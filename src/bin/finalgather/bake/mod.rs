@@ -140,7 +140,13 @@ fn bake(
     if !parts.is_empty() {
         let merge = merge(parts, &prepared, &points)?;
         let about = |receiver: &Receiver| {
-            metadata(args, (merge.renderer(), merge.plan(), merge.job()), &settings, receiver, (settings.directions, true))
+            metadata(
+                args,
+                (merge.renderer(), &merge.job()["plan"], merge.job()),
+                &settings,
+                receiver,
+                (settings.directions, true),
+            )
         };
         let (_, failures) = write(&receivers, outputs, &merge.columns(&points)?, about, &settings, &scene, &prepared);
         progress.clear();
@@ -160,7 +166,7 @@ fn bake(
         progress.say(&format!("going on from {directions_done} of {directions_total} directions in {path}"));
     }
     let about = |bake: &Bake, receiver: &Receiver, complete: bool| {
-        let job = (bake.renderer(), bake.plan(), &bake.job());
+        let job = (bake.renderer(), &serde_json::json!(bake.plan()), &bake.job());
         metadata(args, job, &settings, receiver, (bake.directions_done(), complete))
     };
     let over = checkpoint.may_be_over()
@@ -232,7 +238,7 @@ fn bake(
             gl: Gl { renderer: &gl.renderer, version: &gl.version, backend: &gl.backend },
             settings: &settings,
             plan: &plan,
-            bake: bake.statistics(),
+            bake: &bake.statistics(),
             receivers: &baked,
             seconds: Seconds {
                 load,
@@ -353,7 +359,7 @@ fn is_word(name: &str) -> bool {
 /// What made the values. No times and no paths: the same bake gives the same files.
 fn metadata(
     args: &BakeArgs,
-    (renderer, plan, job): (&str, &Plan, &Value),
+    (renderer, plan, job): (&str, &Value, &Value),
     settings: &Settings,
     receiver: &Receiver,
     (directions_done, complete): (u32, bool),
