@@ -17,6 +17,7 @@ use crate::settings::Settings;
 /// Parts of one bake put together. All come from one renderer, any.
 pub struct Merge {
     job: Value,
+    settings: Settings,
     plan: Plan,
     blocks: Blocks,
     /// How many.
@@ -37,7 +38,7 @@ impl Merge {
         let damaged = |_| Error::input(path, None, "damaged: its settings are out of range", "make it again");
         settings.validate().and_then(|()| plan.validate()).map_err(damaged)?;
         let (blocks, points) = (blocks_of(&settings), points as usize);
-        Ok(Self { job: part.job.clone(), plan, blocks, points, sums: RoundSums::default() })
+        Ok(Self { job: part.job.clone(), settings, plan, blocks, points, sums: RoundSums::default() })
     }
 
     /// Adds the blocks that a part has of the last stage.
@@ -65,7 +66,9 @@ impl Merge {
         let mut sum = PairwiseSum::default();
         nodes.into_iter().for_each(|node| sum.insert(node).unwrap_or_else(|_| unreachable!("nodes of a tree")));
         self.blocks.merge(path, &mut self.sums.values, sum)?;
-        self.sums.direct = direct;
+        if !direct.is_empty() {
+            self.sums.direct = direct;
+        }
         Ok(())
     }
 
@@ -97,6 +100,11 @@ impl Merge {
     /// As [`super::Bake::job`]: `settings` and `plan` among it.
     pub fn job(&self) -> &Value {
         &self.job
+    }
+
+    /// What it was baked by, with an exposure of 0.
+    pub fn settings(&self) -> &Settings {
+        &self.settings
     }
 
     /// The renderer that all parts come from, as the driver calls it.

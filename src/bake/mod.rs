@@ -299,7 +299,8 @@ impl Bake {
         // Without photons, surfaces are black until a stage has lit them.
         wanted.radiance &= radiance || self.photons.is_some();
         let integrals = Integrals::new(&self.gpu, wanted, self.prepared.geometry.is_textured(), radiance, transfer)?;
-        let block = BlockSums::new(&self.gpu, number, integrals, &self.points_of(round.set)[round.points.clone()])?;
+        let points = if round.set == PointSet::Vertices { self.cache.points() } else { &self.points };
+        let block = BlockSums::new(&self.gpu, number, integrals, &points[round.points.clone()])?;
         let direct = self.direct_light(round, &block)?;
         self.gpu.finish();
         self.gpu.check("direct light")?;
@@ -307,10 +308,6 @@ impl Bake {
         self.sums.block = Some(block);
         self.seconds.direct += start.elapsed().as_secs_f64();
         Ok(())
-    }
-
-    fn points_of(&self, set: PointSet) -> &[GatherPoint] {
-        if set == PointSet::Vertices { self.cache.points() } else { &self.points }
     }
 
     /// Irradiance from the lights at the points of a round; zero where it is not wanted.

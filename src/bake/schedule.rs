@@ -149,3 +149,89 @@ impl Round {
         (0..count).step_by(most).map(move |first| Self { set, points: first..count.min(first + most), stage, last })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bake::RadianceCache;
+    use crate::bake::integrals::Values;
+    use crate::quantity::Quantity;
+
+    const VERTICES: usize = 5000;
+    const RECEIVERS: usize = 11_000;
+
+    /// Two bounces, then the receivers, in rounds of 4096 points; 20 blocks of 8 directions. Nothing is summed yet.
+    fn schedule() -> (Schedule, Vec<RoundSums>) {
+        let radiance_cache = RadianceCache::Vertices;
+        let plan =
+            Plan { what: vec![Quantity::Irradiance], order: 3, gather_bounces: 2, ao_distance: None, radiance_cache, memory: 0 };
+        let settings = Settings { directions: 157, ..Settings::default() };
+        let mut schedule = Schedule::new(&settings, [VERTICES, RECEIVERS], PointSet::Receivers);
+        schedule.restart(&plan);
+        let sums = schedule.rounds.iter().map(|_| RoundSums::default()).collect();
+        (schedule, sums)
+    }
+
+    /// Does the next block, and names it by round and block.
+    fn step(schedule: &Schedule, sums: &mut [RoundSums]) -> Option<(usize, u32)> {
+        let BlockInProgress { round, block, .. } = schedule.next(sums)?;
+        sums[round].values.insert_block(block, Values::default());
+        Some((round, block))
+    }
+
+    #[test]
+    fn rounds_have_all_points_of_each_stage_once() {
+        let (schedule, _) = schedule();
+        let of_stage = |stage: u32| &schedule.rounds[schedule.of_stage(stage)];
+        for (stage, count, set) in
+            [(0, VERTICES, PointSet::Vertices), (1, VERTICES, PointSet::Vertices), (2, RECEIVERS, PointSet::Receivers)]
+        {
+            assert!(of_stage(stage).iter().flat_map(|round| round.points.clone()).eq(0..count), "stage {stage}");
+            assert!(of_stage(stage).iter().all(|round| round.set == set && round.last == (stage == 2)), "stage {stage}");
+        }
+        assert_eq!([0, 1, 2].map(|stage| of_stage(stage).len()), [2, 2, 3]);
+        assert_eq!((schedule.last(), schedule.largest_round()), (4..7, 4096));
+    }
+
+    #[test]
+    fn rounds_come_one_after_another_and_a_shard_does_its_blocks_of_the_last_stage() {
+        let (mut schedule, mut sums) = schedule();
+        schedule.shard = 3..5;
+        let mut expected: Vec<_> = (0..4).flat_map(|round| (0..20).map(move |block| (round, block))).collect();
+        expected.extend((4..7).flat_map(|round| [(round, 3), (round, 4)]));
+        let total = 4 * 157 + 3 * 16;
+        assert_eq!(schedule.progress(&sums), (0, total));
+        assert!(std::iter::from_fn(|| step(&schedule, &mut sums)).eq(expected));
+        assert_eq!((schedule.progress(&sums), schedule.directions_done(&sums)), ((total, total), 16));
+    }
+
+    #[test]
+    fn a_stage_needs_the_one_before_and_a_complete_last_one_needs_none() {
+        let (mut schedule, mut sums) = schedule();
+        // As after a resume in the second bounce, of whose predecessor the sums are there, and no others.
+        assert_eq!((0..40).filter_map(|_| step(&schedule, &mut sums)).count(), 40);
+        schedule.stage = 1;
+        assert_eq!(step(&schedule, &mut sums), Some((2, 0)));
+        schedule.stage = 2;
+        sums[..2].fill_with(RoundSums::default);
+        assert_eq!(schedule.next(&sums).map(|at| at.round), Some(2), "what the first stage found is handed on");
+        assert_eq!(schedule.progress(&sums).0, 2 * 157 + 8);
+        let (schedule, mut sums) = self::schedule();
+        sums[4..].iter_mut().for_each(|sums| (0..20).for_each(|block| sums.values.insert_block(block, Values::default())));
+        assert_eq!(schedule.next(&sums), None);
+    }
+
+    #[test]
+    fn the_block_in_progress_comes_first() {
+        let (mut schedule, sums) = schedule();
+        let first = schedule.next(&sums).unwrap();
+        assert_eq!(first, BlockInProgress { round: 0, block: 0, left: 0..8 });
+        let half = BlockInProgress { left: 5..8, ..first };
+        schedule.current = Some(half.clone());
+        assert_eq!(schedule.next(&sums), Some(half.clone()));
+        assert_eq!(schedule.progress(&sums).0, 5);
+        let numbers = |most| schedule.directions(&half, most).iter().map(|direction| direction.vector).collect::<Vec<_>>();
+        assert_eq!((numbers(8).len(), numbers(2).len()), (3, 2));
+        assert_eq!(numbers(8)[..2], numbers(2));
+    }
+}
