@@ -36,13 +36,23 @@ impl Direct {
     /// # Errors
     /// When a size is beyond the device's limits.
     pub fn new(gpu: &Gpu, shadow_size: u32, seed: u64) -> Result<Self> {
-        let size = shadow_size.next_multiple_of(2);
         Ok(Self {
             shadow: Program::new(gpu, &shaders::SHADOW)?,
             direct: Program::new(gpu, &shaders::DIRECT)?,
-            map: Target::new(gpu, [size, 3 * size], &[Format::Rgba32F], true)?,
+            map: Target::new(gpu, Self::map_size(shadow_size), &[Format::Rgba32F], true)?,
             seed: seed ^ 0xd1ec7,
         })
+    }
+
+    /// Bytes that [`Self::new`] takes.
+    pub fn bytes(shadow_size: u32) -> usize {
+        Target::bytes(Self::map_size(shadow_size), &[Format::Rgba32F], true)
+    }
+
+    /// Of a hemicube: its whole face, and below it the halves of the others.
+    fn map_size(shadow_size: u32) -> [u32; 2] {
+        let size = shadow_size.next_multiple_of(2);
+        [size, 3 * size]
     }
 
     /// Adds the irradiance from light sample `index` to `sums` (rgb).

@@ -54,7 +54,10 @@ fn quotient(sum: Vec3, by: f32) -> Vec3 {
 }
 
 impl Film {
-    pub const BYTES_PER_PIXEL: usize = size_of::<Pixel>();
+    /// Bytes of so many pixels.
+    pub fn bytes(pixels: usize) -> usize {
+        size_of::<Pixel>() * pixels
+    }
 
     /// The sum of nothing.
     pub fn empty(size: [u32; 2]) -> Self {

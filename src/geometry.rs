@@ -98,6 +98,14 @@ impl Geometry {
         })
     }
 
+    /// Bytes that [`Self::upload`] takes: for a triangle its vertices and its entry in the table, for a texel its mipmaps and its copy in the
+    /// texture of all.
+    pub fn bytes(scene: &Scene) -> usize {
+        const TRIANGLE: usize = 3 * size_of::<[Vec3; 2]>() + 4 * size_of::<[f32; 4]>();
+        let texels: usize = scene.textures.iter().map(|texture| texture.texels.len()).sum();
+        TRIANGLE * scene.mesh.triangles.len() + Format::Srgb8Alpha8.bytes() * (texels + texels * 4 / 3)
+    }
+
     /// The uniforms that shaders of hits read.
     pub fn uniforms(&self) -> [(&'static str, Uniform<'_>); 4] {
         [

@@ -8,7 +8,6 @@
 //! traced afresh now and then, so that their noise averages out in long renders as the directions' does.
 
 mod layers;
-mod memory;
 mod merge;
 mod statistics;
 
@@ -41,8 +40,8 @@ use crate::settings::{DIRECTIONS_PER_PHOTON_MAP, Estimator, Pipeline, PointSourc
 
 use self::merge::{FILM, film_of_part};
 
+pub use crate::memory::of_render as memory_of;
 pub use layers::{End, LayerTexel, Layers, Probe};
-pub use memory::memory_of;
 pub use merge::{RenderMerge, blocks_of};
 pub use statistics::{GatherCounts, SceneCounts, StageSeconds, Statistics};
 

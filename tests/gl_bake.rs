@@ -6,7 +6,7 @@ use std::f32::consts::PI;
 
 use common::{Model, directions, gather_fused, gpu, irradiance, points_on, sized};
 use finalgather::Environment;
-use finalgather::bake::{Bake, Plan, Rough};
+use finalgather::bake::{Bake, Plan, RadianceCache};
 use finalgather::gpu::Gpu;
 use finalgather::harmonics::{basis, cosine_lobe};
 use finalgather::image::Channel;
@@ -19,7 +19,14 @@ use finalgather::scene::{Bvh, RAY_OFFSET, World};
 use finalgather::settings::{LayerSize, Pipeline, Sequence, Settings};
 use glam::{Vec3, vec3};
 
-const PLAN: Plan = Plan { what: Vec::new(), order: 3, bounces: 0, ao_distance: None, rough: Rough::Photons, memory: 256 };
+const PLAN: Plan = Plan {
+    what: Vec::new(),
+    order: 3,
+    gather_bounces: 0,
+    ao_distance: None,
+    radiance_cache: RadianceCache::Photons,
+    memory: 256,
+};
 
 fn settings(directions: u32) -> Settings {
     Settings { directions, photons: 100_000, light_samples: 16, ..Settings::default() }
@@ -75,7 +82,7 @@ fn every_quantity_is_that_of_exact_rays() {
     let world = cornell();
     let (count, along) = sized(&gpu, (8192, 256), (256, 16));
     let points = cornell_points(&world, count);
-    let plan = Plan { what: Quantity::ALL.to_vec(), bounces: 2, ao_distance: Some(100.0), ..PLAN };
+    let plan = Plan { what: Quantity::ALL.to_vec(), gather_bounces: 2, ao_distance: Some(100.0), ..PLAN };
     let by = |pipeline| {
         bake(&gpu, &world, &points, &Settings { pipeline, layer_size: LayerSize::Texels(256), ..settings(along) }, &plan).0
     };
@@ -183,9 +190,10 @@ fn gathered_bounces_are_the_geometric_series() {
     let world = model.world();
     let points = points_on(&Prepared::without_glass(&world).unwrap().scene, 512);
     let settings = Settings { light_samples: 512, ..settings(along) };
-    let series = |bounces: u32| (1..=bounces).map(|k| albedo.powi(k as i32)).sum::<f32>();
-    let mean = |bounces: u32| {
-        let plan = Plan { what: vec![Quantity::Irradiance], bounces, rough: Rough::Gathered, ..PLAN };
+    let series = |gather_bounces: u32| (1..=bounces).map(|k| albedo.powi(k as i32)).sum::<f32>();
+    let mean = |gather_bounces: u32| {
+        let plan =
+            Plan { what: vec![Quantity::Irradiance], gather_bounces: bounces, radiance_cache: RadianceCache::Vertices, ..PLAN };
         let baked = bake(&gpu, &world, &points, &settings, &plan).0;
         column(&baked, "IrradianceIndirect.G").iter().sum::<f32>() / points.len() as f32
     };
@@ -223,7 +231,12 @@ fn transfer_under_a_smooth_sky_is_a_gather_under_it() {
     world.environment = Some(sky);
     world.materials.iter_mut().for_each(|material| material.emission = Vec3::ZERO);
     let points = cornell_points(&world, sized(&gpu, 2048, 128));
-    let plan = Plan { what: vec![Quantity::Prt, Quantity::Irradiance], bounces: 2, rough: Rough::Gathered, ..PLAN };
+    let plan = Plan {
+        what: vec![Quantity::Prt, Quantity::Irradiance],
+        gather_bounces: 2,
+        radiance_cache: RadianceCache::Vertices,
+        ..PLAN
+    };
     let baked = bake(&gpu, &world, &points, &settings(sized(&gpu, 256, 16)), &plan).0;
     let mut most = 0.0f32;
     for (c, color) in ["R", "G", "B"].into_iter().enumerate() {
@@ -252,7 +265,8 @@ fn transfer_of_a_plane_is_the_cosine() {
     model.plate(Vec3::ZERO, u, v, 0);
     let world = model.world();
     let points = points_on(&Prepared::without_glass(&world).unwrap().scene, 64);
-    let plan = Plan { what: vec![Quantity::Prt, Quantity::PrtUnshadowed, Quantity::BentNormal], order: 5, bounces: 1, ..PLAN };
+    let plan =
+        Plan { what: vec![Quantity::Prt, Quantity::PrtUnshadowed, Quantity::BentNormal], order: 5, gather_bounces: 1, ..PLAN };
     let (baked, inside) = bake(&gpu, &world, &points, &settings(sized(&gpu, 1024, 256)), &plan);
     let lobe: Vec<f32> = cosine_lobe(points[0].normal).into_iter().flat_map(|c| [c; 3]).collect();
     for (shadowed, unshadowed) in vectors_of(&baked, Quantity::Prt, 5).iter().zip(vectors_of(&baked, Quantity::PrtUnshadowed, 5))

@@ -6,7 +6,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use common::{gpu, small_scene};
-use finalgather::bake::{Plan, Rough};
+use finalgather::bake::{Plan, RadianceCache};
 use finalgather::error::Error;
 use finalgather::image::Image;
 use finalgather::job::{
@@ -86,7 +86,14 @@ fn a_bake_is_merged_from_its_request() {
     let path = |name: &str| folder.path().join(name);
     let bake = BakeRequest {
         receivers: vec![ReceiverKind::Camera],
-        plan: Plan { what: vec![Quantity::Ao], order: 1, bounces: 0, ao_distance: None, rough: Rough::Photons, memory: 256 },
+        plan: Plan {
+            what: vec![Quantity::Ao],
+            order: 1,
+            gather_bounces: 0,
+            ao_distance: None,
+            radiance_cache: RadianceCache::Photons,
+            memory: 256,
+        },
         light_map: LightMapOptions::default(),
     };
     let request = |outputs: &[PathBuf]| request(scene(folder.path()), Work::Bake(bake.clone()), outputs);

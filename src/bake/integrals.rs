@@ -5,7 +5,7 @@ use std::f32::consts::{PI, TAU};
 use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 
-use super::carriers::{Carried, Carriers};
+use super::vertex_cache::CachedValues;
 use crate::blocks::{Planes, Sum};
 use crate::error::Result;
 use crate::gather::{Beyond, Hits};
@@ -56,7 +56,7 @@ pub enum Rough<'a> {
     /// Nothing.
     Black,
     Photons(&'a PhotonTexture),
-    Gathered(&'a Carriers, &'a Carried),
+    Gathered(&'a CachedValues),
 }
 
 /// What a pass over hits reads.
@@ -69,7 +69,7 @@ pub struct Seen<'a> {
     /// Radiance of hits.
     pub rough: Rough<'a>,
     /// Transfer of hits; black without.
-    pub transfer: Option<(&'a Carriers, &'a Carried)>,
+    pub transfer: Option<&'a CachedValues>,
     /// In unit space, beyond which a hit leaves a point open.
     pub open_distance: f32,
 }
@@ -153,10 +153,10 @@ impl Integrals {
         let own = [("open_distance", Uniform::Float(seen.open_distance))];
         let photons = match seen.rough {
             Rough::Photons(photons) => photons.uniforms().to_vec(),
-            Rough::Gathered(carriers, carried) => carriers.uniforms(carried).to_vec(),
+            Rough::Gathered(cached) => cached.uniforms().to_vec(),
             Rough::Black => Vec::new(),
         };
-        let transfer = seen.transfer.map_or(Vec::new(), |(carriers, carried)| carriers.uniforms(carried).to_vec());
+        let transfer = seen.transfer.map_or(Vec::new(), |cached| cached.uniforms().to_vec());
         let common = [&own[..], &seen.geometry.uniforms(), &seen.hits.uniforms(), &seen.beyond.uniforms()].concat();
         let of_radiance = [&common[..], &photons].concat();
         let of_transfer = [&common[..], &transfer].concat();
@@ -203,6 +203,11 @@ impl Planes for Values {
 }
 
 impl Values {
+    /// Bytes of the sums of a point.
+    pub fn bytes(wanted: &Wanted) -> usize {
+        wanted.planes() * size_of::<Vec4>()
+    }
+
     /// Of the floats of [`Planes::planes`] for so many points; `None` where they are others than were wanted.
     pub fn of_planes(wanted: &Wanted, points: usize, planes: &[&[f32]]) -> Option<Self> {
         let harmonics = |wanted_so: bool| vec![Vec::new(); if wanted_so { wanted.targets() } else { 0 }];

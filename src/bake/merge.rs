@@ -1,17 +1,16 @@
-//! Parts of one bake put together, from their files alone.
+//! The parts of a bake's shards put together, from their files alone: no GL, no photons, no scene.
 
 use std::path::Path;
 
 use serde_json::Value;
 
-use super::integrals::Values;
-use super::rounds::{Whose, all_rounds};
-use super::{Plan, blocks_of, digest, memory_of, summed_in};
-use crate::blocks::{Node, PairwiseSum, Part};
+use super::accumulation::RoundSums;
+use super::schedule::{PointSet, Round};
+use super::{Plan, blocks_of, digest};
+use crate::blocks::{Blocks, Node, PairwiseSum, Part};
 use crate::error::{Error, Result};
 use crate::image::Channel;
 use crate::points::GatherPoint;
-use crate::quantity::Quantity;
 use crate::scene::Scene;
 use crate::settings::Settings;
 
@@ -20,57 +19,67 @@ pub struct Merge {
     job: Value,
     settings: Settings,
     plan: Plan,
+    blocks: Blocks,
+    /// How many.
     points: usize,
-    summed: super::Summed,
+    sums: RoundSums,
 }
 
 impl Merge {
     /// Of the bake that `part`, read from `path`, is of; nothing yet.
     ///
     /// # Errors
-    /// [`Error::Input`] when it is damaged.
+    /// [`Error::Input`] when it is of another version or damaged.
     pub fn new(path: &Path, part: &Part) -> Result<Self> {
-        let damaged = || Error::input(path, None, "damaged: it does not say what it is of", "make it again");
-        let settings: Settings = serde_json::from_value(part.job["settings"].clone()).map_err(|_| damaged())?;
-        let plan: Plan = serde_json::from_value(part.job["plan"].clone()).map_err(|_| damaged())?;
-        let points = part.state["points"].as_u64().ok_or_else(damaged)? as usize;
-        Ok(Self { job: part.job.clone(), settings, plan, points, summed: Default::default() })
+        part.check_version(path)?;
+        let settings: Settings = Part::parse_value(path, &part.job["settings"])?;
+        let plan: Plan = Part::parse_value(path, &part.job["plan"])?;
+        let points: u32 = Part::parse_value(path, &part.state["points"])?;
+        let damaged = |_| Error::input(path, None, "damaged: its settings are out of range", "make it again");
+        settings.validate().and_then(|()| plan.validate()).map_err(damaged)?;
+        let (blocks, points) = (blocks_of(&settings), points as usize);
+        Ok(Self { job: part.job.clone(), settings, plan, blocks, points, sums: RoundSums::default() })
     }
 
+    /// Adds the blocks that a part has of the last stage.
+    ///
     /// # Errors
     /// [`Error::Input`] when it is of another bake or damaged, or has blocks that are there already.
     pub fn add(&mut self, path: &Path, part: &Part) -> Result<()> {
         part.check(path, &self.job)?;
-        let plan = Plan { memory: memory_of(path, part)?, ..self.plan.clone() };
-        let blocks = blocks_of(&self.settings);
-        let (mut values, mut irradiance): (Vec<Node<Values>>, _) = (Vec::new(), Vec::new());
-        let all = all_rounds(&plan, &self.settings, Whose::Receivers, [1, self.points]);
-        for (number, round) in all.iter().enumerate().filter(|(_, round)| round.last) {
-            let own = summed_in(path, part, number, round.points.len(), &plan.wanted(true), blocks)?;
-            let same = values.iter().map(Node::range).eq(own.values.nodes().iter().map(Node::range));
-            if irradiance.is_empty() {
-                values = own.values.into_nodes();
+        let plan = self.plan.by(path, part)?;
+        let (mut nodes, mut direct) = (Vec::new(), Vec::new());
+        // Rounds gathered one after another, and are put side by side.
+        for round in Round::split(&plan, self.blocks, PointSet::Receivers, self.points, plan.stages()) {
+            let own = RoundSums::read(path, part, &round, &plan.wanted(true), self.blocks)?;
+            let same = nodes.iter().map(Node::range).eq(own.values.nodes().iter().map(Node::range));
+            if round.points.start == 0 {
+                nodes = own.values.into_nodes();
             } else if same {
-                values.iter_mut().zip(own.values.nodes()).for_each(|(node, further)| node.sum.append(&further.sum));
+                nodes.iter_mut().zip(own.values.nodes()).for_each(|(node, further)| node.sum.append(&further.sum));
             } else {
                 let problem = "not complete: some points are further than others";
                 return Err(Error::input(path, None, problem, "run its shard again with --resume"));
             }
-            irradiance.extend(own.irradiance);
+            direct.extend(own.direct);
         }
         let mut sum = PairwiseSum::default();
-        values.into_iter().for_each(|node| sum.insert(node).unwrap_or_else(|_| unreachable!("nodes of a tree")));
-        blocks.merge(path, &mut self.summed.values, sum)?;
-        self.summed.irradiance = irradiance;
+        nodes.into_iter().for_each(|node| sum.insert(node).unwrap_or_else(|_| unreachable!("nodes of a tree")));
+        self.blocks.merge(path, &mut self.sums.values, sum)?;
+        if !direct.is_empty() {
+            self.sums.direct = direct;
+        }
         Ok(())
     }
 
     /// # Errors
     /// [`Error::Usage`] that names the directions that no part has.
     pub fn check_whole(&self) -> Result<()> {
-        blocks_of(&self.settings).check_whole(&self.summed.values)
+        self.blocks.check_whole(&self.sums.values)
     }
 
+    /// Checks that the bake was one of `scene`, in unit space and without glass, and of `points` there. `path` is that of a part.
+    ///
     /// # Errors
     /// [`Error::Input`] that names what differs.
     pub fn check_scene(&self, path: &Path, scene: &Scene, points: &[GatherPoint]) -> Result<()> {
@@ -79,20 +88,27 @@ impl Merge {
         Part::new(self.job.clone(), Value::Null).check(path, &job)
     }
 
+    /// A value for each of `points`, those of all receivers in a row, as [`super::Bake::columns`].
+    ///
     /// # Errors
     /// As [`Self::check_whole`].
     pub fn columns(&self, points: &[GatherPoint]) -> Result<(Vec<Channel>, Vec<f32>)> {
         self.check_whole()?;
-        let values = self.summed.values.total().unwrap_or_default();
-        let columns = |&quantity: &Quantity| values.columns(quantity, self.plan.order, points, &self.summed.irradiance);
-        Ok((self.plan.what.iter().flat_map(columns).collect(), values.inside()))
+        Ok(self.plan.columns(&self.sums.values.total().unwrap_or_default(), &self.sums.direct, points))
     }
 
+    /// As [`super::Bake::job`]: `settings` and `plan` among it.
     pub fn job(&self) -> &Value {
         &self.job
     }
 
+    /// What it was baked by, with an exposure of 0.
     pub fn settings(&self) -> &Settings {
         &self.settings
+    }
+
+    /// The renderer that all parts come from, as the driver calls it.
+    pub fn renderer(&self) -> &str {
+        self.job["gl"]["renderer"].as_str().unwrap_or_default()
     }
 }

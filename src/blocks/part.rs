@@ -12,6 +12,7 @@ use std::ops::Range;
 use std::path::Path;
 
 use safetensors::tensor::{Dtype, Metadata, SafeTensors, TensorInfo};
+use serde::de::DeserializeOwned;
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 
@@ -168,6 +169,28 @@ impl<'a> Part<'a> {
             return Err(bad("damaged: its checksum is not that of its numbers"));
         }
         Ok(part)
+    }
+
+    /// Whether this version wrote it.
+    ///
+    /// # Errors
+    /// [`Error::Input`] that names the version that did.
+    pub fn check_version(&self, path: &Path) -> Result<()> {
+        let ours = env!("CARGO_PKG_VERSION");
+        if self.job["version"] == ours {
+            return Ok(());
+        }
+        let problem = format!("of version {}, and this is {ours}", self.job["version"]);
+        Err(Error::input(path, None, problem, "merge with the version that made it"))
+    }
+
+    /// A value of the job or state of a part that was read from `path`.
+    ///
+    /// # Errors
+    /// [`Error::Input`] when it is none.
+    pub fn parse_value<T: DeserializeOwned>(path: &Path, value: &Value) -> Result<T> {
+        let damaged = |_| Error::input(path, None, "damaged: it does not say what it is of", "make it again");
+        T::deserialize(value).map_err(damaged)
     }
 
     /// Whether it is about this job.

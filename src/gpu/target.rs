@@ -29,6 +29,13 @@ impl Target {
         Self::of(gpu, colors.into_iter().map(|color| (color, 0)).collect(), depth)
     }
 
+    /// Bytes that [`Self::new`] takes.
+    pub fn bytes(size: [u32; 2], colors: &[Format], depth: bool) -> usize {
+        let depth = depth.then_some(Format::Depth32F);
+        size.map(|side| side as usize).iter().product::<usize>()
+            * colors.iter().copied().chain(depth).map(Format::bytes).sum::<usize>()
+    }
+
     /// Renders into a texture, of an array the first element, beside depth of 24 bits with a stencil.
     ///
     /// # Errors

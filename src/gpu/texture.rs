@@ -57,7 +57,8 @@ impl Format {
         }
     }
 
-    fn bytes(self) -> usize {
+    /// Bytes of a texel.
+    pub fn bytes(self) -> usize {
         match self {
             Self::Rgba32F | Self::Rgba32Ui => 16,
             Self::Rg32F => 8,

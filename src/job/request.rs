@@ -182,8 +182,9 @@ impl JobRequest {
 
 /// Whether a render, or a shard of these blocks, fits into so many MiB.
 fn check_memory(allowed: u64, world: &World, settings: &Settings, shard: Option<&Range<u32>>) -> Result<()> {
+    let scene = world.flatten();
     let blocks = |settings: &Settings| shard.map_or(blocks_of(settings).count(), |shard| shard.len() as u32);
-    let of = |settings: &Settings| memory_of(world, settings, blocks(settings), shard.is_some()).div_ceil(1 << 20);
+    let of = |settings: &Settings| memory_of(&scene, settings, blocks(settings), shard.is_some()).div_ceil(1 << 20);
     let (needed, fits) = (of(settings), |settings: Settings| of(&settings) <= allowed);
     if needed <= allowed {
         return Ok(());

@@ -14,7 +14,7 @@ use crate::random::Random;
 use crate::scene::{Bvh, Mesh, RAY_OFFSET};
 
 /// Orientations told apart: the two signs of each axis.
-pub const BINS: usize = 6;
+pub(super) const BINS: usize = 6;
 
 /// Points on a cell's face of area that are probed for light.
 const PROBES: f32 = 64.0;
@@ -42,6 +42,11 @@ impl PhotonGrid {
         let cells = (bounds.extent() / cell_size).ceil().as_uvec3() + 2;
         let origin = bounds.center() - 0.5 * cell_size * cells.as_vec3();
         Self { origin, cells, cell_size, sums: vec![[0.0; 4]; BINS * cells.element_product() as usize] }
+    }
+
+    /// Bytes that [`Self::new`] takes at most, of a scene that is as wide as it is long.
+    pub fn bytes(cells: u32) -> usize {
+        BINS * (cells as usize + 2).pow(3) * size_of::<[f32; 4]>()
     }
 
     /// The bin of the side that a ray along `direction` meets at `position` on a triangle.

@@ -13,6 +13,6 @@ mod texture;
 mod trace;
 
 pub use caustics::{CausticMap, CausticPhoton};
-pub use grid::{BINS, PhotonGrid};
+pub use grid::PhotonGrid;
 pub use texture::PhotonTexture;
 pub use trace::{PhotonCounts, PhotonTracer};

@@ -32,6 +32,11 @@ impl PhotonTexture {
         Ok(Self { texture, origin: grid.origin, cells: grid.cells.as_vec3(), density: 1.0 / grid.cell_size })
     }
 
+    /// Bytes that [`Self::upload`] takes of a grid: the texture, and its texels meanwhile.
+    pub fn bytes(cells: u32) -> usize {
+        2 * PhotonGrid::bytes(cells)
+    }
+
     /// The uniforms that the shaders read.
     pub fn uniforms(&self) -> [(&'static str, Uniform<'_>); 4] {
         [

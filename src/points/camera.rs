@@ -44,6 +44,11 @@ impl CameraPoints {
         })
     }
 
+    /// Bytes that [`Self::new`] takes.
+    pub fn bytes(size: [u32; 2]) -> usize {
+        Target::bytes(size, &[Format::Rgba32F; 4], true)
+    }
+
     /// Looks through every pixel at `offset`, in [0, 1)², from its lower left corner.
     pub fn see(&self, geometry: &Geometry, camera: &Camera, offset: Vec2) -> Visible {
         let size = self.target.size().map(|side| side as f32);
@@ -80,6 +85,11 @@ impl CameraPoints {
 }
 
 impl Visible {
+    /// Bytes of so many pixels.
+    pub fn bytes(pixels: usize) -> usize {
+        4 * size_of::<Vec4>() * pixels
+    }
+
     /// Lets pixels that see no surface see what lies beyond, through their places at `offset`.
     pub fn see_beyond(&mut self, scene: &Scene, camera: &Camera, [width, height]: [u32; 2], offset: Vec2) {
         let Some(environment) = &scene.environment else { return };

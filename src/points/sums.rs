@@ -26,6 +26,11 @@ impl Sums {
         Ok(Self { target: Target::new(gpu, points, &vec![Format::Rgba32F; count], false)? })
     }
 
+    /// Bytes that [`Self::several`] takes.
+    pub fn bytes(points: [u32; 2], count: usize) -> usize {
+        count * Target::bytes(points, &[Format::Rgba32F], false)
+    }
+
     pub fn clear(&self) {
         self.target.clear([0.0; 4], 0.0);
     }

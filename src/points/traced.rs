@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use super::list::octahedral_encode;
 use super::{Points, Subset, Visible};
 use crate::error::Result;
-use crate::gpu::{Filter, Format, Gpu, Texture, Wrap};
+use crate::gpu::{Filter, Format, Gpu, Target, Texture, Wrap};
 use crate::random::{Random, Recurrence};
 use crate::scene::{Bvh, Camera, MOST_SPECULAR, Path, Scene, Split};
 
@@ -133,6 +133,11 @@ impl TracedPoints {
     pub fn upload(gpu: &Gpu, size: [u32; 2], visible: &Visible) -> Result<Self> {
         let upload = |texels: &[Vec4]| Texture::from_texels(gpu, Format::Rgba32F, size, Filter::Nearest, Wrap::Clamp, texels);
         Ok(Self { position: upload(&visible.position)?, normal: upload(&visible.normal)?, count: visible.count })
+    }
+
+    /// Bytes that [`Self::upload`] takes.
+    pub fn bytes(size: [u32; 2]) -> usize {
+        Target::bytes(size, &[Format::Rgba32F; 2], false)
     }
 
     pub fn points(&self) -> Points<'_> {

@@ -28,15 +28,11 @@ impl RenderMerge {
     /// # Errors
     /// [`Error::Input`] when it is damaged.
     pub fn new(path: &Path, part: &Part) -> Result<Self> {
-        let damaged = || Error::input(path, None, "damaged: it does not say what it is of", "make it again");
-        let mut settings: Settings = serde_json::from_value(part.job["settings"].clone()).map_err(|_| damaged())?;
-        settings.exposure = serde_json::from_value(part.state["exposure"].clone()).map_err(|_| damaged())?;
-        let space = serde_json::from_value(part.job["space"].clone()).map_err(|_| damaged())?;
-        if part.job["version"] != env!("CARGO_PKG_VERSION") {
-            let problem = format!("of version {}, and this is {}", part.job["version"], env!("CARGO_PKG_VERSION"));
-            return Err(Error::input(path, None, problem, "merge with the version that made it"));
-        }
-        settings.validate().map_err(|_| damaged())?;
+        part.check_version(path)?;
+        let mut settings: Settings = Part::parse_value(path, &part.job["settings"])?;
+        settings.exposure = Part::parse_value(path, &part.state["exposure"])?;
+        let space = Part::parse_value(path, &part.job["space"])?;
+        settings.validate().map_err(|_| Error::input(path, None, "damaged: its settings are out of range", "make it again"))?;
         Ok(Self { job: part.job.clone(), settings, space, film: FilmSum::default() })
     }
 

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use finalgather::bake::{Plan, Rough};
+use finalgather::bake::{Plan, RadianceCache};
 use finalgather::error::Result;
 use finalgather::harmonics::MAX_ORDER;
 use finalgather::job::{BakeRequest, Job, JobRequest, ReceiverKind, Work, outputs_of};
@@ -50,8 +50,8 @@ pub struct BakeArgs {
     ao_distance: Option<f32>,
 
     /// Where the light of surfaces comes from: photons, or --gather-bounces earlier gathers at the vertices of the scene
-    #[arg(long, alias = "rough", default_value = "photons", value_parser = named::<Rough>(&["photons", "gathered"]))]
-    radiance_cache: Rough,
+    #[arg(long, alias = "rough", default_value = "photons", value_parser = named::<RadianceCache>(&["photons", "gathered"]))]
+    radiance_cache: RadianceCache,
 
     /// Surfaces that reflect light between a light or the environment and the surface that a point sees: for prt, and for the gathered radiance cache
     #[arg(long, alias = "bounces", value_name = "N", default_value_t = 2, value_parser = count::<u32>)]
@@ -109,9 +109,9 @@ pub fn run(args: &BakeArgs) -> Result<u8> {
         plan: Plan {
             what,
             order: *order,
-            bounces: *gather_bounces,
+            gather_bounces: *gather_bounces,
             ao_distance: *ao_distance,
-            rough: *radiance_cache,
+            radiance_cache: *radiance_cache,
             memory: MEMORY,
         },
         light_map: LightMapOptions {

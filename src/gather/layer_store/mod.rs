@@ -18,7 +18,7 @@ use self::sort::StoreSort;
 use super::Bundle;
 use crate::error::{Error, Result};
 use crate::geometry::Geometry;
-use crate::gpu::{Format, Gpu, Texture, Uniform};
+use crate::gpu::{Format, Gpu, Target, Texture, Uniform};
 use crate::shaders;
 
 /// Texels in a row of tiles, as far as one layer is not wider.
@@ -86,8 +86,18 @@ impl LayerStore {
         Self::with(gpu, layer_size, false)
     }
 
+    /// Bytes that [`Self::new`] takes at most. Deeper scenes take more.
+    pub fn bytes(layer_size: u32) -> usize {
+        let tiles = Self::tiles_in(WIDTH, layer_size);
+        Slots::bytes([tiles * layer_size, layer_size], SLOTS) + StoreSort::bytes(layer_size, tiles, SLOTS)
+    }
+
+    fn tiles_in(width: u32, layer_size: u32) -> u32 {
+        (width / layer_size).clamp(1, shaders::BATCH as u32)
+    }
+
     fn with(gpu: &Gpu, layer_size: u32, sorts: bool) -> Result<Self> {
-        let tiles = (WIDTH.min(gpu.info().limits.max_texture_size) / layer_size).clamp(1, shaders::BATCH as u32);
+        let tiles = Self::tiles_in(WIDTH.min(gpu.info().limits.max_texture_size), layer_size);
         let kept = Kept::fitting(gpu, layer_size, tiles, SLOTS, sorts)?;
         Ok(Self { gpu: gpu.clone(), layer_size, tiles: kept.tiles, slots: SLOTS, sorts, kept: Some(kept), layers: 0 })
     }
@@ -226,5 +236,9 @@ impl Slots {
     fn new(gpu: &Gpu, size: [u32; 2], count: u32) -> Result<Self> {
         let array = |in_element| Texture::empty_array(gpu, Format::Rgba32Ui, size, count.div_ceil(in_element)).map(Rc::new);
         Ok(Self { planes: array(2)?, triangles: array(4)?, count })
+    }
+
+    fn bytes(size: [u32; 2], count: u32) -> usize {
+        (count.div_ceil(2) + count.div_ceil(4)) as usize * Target::bytes(size, &[Format::Rgba32Ui], false)
     }
 }

@@ -50,6 +50,13 @@ impl StoreSort {
         })
     }
 
+    /// Bytes that [`Self::new`] takes beside the slots.
+    pub fn bytes(layer_size: u32, tiles: u32, slots: u32) -> usize {
+        let size = [tiles.min(TILES) * layer_size, layer_size];
+        let lists = slots as usize * Target::bytes(size, &[Format::Rgba32Ui], false);
+        lists + Target::bytes(size, &[Format::R32Ui], true)
+    }
+
     /// Returns how long the longest list is, at least `granted`; what is in it beyond the slots is lost.
     pub fn fill(&mut self, geometry: &Geometry, bundles: &[Bundle], granted: u32, slots: &Slots) -> u32 {
         self.elements.iter().take(self.dirty.div_ceil(2) as usize).for_each(|element| element.clear_unsigned(0, [0; 4]));

@@ -58,9 +58,9 @@ struct Picture {
 }
 
 impl Environment {
-    /// How many texels it has.
-    pub fn texels(&self) -> usize {
-        self.picture.texels.len()
+    /// Bytes that it takes: its texels with their table of light samples, and as much again while it is read.
+    pub fn bytes(&self) -> usize {
+        self.picture.texels.len() * (2 * size_of::<Vec3>() + size_of::<f32>())
     }
 
     /// A checksum of all that it is.

@@ -1,0 +1,129 @@
+//! Sums of a bake: those of the block in progress on the GL side, and those of complete blocks as pairwise trees.
+
+use std::ops::Range;
+use std::path::Path;
+
+use glam::Vec3;
+
+use super::integrals::{Integrals, Tile, Values, Wanted};
+use super::schedule::Round;
+use crate::blocks::{Blocks, PairwiseSum, Part, Sum};
+use crate::error::{Error, Result};
+use crate::gpu::Gpu;
+use crate::points::GatherPoint;
+
+/// Points of a tile: so few that the passes over its hits, 16 MB, find them in the cache.
+pub const TILE: usize = 1 << 18;
+
+/// What the points of a round have summed.
+#[derive(Default)]
+pub struct RoundSums {
+    /// Irradiance from the lights; empty before the round begins.
+    pub direct: Vec<Vec3>,
+    /// Of complete blocks.
+    pub values: PairwiseSum<Values>,
+}
+
+/// The points of a round on the GL side, with the sums of the block in progress.
+pub struct BlockSums {
+    round: usize,
+    pub integrals: Integrals,
+    pub tiles: Vec<Tile>,
+}
+
+/// All sums.
+#[derive(Default)]
+pub struct Accumulation {
+    pub rounds: Vec<RoundSums>,
+    /// While a round is in progress.
+    pub block: Option<BlockSums>,
+}
+
+impl RoundSums {
+    pub fn put<'a>(&'a self, part: &mut Part<'a>, round: &Round) {
+        let [values, direct] = names(round);
+        part.put_tree(&values, &self.values);
+        if !self.direct.is_empty() {
+            part.put(direct, bytemuck::cast_slice(&self.direct));
+        }
+    }
+
+    /// What `part`, read from `path`, has of a round.
+    ///
+    /// # Errors
+    /// [`Error::Input`] when it is damaged.
+    pub fn read(path: &Path, part: &Part, round: &Round, wanted: &Wanted, blocks: Blocks) -> Result<Self> {
+        let ([values, direct], points) = (names(round), round.points.len());
+        let values = part.tree(path, &values, blocks, |_, planes| Values::of_planes(wanted, points, &planes))?;
+        let direct = part.get(&direct).and_then(|floats| bytemuck::try_cast_slice::<_, Vec3>(floats).ok()).unwrap_or_default();
+        if direct.len() == points || direct.is_empty() && values.blocks() == 0 {
+            return Ok(Self { direct: direct.to_vec(), values });
+        }
+        Err(Error::input(path, None, "damaged: its direct light is not that of its points", "make it again"))
+    }
+}
+
+/// The names of a round's values and direct light in a part.
+fn names(round: &Round) -> [String; 2] {
+    let stage = if round.last { "last".to_owned() } else { format!("stage{}", round.stage) };
+    ["values", "direct"].map(|what| format!("{what}.{stage}.{}", round.points.start))
+}
+
+impl BlockSums {
+    pub fn new(gpu: &Gpu, round: usize, integrals: Integrals, points: &[GatherPoint]) -> Result<Self> {
+        let tiles = points.chunks(TILE).map(|points| integrals.tile(gpu, points)).collect::<Result<Vec<_>>>()?;
+        tiles.iter().for_each(Tile::clear);
+        Ok(Self { round, integrals, tiles })
+    }
+
+    fn read(&self) -> Values {
+        let mut values = Values::default();
+        self.tiles.iter().for_each(|tile| self.integrals.read(tile, &mut values));
+        values
+    }
+}
+
+impl Accumulation {
+    /// Nothing yet, of so many rounds.
+    pub fn new(rounds: usize) -> Self {
+        Self { rounds: (0..rounds).map(|_| RoundSums::default()).collect(), block: None }
+    }
+
+    /// Adds the block in progress to its round, and begins another of the same round.
+    pub fn end_block(&mut self, gpu: &Gpu, index: u32) -> Result<()> {
+        let Some(block) = &self.block else { return Ok(()) };
+        let values = block.read();
+        gpu.check("reading sums")?;
+        self.rounds[block.round].values.insert_block(index, values);
+        block.tiles.iter().for_each(Tile::clear);
+        Ok(())
+    }
+
+    /// The block in progress, if it is one of this round.
+    fn block_of(&self, round: usize) -> Option<&BlockSums> {
+        self.block.as_ref().filter(|block| block.round == round)
+    }
+
+    /// Whether all of these rounds have sums, if only of some directions.
+    pub fn have_values(&self, mut rounds: Range<usize>) -> bool {
+        rounds.all(|round| self.rounds[round].values.blocks() > 0 || self.block_of(round).is_some())
+    }
+
+    /// Sums of these rounds so far, and direct light, in the order of their points.
+    pub fn total(&self, rounds: Range<usize>) -> (Values, Vec<Vec3>) {
+        let (mut values, mut direct) = (Values::default(), Vec::new());
+        for round in rounds {
+            let latest = self.block_of(round).map(BlockSums::read);
+            let sums = match (self.rounds[round].values.total(), latest) {
+                (Some(mut sums), Some(latest)) => {
+                    sums.add(&latest);
+                    sums
+                }
+                (sums, latest) => sums.or(latest).unwrap_or_default(),
+            };
+            values.append(&sums);
+            direct.extend(&self.rounds[round].direct);
+        }
+        (values, direct)
+    }
+}

@@ -1,0 +1,123 @@
+//! What a bake is asked for.
+
+use std::path::Path;
+
+use glam::Vec3;
+use serde::{Deserialize, Serialize};
+
+use super::integrals::{Values, Wanted};
+use crate::blocks::{Blocks, Part};
+use crate::error::{Error, Result};
+use crate::harmonics::MAX_ORDER;
+use crate::image::Channel;
+use crate::points::GatherPoint;
+use crate::quantity::Quantity;
+use crate::settings::Settings;
+use crate::shaders::BATCH;
+
+/// What a bake computes, beside [`Settings`].
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Plan {
+    pub what: Vec<Quantity>,
+    /// Bands of spherical harmonics.
+    pub order: usize,
+    /// Gathers at the scene's vertices before the last one: each adds a bounce. [`Quantity::Prt`] takes any number,
+    /// [`RadianceCache::Vertices`] at least one; nothing else has any.
+    pub gather_bounces: u32,
+    /// In world space; surfaces farther away leave a point open. `None`: no surface does.
+    pub ao_distance: Option<f32>,
+    pub radiance_cache: RadianceCache,
+    /// MiB that points and their sums may take on the GL side at a time. The sum of a point does not depend on it.
+    #[serde(skip)]
+    pub memory: usize,
+}
+
+/// Where the radiance of surfaces comes from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum RadianceCache {
+    /// The photon map.
+    #[default]
+    Photons,
+    /// Earlier gathers at the scene's vertices.
+    #[serde(rename = "gathered", alias = "vertices")]
+    Vertices,
+}
+
+impl Plan {
+    /// # Errors
+    /// [`Error::Usage`] when a number is out of range.
+    pub fn validate(&self) -> Result<()> {
+        if self.what.is_empty() {
+            return Err(Error::usage("nothing is to be baked", "name one quantity or more"));
+        }
+        if !(1..=MAX_ORDER).contains(&self.order) {
+            return Err(Error::usage(format!("order is {}", self.order), format!("give 1 to {MAX_ORDER} bands")));
+        }
+        if self.caches_radiance() && self.gather_bounces == 0 {
+            return Err(Error::usage("light gathered in place of photons, and no bounce to gather", "give 1 bounce or more"));
+        }
+        if self.ao_distance.is_some_and(|distance| !(distance > 0.0 && distance.is_finite())) {
+            return Err(Error::usage(
+                "ao-distance is no length above 0",
+                "give one in the scene's units, or leave it out for any distance",
+            ));
+        }
+        Ok(())
+    }
+
+    /// With the memory that `part`, read from `path`, was made with.
+    pub(super) fn by(&self, path: &Path, part: &Part) -> Result<Self> {
+        let memory: u32 = Part::parse_value(path, &part.state["memory"])?;
+        Ok(Self { memory: memory as usize, ..self.clone() })
+    }
+
+    pub(super) fn wants(&self, quantity: Quantity) -> bool {
+        self.what.contains(&quantity)
+    }
+
+    fn needs_radiance(&self) -> bool {
+        self.wants(Quantity::Irradiance) || self.wants(Quantity::Sh)
+    }
+
+    pub(super) fn needs_photons(&self) -> bool {
+        self.needs_radiance() && self.radiance_cache == RadianceCache::Photons
+    }
+
+    /// Whether gathers at vertices are about radiance.
+    pub(super) fn caches_radiance(&self) -> bool {
+        self.needs_radiance() && self.radiance_cache == RadianceCache::Vertices
+    }
+
+    /// Gathers at vertices, one after another, before that of the receivers.
+    pub(super) fn stages(&self) -> u32 {
+        if self.caches_radiance() || self.wants(Quantity::Prt) { self.gather_bounces } else { 0 }
+    }
+
+    /// The columns of all quantities, from sums of points and their direct light; and the share of its hemisphere in which each point saw surfaces from
+    /// behind.
+    pub(super) fn columns(&self, values: &Values, direct: &[Vec3], points: &[GatherPoint]) -> (Vec<Channel>, Vec<f32>) {
+        let columns = |&quantity: &Quantity| values.columns(quantity, self.order, points, direct);
+        (self.what.iter().flat_map(columns).collect(), values.inside())
+    }
+
+    /// What the last stage sums, or one of those before.
+    pub(super) fn wanted(&self, last: bool) -> Wanted {
+        Wanted {
+            radiance: if last { self.needs_radiance() } else { self.caches_radiance() },
+            sh: self.wants(Quantity::Sh) && last,
+            prt: self.wants(Quantity::Prt),
+            order: self.order,
+        }
+    }
+}
+
+/// How far from a vertex its gather point lies, in unit space: half a texel of a layer. Nearer to the foot of a wall, layers lose light.
+pub fn vertex_inset(settings: &Settings) -> f32 {
+    1.0 / settings.layers() as f32
+}
+
+/// How the directions of a bake fall into blocks, each of whole batches.
+pub fn blocks_of(settings: &Settings) -> Blocks {
+    Blocks::new(settings.directions, BATCH as u32)
+}

@@ -1,0 +1,237 @@
+//! The order of a bake's work: which points gather next, and along which directions. Knows no GL.
+//!
+//! A *stage* is a gather by all points of a set: each bounce is one at the scene's vertices, and the last stage is that of the receivers. A *round*
+//! is as many of these points as fit into memory, along all directions, block by block. A shard does some blocks of the last stage, but all of
+//! the stages before, on which the last depends.
+
+use std::ops::Range;
+
+use super::accumulation::RoundSums;
+use super::memory::most_points;
+use super::plan::{Plan, blocks_of};
+use crate::blocks::Blocks;
+use crate::direction::{Direction, Directions};
+use crate::settings::Settings;
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PointSet {
+    /// Of the scene: they cache what surfaces send.
+    Vertices,
+    Receivers,
+}
+
+/// Points that gather together.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Round {
+    pub set: PointSet,
+    pub points: Range<usize>,
+    /// It sees what the vertices found in the stage before.
+    pub stage: u32,
+    /// Whether it is of the last stage.
+    pub last: bool,
+}
+
+/// A block of directions in progress.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct BlockInProgress {
+    pub round: usize,
+    pub block: u32,
+    /// Its directions that are left.
+    pub left: Range<u32>,
+}
+
+pub struct Schedule {
+    directions: Directions,
+    pub blocks: Blocks,
+    /// The blocks of the last stage that are wanted.
+    pub shard: Range<u32>,
+    /// How many vertices gather, and how many receivers.
+    pub points: [usize; 2],
+    /// Receivers may be the vertices themselves.
+    receivers: PointSet,
+    /// In the order of stages.
+    pub rounds: Vec<Round>,
+    /// The stage that has begun. Only sums from the previous one on are kept.
+    pub stage: u32,
+    /// Some of its directions are done. `None` between blocks.
+    pub current: Option<BlockInProgress>,
+}
+
+impl Schedule {
+    /// Without rounds yet.
+    pub fn new(settings: &Settings, points: [usize; 2], receivers: PointSet) -> Self {
+        let (directions, blocks) = (Directions::new(settings.sequence, settings.seed), blocks_of(settings));
+        let shard = 0..blocks.count();
+        Self { directions, blocks, shard, points, receivers, rounds: Vec::new(), stage: 0, current: None }
+    }
+
+    /// Begins with the rounds of `plan`.
+    pub fn restart(&mut self, plan: &Plan) {
+        (self.rounds, self.stage, self.current) = (self.rounds_by(plan), 0, None);
+    }
+
+    /// The rounds that the points take by the memory of `plan`.
+    pub fn rounds_by(&self, plan: &Plan) -> Vec<Round> {
+        let [vertices, receivers] = self.points;
+        let bounces = (0..plan.stages()).flat_map(|stage| Round::split(plan, self.blocks, PointSet::Vertices, vertices, stage));
+        bounces.chain(Round::split(plan, self.blocks, self.receivers, receivers, plan.stages())).collect()
+    }
+
+    /// The numbers of the rounds of a stage.
+    pub fn of_stage(&self, stage: u32) -> Range<usize> {
+        let first = |stage: u32| self.rounds.partition_point(|round| round.stage < stage);
+        first(stage)..first(stage.saturating_add(1))
+    }
+
+    /// The numbers of the rounds of the last stage.
+    pub fn last(&self) -> Range<usize> {
+        self.rounds.last().map_or(0..0, |round| self.of_stage(round.stage))
+    }
+
+    /// The most points of a round.
+    pub fn largest_round(&self) -> usize {
+        self.rounds.iter().map(|round| round.points.len()).max().unwrap_or(0)
+    }
+
+    /// The block in progress, or the first that is missing in `sums`, those of each round. `None` at the end.
+    pub fn next(&self, sums: &[RoundSums]) -> Option<BlockInProgress> {
+        let first_missing = |round: usize| {
+            let block = sums[round].values.missing(self.blocks_of(round)).first()?.start;
+            Some(BlockInProgress { round, block, left: self.blocks.directions(block..block + 1) })
+        };
+        let in_stages = || {
+            let mut last = self.last();
+            let mut before = self.of_stage(self.stage.saturating_sub(1)).start..last.start;
+            // Where the last stage has all its blocks, those before are not needed.
+            let of_last = last.find_map(first_missing)?;
+            before.find_map(first_missing).or(Some(of_last))
+        };
+        self.current.clone().or_else(in_stages)
+    }
+
+    /// The next directions of a block, at most so many.
+    pub fn directions(&self, at: &BlockInProgress, most: usize) -> Vec<Direction> {
+        at.left.clone().take(most).map(|number| self.directions.get(number)).collect()
+    }
+
+    /// Directions along which the points of a round have gathered.
+    fn done(&self, round: usize, sums: &[RoundSums]) -> u32 {
+        let current = self.current.iter().filter(|at| at.round == round);
+        let current = current.map(|at| at.left.start - self.blocks.directions(at.block..at.block + 1).start);
+        self.blocks.summed(&sums[round].values) + current.sum::<u32>()
+    }
+
+    /// Directions along which all points of the last stage have gathered.
+    pub fn directions_done(&self, sums: &[RoundSums]) -> u32 {
+        self.last().map(|round| self.done(round, sums)).min().unwrap_or(0)
+    }
+
+    /// Directions of all rounds together: those that are done, and all.
+    pub fn progress(&self, sums: &[RoundSums]) -> (u64, u64) {
+        let total = |round| self.blocks.directions(self.blocks_of(round)).len() as u64;
+        let kept = self.of_stage(self.stage.saturating_sub(1)).start;
+        let done = |round| if round < kept { total(round) } else { self.done(round, sums).into() };
+        let rounds = 0..self.rounds.len();
+        (rounds.clone().map(done).sum(), rounds.map(total).sum())
+    }
+
+    /// The blocks that a round is to do.
+    fn blocks_of(&self, round: usize) -> Range<u32> {
+        if self.rounds[round].last { self.shard.clone() } else { 0..self.blocks.count() }
+    }
+}
+
+impl Round {
+    /// The rounds of a stage, for so many points by the memory of `plan`.
+    pub fn split(plan: &Plan, blocks: Blocks, set: PointSet, count: usize, stage: u32) -> impl Iterator<Item = Self> + use<> {
+        let last = stage == plan.stages();
+        let most = most_points(plan, blocks, last);
+        (0..count).step_by(most).map(move |first| Self { set, points: first..count.min(first + most), stage, last })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bake::RadianceCache;
+    use crate::bake::integrals::Values;
+    use crate::quantity::Quantity;
+
+    const VERTICES: usize = 5000;
+    const RECEIVERS: usize = 11_000;
+
+    /// Two bounces, then the receivers, in rounds of 4096 points; 20 blocks of 8 directions. Nothing is summed yet.
+    fn schedule() -> (Schedule, Vec<RoundSums>) {
+        let radiance_cache = RadianceCache::Vertices;
+        let plan =
+            Plan { what: vec![Quantity::Irradiance], order: 3, gather_bounces: 2, ao_distance: None, radiance_cache, memory: 0 };
+        let settings = Settings { directions: 157, ..Settings::default() };
+        let mut schedule = Schedule::new(&settings, [VERTICES, RECEIVERS], PointSet::Receivers);
+        schedule.restart(&plan);
+        let sums = schedule.rounds.iter().map(|_| RoundSums::default()).collect();
+        (schedule, sums)
+    }
+
+    /// Does the next block, and names it by round and block.
+    fn step(schedule: &Schedule, sums: &mut [RoundSums]) -> Option<(usize, u32)> {
+        let BlockInProgress { round, block, .. } = schedule.next(sums)?;
+        sums[round].values.insert_block(block, Values::default());
+        Some((round, block))
+    }
+
+    #[test]
+    fn rounds_have_all_points_of_each_stage_once() {
+        let (schedule, _) = schedule();
+        let of_stage = |stage: u32| &schedule.rounds[schedule.of_stage(stage)];
+        for (stage, count, set) in
+            [(0, VERTICES, PointSet::Vertices), (1, VERTICES, PointSet::Vertices), (2, RECEIVERS, PointSet::Receivers)]
+        {
+            assert!(of_stage(stage).iter().flat_map(|round| round.points.clone()).eq(0..count), "stage {stage}");
+            assert!(of_stage(stage).iter().all(|round| round.set == set && round.last == (stage == 2)), "stage {stage}");
+        }
+        assert_eq!([0, 1, 2].map(|stage| of_stage(stage).len()), [2, 2, 3]);
+        assert_eq!((schedule.last(), schedule.largest_round()), (4..7, 4096));
+    }
+
+    #[test]
+    fn rounds_come_one_after_another_and_a_shard_does_its_blocks_of_the_last_stage() {
+        let (mut schedule, mut sums) = schedule();
+        schedule.shard = 3..5;
+        let mut expected: Vec<_> = (0..4).flat_map(|round| (0..20).map(move |block| (round, block))).collect();
+        expected.extend((4..7).flat_map(|round| [(round, 3), (round, 4)]));
+        let total = 4 * 157 + 3 * 16;
+        assert_eq!(schedule.progress(&sums), (0, total));
+        assert!(std::iter::from_fn(|| step(&schedule, &mut sums)).eq(expected));
+        assert_eq!((schedule.progress(&sums), schedule.directions_done(&sums)), ((total, total), 16));
+    }
+
+    #[test]
+    fn a_stage_needs_the_one_before_and_a_complete_last_one_needs_none() {
+        let (mut schedule, mut sums) = schedule();
+        // As after a resume in the second bounce, of whose predecessor the sums are there, and no others.
+        assert_eq!((0..40).filter_map(|_| step(&schedule, &mut sums)).count(), 40);
+        schedule.stage = 1;
+        assert_eq!(step(&schedule, &mut sums), Some((2, 0)));
+        schedule.stage = 2;
+        sums[..2].fill_with(RoundSums::default);
+        assert_eq!(schedule.next(&sums).map(|at| at.round), Some(2), "what the first stage found is handed on");
+        assert_eq!(schedule.progress(&sums).0, 2 * 157 + 8);
+        let (schedule, mut sums) = self::schedule();
+        sums[4..].iter_mut().for_each(|sums| (0..20).for_each(|block| sums.values.insert_block(block, Values::default())));
+        assert_eq!(schedule.next(&sums), None);
+    }
+
+    #[test]
+    fn the_block_in_progress_comes_first() {
+        let (mut schedule, sums) = schedule();
+        let first = schedule.next(&sums).unwrap();
+        assert_eq!(first, BlockInProgress { round: 0, block: 0, left: 0..8 });
+        let half = BlockInProgress { left: 5..8, ..first };
+        schedule.current = Some(half.clone());
+        assert_eq!(schedule.next(&sums), Some(half.clone()));
+        assert_eq!(schedule.progress(&sums).0, 5);
+        let numbers = |most| schedule.directions(&half, most).iter().map(|direction| direction.vector).collect::<Vec<_>>();
+        assert_eq!((numbers(8).len(), numbers(2).len()), (3, 2));
+        assert_eq!(numbers(8)[..2], numbers(2));
+    }
+}

@@ -1,0 +1,107 @@
+//! The cache at the vertices of the scene: what was gathered there in one stage lights the surfaces that the next stage sees. It replaces the photon
+//! map, and holds the transfer by way of other surfaces. Mirrors `glsl/include/carriers.glsl`.
+//!
+//! Only fronts of surfaces have values: the back of a surface is black.
+
+use std::rc::Rc;
+
+use glam::{DVec4, Vec3};
+
+use super::hits::StoredHits;
+use super::integrals::Values;
+use super::plan::Plan;
+use crate::error::Result;
+use crate::geometry::{corner_weights, triangle_order, upload_table};
+use crate::gpu::{Format, Gpu, Texture, Uniform};
+use crate::image::Channel;
+use crate::points::{GatherPoint, Vertices};
+use crate::quantity::Quantity;
+use crate::scene::Scene;
+
+/// What the vertices have found in the stage before. By default there are none.
+#[derive(Default)]
+pub struct VertexCache {
+    /// And between which of them a hit lies, for each triangle in the order of the shaders' table.
+    vertices: Option<(Vertices, Rc<Texture>)>,
+    /// Irradiance, where it replaces photons.
+    pub radiance: Option<CachedValues>,
+    pub transfer: Option<CachedValues>,
+    /// What the vertices see, if there is memory for it.
+    pub hits: Option<StoredHits>,
+}
+
+/// Values at the vertices, on the GL side.
+pub struct CachedValues {
+    triangles: Rc<Texture>,
+    values: Texture,
+    /// Of a vertex.
+    texels: usize,
+}
+
+impl VertexCache {
+    /// `scene` is in unit space; the inset is that of [`Vertices::new`].
+    ///
+    /// # Errors
+    /// When the device's limits are below the scene's size.
+    pub fn new(gpu: &Gpu, scene: &Scene, inset: f32) -> Result<Self> {
+        let vertices = Vertices::new(&scene.mesh, inset);
+        let texels = |triangle: usize| {
+            let [a, b, c] = vertices.mesh().triangles[triangle].vertices.map(f64::from);
+            let [second, third] = corner_weights(&scene.mesh, triangle);
+            [DVec4::new(a, b, c, 0.0), second, third, DVec4::ZERO].map(|texel| texel.as_vec4().to_array())
+        };
+        let triangles = triangle_order(scene).into_iter().flat_map(texels).collect();
+        let triangles = Rc::new(upload_table(gpu, Format::Rgba32F, triangles)?);
+        Ok(Self { vertices: Some((vertices, triangles)), ..Self::default() })
+    }
+
+    /// The points that gather for it.
+    pub fn points(&self) -> &[GatherPoint] {
+        self.vertices.as_ref().map_or(&[], |(vertices, _)| vertices.points())
+    }
+
+    pub fn is_filled(&self) -> bool {
+        self.radiance.is_some() || self.transfer.is_some()
+    }
+
+    /// Replaces its values by those that a stage has found, with `direct` light.
+    ///
+    /// # Errors
+    /// When the device's limits are below their number.
+    pub fn fill(&mut self, gpu: &Gpu, plan: &Plan, values: &Values, direct: &[Vec3]) -> Result<()> {
+        let Some((vertices, triangles)) = &self.vertices else { return Ok(()) };
+        let inside = values.inside();
+        let cached = |quantity, columns| {
+            let mut all = values.columns(quantity, plan.order, vertices.points(), direct);
+            all.truncate(columns);
+            vertices.fill(&mut all, &inside);
+            CachedValues::upload(gpu, triangles, &all)
+        };
+        let transfer = plan.wants(Quantity::Prt).then(|| cached(Quantity::Prt, usize::MAX)).transpose()?;
+        // The first three columns are direct and indirect light together.
+        let radiance = plan.caches_radiance().then(|| cached(Quantity::Irradiance, 3)).transpose()?;
+        (self.radiance, self.transfer) = (radiance, transfer);
+        Ok(())
+    }
+}
+
+impl CachedValues {
+    /// Of `columns` with a value for each vertex.
+    fn upload(gpu: &Gpu, triangles: &Rc<Texture>, columns: &[Channel]) -> Result<Self> {
+        let texels = columns.len().div_ceil(4);
+        let mut values = vec![[0.0f32; 4]; columns.first().map_or(0, |column| column.samples.len()) * texels];
+        for (k, column) in columns.iter().enumerate() {
+            column.samples.iter().enumerate().for_each(|(vertex, &sample)| values[vertex * texels + k / 4][k % 4] = sample);
+        }
+        Ok(Self { triangles: triangles.clone(), values: upload_table(gpu, Format::Rgba32F, values)?, texels })
+    }
+
+    /// The uniforms that shaders read.
+    pub fn uniforms(&self) -> [(&'static str, Uniform<'_>); 3] {
+        [
+            ("carriers_of", Uniform::Texture(&self.triangles)),
+            ("carried_values", Uniform::Texture(&self.values)),
+            ("carried_texels", Uniform::Int(self.texels as i32)),
+        ]
+    }
+}
