@@ -1,5 +1,5 @@
 //! Light that was gathered at the vertices of the scene's own mesh, to be seen by the next gather: radiance of surfaces without photons, and transfer
-//! by way of other surfaces. Mirrors `glsl/include/carriers.glsl`.
+//! by way of other surfaces. Mirrors `glsl/include/vertex_cache.glsl`.
 //!
 //! Only fronts carry it: the back of a surface is black to it.
 
@@ -71,9 +71,9 @@ impl Carriers {
     /// The uniforms that shaders read of `carried`.
     pub fn uniforms<'a>(&'a self, carried: &'a Carried) -> [(&'static str, Uniform<'a>); 3] {
         [
-            ("carriers_of", Uniform::Texture(&self.triangles)),
-            ("carried_values", Uniform::Texture(&carried.values)),
-            ("carried_texels", Uniform::Int(carried.texels as i32)),
+            ("cache_vertices", Uniform::Texture(&self.triangles)),
+            ("cached_values", Uniform::Texture(&carried.values)),
+            ("cached_texels", Uniform::Int(carried.texels as i32)),
         ]
     }
 }

@@ -25,21 +25,21 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
 use self::carriers::{Carried, Carriers};
-use self::integrals::{Integrals, Rough as Seen, Seen as Pass, Tile, Values, Wanted};
+use self::integrals::{IntegralInputs, Integrals, SurfaceRadiance, Tile, Values, Wanted};
 use self::rounds::{Round, Whose, all_rounds, keeps, largest};
 use crate::blocks::{Blocks, Node, PairwiseSum, Part, Sum, sha256};
 use crate::direct::Direct;
 use crate::direction::{Direction, Directions};
 use crate::error::{Error, Result};
-use crate::gather::{Beyond, ExactFind, Find, FusedFind, KeptHits, KillFind, KillGather, RayFind};
+use crate::gather::{HitFinder, MissRadiance, Recorder, StoredHits, hit_finder};
 use crate::gpu::Gpu;
 use crate::harmonics::MAX_ORDER;
 use crate::image::Channel;
 use crate::photon::PhotonCounts;
-use crate::points::{GatherPoint, PointList, Sums};
+use crate::points::{Accumulator, GatherPoint, PointList};
 use crate::prepared::{Photons, Prepared};
 use crate::quantity::Quantity;
-use crate::settings::{DIRECTIONS_PER_PHOTON_MAP, Pipeline, Settings};
+use crate::settings::{DIRECTIONS_PER_PHOTON_MAP, Settings};
 use crate::shaders::BATCH;
 
 /// Points of a tile: few enough that its hits, 16 MB, are still at hand for the passes that read them.
@@ -103,7 +103,7 @@ pub struct Bake {
     points: Vec<GatherPoint>,
     directions: Directions,
     /// For the most points at a time, once there are some.
-    find: Option<Box<dyn Find>>,
+    finder: Option<(Recorder, Box<dyn HitFinder>)>,
     direct: Direct,
     photons: Option<Photons>,
     carriers: Option<Carriers>,
@@ -136,7 +136,7 @@ struct Held {
 #[derive(Default)]
 struct Kept {
     /// Of each batch of directions, by its first, for each tile.
-    hits: BTreeMap<u32, Vec<KeptHits>>,
+    hits: BTreeMap<u32, Vec<StoredHits>>,
     /// From the lights.
     irradiance: Vec<Vec3>,
 }
@@ -259,7 +259,7 @@ impl Bake {
             plan: plan.clone(),
             prepared,
             points,
-            find: None,
+            finder: None,
             photons,
             carriers,
             summed: all.iter().map(|_| Summed::default()).collect(),
@@ -476,7 +476,7 @@ impl Bake {
 
     /// Gives memory back that it can do without, if any.
     fn shrink(&mut self) -> bool {
-        self.kept.take().is_some() || self.find.as_mut().is_some_and(|find| find.shrink()) || self.take_fewer_points()
+        self.kept.take().is_some() || self.finder.as_mut().is_some_and(|(_, finder)| finder.shrink()) || self.take_fewer_points()
     }
 
     /// Half as many at a time. But a block is of all points of a round: where some are done it is too late.
@@ -495,7 +495,7 @@ impl Bake {
         self.rounds = self.all_rounds(&self.plan);
         self.summed = self.rounds.iter().map(|_| Summed::default()).collect();
         self.kept = keeps(&self.plan, &self.settings, &self.rounds).then(Kept::default);
-        self.find = None;
+        self.finder = None;
         self.statistics.rounds = self.rounds.len();
     }
 
@@ -605,7 +605,7 @@ impl Bake {
         } else if irradiance.is_empty() {
             for tile in &tiles {
                 let points = tile.list.points();
-                let sums = Sums::new(&self.gpu, points.size())?;
+                let sums = Accumulator::new(&self.gpu, points.size())?;
                 sums.clear();
                 for sample in 0..u64::from(self.settings.light_samples) {
                     self.direct.add(&self.prepared.geometry, &self.prepared.lights, sample, points, &sums);
@@ -634,48 +634,49 @@ impl Bake {
             self.statistics.seconds.photons += start.elapsed().as_secs_f64();
         }
         let start = Instant::now();
-        let find = match &mut self.find {
-            Some(find) => find,
-            none => none.insert(find_by(&self.gpu, &self.settings, &self.prepared, largest(&self.rounds).min(TILE))?),
+        let Prepared { scene, geometry, bvh, .. } = &self.prepared;
+        let (recorder, finder) = match &mut self.finder {
+            Some(finder) => finder,
+            none => {
+                let size = PointList::size(largest(&self.rounds).min(TILE));
+                // Layers make do with what memory hits leave.
+                let recorder = Recorder::new(&self.gpu, self.settings.pipeline, size)?;
+                none.insert((recorder, hit_finder(&self.gpu, &self.settings, scene, bvh, size, true)?))
+            }
         };
-        let count = (find.batch() as u32).min(walk.left.len() as u32);
+        let count = (finder.batch() as u32).min(walk.left.len() as u32);
         let mut batch: Vec<Direction> = (first..first + count).map(|number| self.directions.get(number)).collect();
-        let geometry = &self.prepared.geometry;
         let of_carriers = self.rounds[walk.round].whose == Whose::Carriers;
         let mut kept = self.kept.as_mut().filter(|_| of_carriers).map(|kept| &mut kept.hits);
-        let known = kept.as_ref().and_then(|kept| kept.get(&first)?.first()).map(KeptHits::directions);
+        let known = kept.as_ref().and_then(|kept| kept.get(&first)?.first()).map(StoredHits::directions);
         let taken = match known {
             Some(taken) => taken,
-            None => {
-                let begun = find.begin(geometry, &batch)?;
-                self.statistics.layers_max = self.statistics.layers_max.max(begun.layers);
-                begun.directions
-            }
+            None => finder.begin(geometry, &batch)?,
         };
         batch.truncate(taken);
         let carriers = self.carriers.as_ref();
-        let rough = match (carriers.zip(self.carried.irradiance.as_ref()), &self.photons) {
-            (Some((carriers, carried)), _) => Seen::Gathered(carriers, carried),
-            (None, Some(photons)) => Seen::Photons(&photons.texture),
-            (None, None) => Seen::Black,
+        let radiance = match (carriers.zip(self.carried.irradiance.as_ref()), &self.photons) {
+            (Some((carriers, carried)), _) => SurfaceRadiance::Cached(carriers, carried),
+            (None, Some(photons)) => SurfaceRadiance::Photons(&photons.texture),
+            (None, None) => SurfaceRadiance::Black,
         };
         let open_distance = self.plan.ao_distance.map_or(f32::MAX, |length| self.prepared.space.length_to_unit(length));
-        let beyond = &Beyond::new(&self.prepared.scene, batch.iter().map(|direction| direction.vector));
+        let miss = &MissRadiance::new(scene, &batch);
         let transfer = carriers.zip(self.carried.transfer.as_ref());
         for (index, tile) in walk.tiles.iter().enumerate() {
             let points = tile.list.points();
-            let hits = match &mut kept {
-                None => find.find(geometry, points)?,
+            let found = match &mut kept {
+                None => recorder.record(finder.find(geometry, points)?, points),
                 Some(kept) => {
                     let kept = kept.entry(first).or_default();
                     if known.is_none() {
-                        find.find(geometry, points)?;
-                        kept.push(find.keep()?);
+                        kept.push(recorder.keep(&finder.find(geometry, points)?, points)?);
                     }
-                    kept[index].hits()
+                    kept[index].found()
                 }
             };
-            walk.integrals.add(tile, &Pass { geometry, hits, beyond, points, rough, transfer, open_distance });
+            self.statistics.layers_max = self.statistics.layers_max.max(found.layers);
+            walk.integrals.add(tile, &IntegralInputs { geometry, found, miss, points, radiance, transfer, open_distance });
         }
         self.gpu.finish();
         self.gpu.check("gathering")?;
@@ -752,18 +753,6 @@ fn tree(round: usize) -> String {
 /// and of its direct light.
 fn light(round: usize) -> String {
     format!("light{round}")
-}
-
-/// A way to find hits, of so many points at a time.
-fn find_by(gpu: &Gpu, settings: &Settings, prepared: &Prepared, points: usize) -> Result<Box<dyn Find>> {
-    let (layers, size) = (settings.layers(), PointList::size(points));
-    Ok(match settings.pipeline {
-        Pipeline::Fused => Box::new(FusedFind::new(gpu, layers, size)?),
-        Pipeline::Kill => Box::new(KillFind::new(KillGather::new(gpu, layers, size, settings.stop_fraction)?)),
-        Pipeline::EarlyKill => Box::new(KillFind::new(KillGather::early(gpu, layers, size, settings.stop_fraction)?)),
-        Pipeline::RaycastGl => Box::new(RayFind::new(gpu, &prepared.scene, size)?),
-        Pipeline::Raycast => Box::new(ExactFind::new(gpu, &prepared.scene, prepared.bvh.clone())),
-    })
 }
 
 /// MiB that a part was made with.
