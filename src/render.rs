@@ -33,6 +33,7 @@ use crate::photon_map::PhotonMap;
 use crate::points::{Accumulator, CameraPoints, EyeRays, GatherPoint, Interleave, Points, TracedPoints, Visible};
 use crate::prepared::{Photons, Prepared};
 use crate::random::sobol;
+use crate::reference::Reference;
 use crate::scene::{Camera, Scene, UnitSpace};
 use crate::settings::{DIRECTIONS_PER_PHOTON_MAP, Estimator, PointSource, Settings};
 
@@ -72,9 +73,8 @@ struct Passes {
     direct_sums: Accumulator,
     rough: PhotonMap,
     interleave: Interleave,
-    gather: IrradianceGather,
     /// Of the block in progress.
-    gathered_sums: Accumulator,
+    gather: IrradianceGather,
     /// Of the layer view, once there is one.
     shown: Option<layers::Apart>,
 }
@@ -163,7 +163,7 @@ impl Render {
         let mut passes = Passes::new(gpu, &gathered, settings)?;
 
         let start = Instant::now();
-        let photons = Photons::new(gpu, [&all, &gathered], settings, || passes.gather.finder.shrink())?;
+        let photons = Photons::new(gpu, [&all, &gathered], settings, || passes.gather.shrink())?;
         let mut statistics = Statistics {
             scene: SceneCounts { triangles: scene.mesh.triangles.len(), lights: all.lights.count() },
             photons: photons.counts,
@@ -327,7 +327,7 @@ impl Render {
         self.gather_some().or_else(|error| {
             // What a device did that failed is gone, or not to be trusted.
             self.done = before;
-            if self.gpu.goes_on(&error) && self.passes.gather.finder.shrink() { Ok(()) } else { Err(error) }
+            if self.gpu.goes_on(&error) && self.passes.gather.shrink() { Ok(()) } else { Err(error) }
         })
     }
 
@@ -404,7 +404,7 @@ impl Render {
         let caustics = self.caustics(index, &visible);
         self.statistics.seconds.caustics += start.elapsed().as_secs_f64();
 
-        self.passes.gathered_sums.clear();
+        self.passes.gather.begin(points);
         self.statistics.gather.points = visible.count;
         self.statistics.gather.cut += u64::from(visible.cut);
         let mut left: Vec<u32> = directions.rev().collect();
@@ -427,7 +427,7 @@ impl Render {
 
     fn gather_directions(&mut self, block: &mut Block) -> Result<()> {
         let start = Instant::now();
-        let batch = self.passes.gather.finder.batch();
+        let batch = self.passes.gather.batch();
         let subset_of = |&direction: &u32| self.passes.interleave.subset(direction, block.index);
         let Some(subset) = block.left.last().map(subset_of) else { return Ok(()) };
         let numbers: Vec<u32> =
@@ -440,9 +440,10 @@ impl Render {
         };
         let directions: Vec<Direction> = numbers.iter().map(turned).collect();
         let points = self.passes.source.points(&block.visible).only(subset);
-        let Prepared { scene, geometry, .. } = &*self.gathered;
-        let inputs = GatherInputs { scene, geometry, photons: &self.photons.texture, points };
-        let layers = self.passes.gather.add(inputs, &directions, &self.passes.gathered_sums)?;
+        let Prepared { scene, geometry, bvh, .. } = &*self.gathered;
+        let oracle = Reference::new(scene, bvh, &self.photons.grid);
+        let inputs = GatherInputs { scene, geometry, photons: &self.photons.texture, oracle, points };
+        let layers = self.passes.gather.add(inputs, &directions)?;
         self.statistics.seconds.gather += self.finish("final gathering", start)?;
         block.left.truncate(block.left.len() - numbers.len());
         block.taken[subset.index()] += numbers.len() as u32;
@@ -452,10 +453,10 @@ impl Render {
     }
 
     fn film_of(&self, block: &Block) -> Film {
-        let mut gathered = self.passes.interleave.in_order(self.passes.gathered_sums.read());
+        let mut gathered = self.passes.gather.read();
         if self.settings.estimator == Estimator::Plain {
             // The weights' expected sum in place of their own: over the sphere, the mean of max(n·d, 0) is 1/4, that of |n·d| 1/2.
-            let mean = if self.passes.gather.finder.both_ends() { 0.5 } else { 0.25 };
+            let mean = if self.passes.gather.both_ends() { 0.5 } else { 0.25 };
             let taken = |pixel| block.taken[self.passes.interleave.subset_of(pixel).index()];
             gathered.iter_mut().enumerate().for_each(|(pixel, sum)| sum.w = mean * taken(pixel) as f32);
         }
@@ -565,10 +566,9 @@ impl Passes {
         let direct_sums = Accumulator::new(gpu, points)?;
         let rough = PhotonMap::new(gpu, points)?;
         let interleave = Interleave::new(settings.interleave, points, settings.seed);
-        // Sums first: what gathers makes do with the memory that is left.
-        let gathered_sums = Accumulator::new(gpu, interleave.sums_size())?;
-        let gather = IrradianceGather::new(gpu, settings, &gathered.scene, &gathered.bvh, interleave.tile())?;
-        Ok(Self { source, direct, direct_sums, rough, interleave, gather, gathered_sums, shown: None })
+        // It makes do with the memory that is left.
+        let gather = IrradianceGather::new(gpu, settings, &gathered.scene, &gathered.bvh, interleave)?;
+        Ok(Self { source, direct, direct_sums, rough, interleave, gather, shown: None })
     }
 }
 

@@ -641,7 +641,7 @@ impl Bake {
                 let size = PointList::size(largest(&self.rounds).min(TILE));
                 // Layers make do with what memory hits leave.
                 let recorder = Recorder::new(&self.gpu, self.settings.pipeline, size)?;
-                none.insert((recorder, hit_finder(&self.gpu, &self.settings, scene, bvh, size, true)?))
+                none.insert((recorder, hit_finder(&self.gpu, &self.settings, scene, bvh, size)?))
             }
         };
         let count = (finder.batch() as u32).min(walk.left.len() as u32);

@@ -8,7 +8,7 @@ use crate::direction::Direction;
 use crate::error::Result;
 use crate::gather::{GatherInputs, IrradianceGather};
 use crate::math::cosine_direction;
-use crate::points::{Accumulator, GatherPoint};
+use crate::points::{GatherPoint, Interleave};
 use crate::random::{Random, Recurrence};
 use crate::reference::Reference;
 use crate::settings::{Pipeline, Settings};
@@ -55,10 +55,9 @@ impl Contestant {
         let Some(pipeline) = self.pipeline else {
             return Ok(Entrant::CosineRays { sums: vec![Vec4::ZERO; bench.pixels.len()], seed, taken: 0 });
         };
-        let (settings, size) = (Settings { pipeline, ..bench.settings.clone() }, bench.points().size());
-        let sums = Accumulator::new(&bench.gpu, size)?;
-        let gather = IrradianceGather::new(&bench.gpu, &settings, &bench.scene, &bench.bvh, size)?;
-        Ok(Entrant::Shared { gather, sums })
+        let settings = Settings { pipeline, ..bench.settings.clone() };
+        let all = Interleave::new(1, bench.points().size(), 0);
+        Ok(Entrant::Shared(IrradianceGather::new(&bench.gpu, &settings, &bench.scene, &bench.bvh, all)?))
     }
 }
 
@@ -86,7 +85,7 @@ impl CountedRays {
 /// A contestant with its sums.
 pub(super) enum Entrant {
     /// Along directions that all points share.
-    Shared { gather: IrradianceGather, sums: Accumulator },
+    Shared(IrradianceGather),
     /// Row by row from the bottom, as the GL side has them.
     CosineRays { sums: Vec<Vec4>, seed: u64, taken: u64 },
 }
@@ -94,8 +93,8 @@ pub(super) enum Entrant {
 impl Entrant {
     pub fn rays(&self) -> CountedRays {
         match self {
-            Self::Shared { gather, .. } if gather.finder.both_ends() => CountedRays::BothEnds,
-            Self::Shared { .. } => CountedRays::OneEnd,
+            Self::Shared(gather) if gather.both_ends() => CountedRays::BothEnds,
+            Self::Shared(_) => CountedRays::OneEnd,
             Self::CosineRays { .. } => CountedRays::Own,
         }
     }
@@ -103,15 +102,15 @@ impl Entrant {
     /// How many directions it takes at once.
     pub fn batch(&self) -> usize {
         match self {
-            Self::Shared { gather, .. } => gather.finder.batch(),
+            Self::Shared(gather) => gather.batch(),
             Self::CosineRays { .. } => 1,
         }
     }
 
     /// Begins anew.
-    pub fn clear(&mut self) {
+    pub fn begin(&mut self, bench: &Bench) {
         match self {
-            Self::Shared { sums, .. } => sums.clear(),
+            Self::Shared(gather) => gather.begin(bench.points()),
             Self::CosineRays { sums, taken, .. } => {
                 sums.fill(Vec4::ZERO);
                 *taken = 0;
@@ -121,13 +120,13 @@ impl Entrant {
 
     /// Gathers and returns the most layers of a direction, 0 where nothing is peeled.
     pub fn gather(&mut self, bench: &Bench, directions: &[Direction]) -> Result<u32> {
+        let Bench { scene, geometry, photons, .. } = bench;
+        let oracle = Reference::new(scene, &bench.bvh, &bench.grid);
         match self {
-            Self::Shared { gather, sums } => {
-                let Bench { scene, geometry, photons, .. } = bench;
-                gather.add(GatherInputs { scene, geometry, photons, points: bench.points() }, directions, sums)
+            Self::Shared(gather) => {
+                gather.add(GatherInputs { scene, geometry, photons, oracle, points: bench.points() }, directions)
             }
             Self::CosineRays { sums, seed, taken } => {
-                let rays = Reference::new(&bench.scene, &bench.bvh, &bench.grid);
                 let (set, seed) = (Recurrence::<2>::new(*seed), *seed);
                 let numbers = *taken..*taken + directions.len() as u64;
                 let cast = |(i, (point, sum)): (usize, (&Option<GatherPoint>, &mut Vec4))| {
@@ -137,7 +136,7 @@ impl Entrant {
                     for number in numbers.clone() {
                         let [u, v] = set.point(number);
                         let direction = cosine_direction(point.normal, (u + shift[0]).fract(), (v + shift[1]).fract());
-                        let sample = rays.sample(point, direction).as_vec4();
+                        let sample = oracle.sample(point, direction).as_vec4();
                         // Its density is the weight; under the surface there is neither.
                         *sum += if sample.w > 0.0 { sample / sample.w } else { Vec4::ZERO };
                     }
@@ -152,7 +151,7 @@ impl Entrant {
     /// rgb Σ radiance × weight, a Σ weight, in the order of [`Bench::pixels`].
     pub fn sums(&self) -> Vec<Vec4> {
         match self {
-            Self::Shared { sums, .. } => sums.read(),
+            Self::Shared(gather) => gather.read(),
             Self::CosineRays { sums, .. } => sums.clone(),
         }
     }

@@ -245,7 +245,7 @@ impl Bench {
     /// As [`Self::measure`].
     pub fn converging(&self, contestant: &Contestant, seed: u64) -> Result<Converging<'_>> {
         let mut entrant = contestant.enter(self, seed)?;
-        entrant.clear();
+        entrant.begin(self);
         Ok(Converging { bench: self, entrant, sequence: Directions::new(self.settings.sequence, seed), done: 0 })
     }
 
@@ -275,7 +275,7 @@ impl Bench {
 
     /// Seconds of a round and the most layers of its directions.
     fn timed(&self, entrant: &mut Entrant, directions: &[Direction]) -> Result<(f64, u32)> {
-        entrant.clear();
+        entrant.begin(self);
         self.gpu.finish();
         let start = Instant::now();
         let layers = entrant.gather(self, directions)?;
@@ -286,7 +286,7 @@ impl Bench {
     }
 
     fn device_times(&self, entrant: &mut Entrant, directions: &[Direction]) -> Result<DeviceTimes> {
-        entrant.clear();
+        entrant.begin(self);
         self.gpu.finish();
         let clock = StageClock::start(&self.gpu);
         let start = Instant::now();

@@ -14,6 +14,7 @@
 
 mod bundle;
 mod cpu_rays;
+mod irradiance;
 mod kill;
 mod layer_store;
 mod layers;
@@ -29,6 +30,7 @@ use glam::Vec4;
 
 pub use bundle::Bundle;
 pub use cpu_rays::CpuRayFinder;
+pub use irradiance::{GatherInputs, IrradianceGather};
 pub use kill::Kill;
 pub use layer_store::{Filled, LayerStore};
 pub use layers::LayerFinder;
@@ -42,11 +44,10 @@ use crate::direction::Direction;
 use crate::error::Result;
 use crate::geometry::Geometry;
 use crate::gpu::{Gpu, Uniform};
-use crate::photon::PhotonTexture;
-use crate::points::{Accumulator, Points};
+use crate::points::Points;
 use crate::scene::{Bvh, Scene};
 use crate::settings::{Pipeline, Settings};
-use crate::shaders::{Albedo, Consumer, Finder, HitRadiance};
+use crate::shaders::Finder;
 
 /// A way to find hits: what each point sees along each direction of a batch.
 pub trait HitFinder {
@@ -108,26 +109,18 @@ fn shader_of(pipeline: Pipeline) -> Finder {
     }
 }
 
-/// The finder of the settings' pipeline, for point textures of one size. `scene` is in unit space, and `bvh` of its mesh. Rays on the CPU take both ends
-/// of a direction only if `both_ends`; other finders have no choice.
+/// The finder of the settings' pipeline, for point textures of one size. `scene` is in unit space, and `bvh` of its mesh.
 ///
 /// # Errors
 /// When a size is beyond the device's limits.
-pub fn hit_finder(
-    gpu: &Gpu,
-    settings: &Settings,
-    scene: &Scene,
-    bvh: &Rc<Bvh>,
-    points: [u32; 2],
-    both_ends: bool,
-) -> Result<Box<dyn HitFinder>> {
+pub fn hit_finder(gpu: &Gpu, settings: &Settings, scene: &Scene, bvh: &Rc<Bvh>, points: [u32; 2]) -> Result<Box<dyn HitFinder>> {
     let kill = |kill| KillFinder::new(gpu, settings.layers(), kill, settings.stop_fraction);
     Ok(match settings.pipeline {
         Pipeline::Fused => Box::new(LayerFinder::new(gpu, settings.layers())?),
         Pipeline::Kill => Box::new(kill(Kill::new(gpu, points)?)?),
         Pipeline::EarlyKill => Box::new(kill(Kill::early(gpu, points)?)?),
         Pipeline::RaycastGl => Box::new(RayFinder::new(gpu, scene)?),
-        Pipeline::Raycast => Box::new(CpuRayFinder::new(gpu, scene, Rc::clone(bvh), both_ends)),
+        Pipeline::Raycast => Box::new(CpuRayFinder::new(gpu, scene, Rc::clone(bvh))),
     })
 }
 
@@ -154,53 +147,5 @@ impl MissRadiance {
     /// The uniforms of `glsl/include/hits.glsl`.
     pub fn uniforms(&self) -> [(&'static str, Uniform<'_>); 2] {
         [("miss_along", Uniform::Vec4s(&self.along)), ("miss_against", Uniform::Vec4s(&self.against))]
-    }
-}
-
-/// What [`IrradianceGather::add`] reads.
-#[derive(Clone, Copy)]
-pub struct GatherInputs<'a> {
-    /// In unit space.
-    pub scene: &'a Scene,
-    pub geometry: &'a Geometry,
-    pub photons: &'a PhotonTexture,
-    pub points: Points<'a>,
-}
-
-/// Irradiance from the photon map, by any finder. Mirrors `glsl/consumer/irradiance.glsl`.
-pub struct IrradianceGather {
-    pub finder: Box<dyn HitFinder>,
-    pass: GatherPass,
-}
-
-impl IrradianceGather {
-    /// With the finder that [`hit_finder`] makes; rays on the CPU take one end of each direction.
-    ///
-    /// # Errors
-    /// As [`hit_finder`].
-    pub fn new(gpu: &Gpu, settings: &Settings, scene: &Scene, bvh: &Rc<Bvh>, points: [u32; 2]) -> Result<Self> {
-        let consumer = Consumer::Irradiance(HitRadiance::Photons(Albedo::of(!scene.textures.is_empty())));
-        let pass = GatherPass::new(gpu, shader_of(settings.pipeline), consumer)?;
-        Ok(Self { finder: hit_finder(gpu, settings, scene, bvh, points, false)?, pass })
-    }
-
-    /// Gathers along `directions` and adds to `sums`: rgb Σ radiance × weight, a Σ weight. Returns the most layers that were peeled for one of the
-    /// directions, 0 where none were.
-    ///
-    /// # Errors
-    /// [`crate::Error::Gl`] when the device is too small for the scene.
-    pub fn add(&mut self, inputs: GatherInputs, directions: &[Direction], sums: &Accumulator) -> Result<u32> {
-        let GatherInputs { scene, geometry, photons, points } = inputs;
-        let (mut most, mut left) = (0, directions);
-        while !left.is_empty() {
-            let batch = &left[..left.len().min(self.finder.batch())];
-            let (batch, later) = left.split_at(self.finder.begin(geometry, batch)?);
-            let miss = MissRadiance::new(scene, batch);
-            let found = self.finder.find(geometry, points)?;
-            let uniforms = [&geometry.uniforms()[..], &photons.uniforms(), &miss.uniforms()].concat();
-            self.pass.add(&found, points, sums, &uniforms);
-            (most, left) = (most.max(found.layers), later);
-        }
-        Ok(most)
     }
 }

@@ -98,13 +98,13 @@ impl Texture {
         Self::new(gpu, glow::TEXTURE_2D, format, [width, height, 1], filter, wrap, Some(bytemuck::cast_slice(texels)))
     }
 
-    /// An array of `count` 2D textures of `texels`, one after the other, with nearest filtering.
+    /// An array of one 2D texture of `texels`, with nearest filtering.
     ///
     /// # Errors
     /// As [`Self::empty`].
-    pub fn array<T: Pod>(gpu: &Gpu, format: Format, [width, height]: [u32; 2], count: u32, texels: &[T]) -> Result<Self> {
+    pub fn array_of_one<T: Pod>(gpu: &Gpu, format: Format, [width, height]: [u32; 2], texels: &[T]) -> Result<Self> {
         let texels = Some(bytemuck::cast_slice(texels));
-        Self::new(gpu, glow::TEXTURE_2D_ARRAY, format, [width, height, count], Filter::Nearest, Wrap::Clamp, texels)
+        Self::new(gpu, glow::TEXTURE_2D_ARRAY, format, [width, height, 1], Filter::Nearest, Wrap::Clamp, texels)
     }
 
     /// A 3D texture of `texels`, x fastest, with linear filtering clamped at the edge.

@@ -47,18 +47,10 @@ impl<'a> Points<'a> {
         self.subset.size([self.position.width(), self.position.height()])
     }
 
-    /// The points themselves, row by row from the bottom, as many as [`Self::size`] says.
+    /// All points, whatever the subset, row by row from the bottom.
     pub fn read(&self) -> Vec<Option<GatherPoint>> {
         let (position, normal) = (self.position.read::<Vec4>(), self.normal.read::<Vec4>());
-        let [width, height] = [self.position.width(), self.position.height()];
-        let Subset { stride, offset } = self.subset;
-        let columns = self.size()[0];
-        let decode = |place: u32| {
-            let [x, y] = [place % columns * stride + offset[0], place / columns * stride + offset[1]];
-            let texel = (y * width + x) as usize;
-            if x < width && y < height { GatherPoint::decode(position[texel], normal[texel]) } else { None }
-        };
-        (0..columns * self.size()[1]).into_par_iter().map(decode).collect()
+        position.par_iter().zip(&normal).map(|(&position, &normal)| GatherPoint::decode(position, normal)).collect()
     }
 
     /// Runs a full-screen pass of `program` over the points. Each subset of points has a tile of its own in the target.
