@@ -19,7 +19,7 @@ pub struct Directions {
 }
 
 /// One direction of a sequence.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Direction {
     /// Unit vector from a gather point towards what it gathers.
     pub vector: Vec3,

@@ -14,15 +14,17 @@ use super::resource::Resource;
 use super::texture::Texture;
 use crate::error::{Error, Result};
 
-/// A program as text. Lines `#include "file.glsl"` are replaced by that file from `glsl/include/`.
+/// A program as text. A line `#include "folder/file.glsl"` is replaced by that file of `glsl/`, the first time that it is compiled in a stage. A define
+/// with a value stands for it in the name: `#include "finder/FINDER.glsl"`.
+#[derive(Clone, Debug)]
 pub struct ShaderSource {
     /// For messages.
     pub name: &'static str,
     pub vertex: &'static str,
     pub fragment: &'static str,
-    /// Names that both stages find defined, for variants: software drivers run all branches for all fragments, so that what a draw can do
-    /// without has no place in its program.
-    pub defines: &'static [&'static str],
+    /// What both stages find defined, as `NAME` or `NAME value`, for variants: software drivers run all branches for all fragments, so a program leaves out
+    /// what its draws do not need.
+    pub defines: Vec<String>,
     /// `(file name, text)` of every file that may be included.
     pub includes: &'static [(&'static str, &'static str)],
 }
@@ -46,7 +48,7 @@ pub enum Uniform<'a> {
 /// A linked program.
 pub struct Program {
     program: Resource<glow::NativeProgram>,
-    name: &'static str,
+    name: String,
     uniforms: Vec<(String, glow::NativeUniformLocation)>,
     pace: Pace,
 }
@@ -74,22 +76,24 @@ impl ShaderSource {
     /// # Errors
     /// [`Error::Gl`] when an included file does not exist.
     pub fn resolve(&self) -> Result<(String, String)> {
-        self.resolve_with(&[])
-    }
-
-    /// The same with more defines.
-    ///
-    /// # Errors
-    /// As [`Self::resolve`].
-    pub fn resolve_with(&self, more: &[String]) -> Result<(String, String)> {
         let stage = |embedded| {
             let text = current(embedded);
             let (version, rest) = text.split_once('\n').unwrap_or((&text, ""));
-            let defines = self.defines.iter().copied().chain(more.iter().map(String::as_str));
-            let defines: String = defines.map(|name| format!("#define {name}\n")).collect();
+            let defines: String = self.defines.iter().map(|name| format!("#define {name}\n")).collect();
             Ok(format!("{version}\n{defines}{}", self.resolve_stage(rest)?))
         };
         Ok((stage(self.vertex)?, stage(self.fragment)?))
+    }
+
+    /// Whether its shaders write to images, for contexts that [`Gpu::writes_images`].
+    pub fn writes_images(&self) -> bool {
+        self.fragment.starts_with("#version 420")
+    }
+
+    /// The name and the defines.
+    fn label(&self) -> String {
+        let defines = if self.defines.is_empty() { String::new() } else { format!(" ({})", self.defines.join(", ")) };
+        format!("{}{defines}", self.name)
     }
 
     fn resolve_stage(&self, text: &str) -> Result<String> {
@@ -98,12 +102,16 @@ impl ShaderSource {
             match line.strip_prefix("#include ") {
                 None => resolved.push_str(line),
                 Some(file) => {
-                    let file = file.trim().trim_matches('"');
+                    let values = self.defines.iter().filter_map(|define| define.split_once(' '));
+                    let file = file.trim().trim_matches('"').to_owned();
+                    let file = values.fold(file, |file, (name, value)| file.replace(name, value));
                     let found = self.includes.iter().find(|(name, _)| *name == file);
                     let (_, text) = found.ok_or_else(|| {
                         Error::gl(format!("shader {} includes {file}, which does not exist", self.name), "report this")
                     })?;
-                    resolved.push_str(&self.resolve_stage(&current(text))?);
+                    let guard = format!("INCLUDED_{}", file.replace(['/', '.'], "_"));
+                    let text = self.resolve_stage(&current(text))?;
+                    resolved.push_str(&format!("#ifndef {guard}\n#define {guard}\n{text}#endif"));
                 }
             }
             resolved.push('\n');
@@ -116,16 +124,8 @@ impl Program {
     /// # Errors
     /// [`Error::Gl`] with the driver's log and the numbered source when it does not compile or link.
     pub fn new(gpu: &Gpu, source: &ShaderSource) -> Result<Self> {
-        Self::with(gpu, source, &[])
-    }
-
-    /// Of a source that has more variants than are worth a name each, with these defines beside its own.
-    ///
-    /// # Errors
-    /// As [`Self::new`].
-    pub fn with(gpu: &Gpu, source: &ShaderSource, defines: &[String]) -> Result<Self> {
         let gl = gpu.gl();
-        let (vertex, fragment) = source.resolve_with(defines)?;
+        let (vertex, fragment) = source.resolve()?;
         let program = Resource::own(gpu, |gl| unsafe { gl.create_program() })?;
         let stages = [(glow::VERTEX_SHADER, &vertex), (glow::FRAGMENT_SHADER, &fragment)];
         let mut shaders = Vec::new();
@@ -154,7 +154,7 @@ impl Program {
                 .map(|(location, name)| (name.trim_end_matches("[0]").to_owned(), location))
                 .collect();
             gpu.check("making a shader program")?;
-            Ok(Self { program, name: source.name, uniforms, pace: Pace::default() })
+            Ok(Self { program, name: source.label(), uniforms, pace: Pace::default() })
         }
     }
 
@@ -215,7 +215,7 @@ fn failure(gpu: &Gpu, source: &ShaderSource, verb: &str, log: &str, texts: &[&St
         }
     }
     Error::gl(
-        format!("shader {} does not {verb} on {}:\n{}{numbered}", source.name, gpu.info().renderer, log.trim()),
+        format!("shader {} does not {verb} on {}:\n{}{numbered}", source.label(), gpu.info().renderer, log.trim()),
         "try another device or driver (--gl-device, --backend), and report this",
     )
 }

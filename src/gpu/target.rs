@@ -93,6 +93,11 @@ impl Target {
         &self.colors[index]
     }
 
+    /// Number of colour textures.
+    pub fn colors(&self) -> usize {
+        self.colors.len()
+    }
+
     pub fn size(&self) -> [u32; 2] {
         self.size
     }

@@ -23,7 +23,7 @@ pub struct Subset {
 impl Subset {
     pub const ALL: Self = Self { stride: 1, offset: [0, 0] };
 
-    /// Width and height of the part of [`super::Sums`] that holds this subset, for points of this size; the same for all offsets.
+    /// Width and height of the part of [`super::Accumulator`] that holds this subset, for points of this size; the same for all offsets.
     pub fn size(self, points: [u32; 2]) -> [u32; 2] {
         points.map(|side| side.div_ceil(self.stride))
     }

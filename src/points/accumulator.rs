@@ -1,17 +1,17 @@
-//! Sums at every point, in 32-bit floats: what passes over points add to.
+//! Sums at every point, in 32-bit floats. Passes over points add to them.
 
 use glam::Vec4;
 
 use super::Points;
 use crate::error::Result;
-use crate::gpu::{Blend, DepthTest, Draw, Format, Geometry, Gpu, Program, Target, Uniform};
+use crate::gpu::{Blend, Format, Gpu, Program, Target, Uniform};
 
 /// RGBA sums for each point, one or several.
-pub struct Sums {
+pub struct Accumulator {
     target: Target,
 }
 
-impl Sums {
+impl Accumulator {
     /// # Errors
     /// When the size is beyond the device's limits.
     pub fn new(gpu: &Gpu, points: [u32; 2]) -> Result<Self> {
@@ -37,28 +37,20 @@ impl Sums {
 
     /// The first of them, row by row from the bottom.
     pub fn read(&self) -> Vec<Vec4> {
-        self.read_one(0)
+        self.target.color(0).read()
     }
 
-    /// One of them, row by row from the bottom.
-    pub fn read_one(&self, index: usize) -> Vec<Vec4> {
-        self.target.color(index).read()
+    /// One after the other, as [`Self::read`].
+    pub fn read_all(&self) -> impl Iterator<Item = Vec<Vec4>> {
+        (0..self.target.colors()).map(|index| self.target.color(index).read())
     }
 
-    /// Adds a full-screen pass of `program` over `points` to the sums. Each subset of points has a tile of its own.
+    /// Adds a pass of `program` over `points` to the sums.
     pub(crate) fn add(&self, points: Points, program: &Program, uniforms: &[(&'static str, Uniform)]) {
-        let size = points.size().map(|side| side as i32);
-        let [x, y] = [0, 1].map(|axis| points.subset.offset[axis] as i32 * size[axis]);
-        let uniforms = &[uniforms, &points.uniforms(), &[("first_texel", Uniform::IVec2([x, y]))]].concat();
-        Draw {
-            target: &self.target,
-            region: Some([x, y, size[0], size[1]]),
-            program,
-            uniforms,
-            depth: DepthTest::Off,
-            blend: Blend::Add,
-            geometry: Geometry::FullScreen,
-        }
-        .run();
+        points.draw((&self.target, Blend::Add), program, uniforms);
+    }
+
+    pub(crate) fn target(&self) -> &Target {
+        &self.target
     }
 }
