@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use finalgather::bake::vertex_inset;
 use finalgather::error::{Error, Result};
-use finalgather::export::{self, Lightmap, Surface, Values};
+use finalgather::export::{self, ExportMesh, Lightmap, PointValues};
 use finalgather::gpu::Gpu;
 use finalgather::image::{self, Channel, Image, WriteOptions};
 use finalgather::points::{
@@ -151,14 +151,14 @@ impl Receiver {
             positions: mesh.positions.iter().map(|&position| prepared.space.to_world(position)).collect(),
             ..mesh.clone()
         };
-        let surface_of = |mesh| Surface { mesh, materials: &scene.materials, textures: &scene.textures };
+        let surface_of = |mesh| ExportMesh { mesh, materials: &scene.materials, textures: &scene.textures };
         let write_all = |write: &dyn Fn(&Path) -> Result<()>| paths.iter().filter_map(|path| write(path).err()).collect();
         match self {
             Self::Vertices(vertices) => {
                 let counts = vertices.fill(&mut columns, inside);
                 let mesh = &world_of(vertices.mesh());
                 let surface = Some(surface_of(mesh));
-                let values = Values { positions: &mesh.positions, normals: &normals, columns: &columns, surface };
+                let values = PointValues { positions: &mesh.positions, normals: &normals, columns: &columns, surface };
                 (Counts::Vertices(counts), write_all(&|path| values.write(path, options)))
             }
             Self::LightMap(map) => {
@@ -186,7 +186,7 @@ impl Receiver {
                     Image { width, height, channels }
                 };
                 let world: Vec<Vec3> = points.iter().map(|point| prepared.space.to_world(point.position)).collect();
-                let values = Values { positions: &world, normals: &normals, columns: &columns, surface: None };
+                let values = PointValues { positions: &world, normals: &normals, columns: &columns, surface: None };
                 let write = |path: &Path| match is_picture(path) {
                     true => write_picture(&image(), path, options),
                     false => values.write(path, options),
@@ -194,7 +194,7 @@ impl Receiver {
                 (Counts::Camera { pixels: pixels.len() }, write_all(&write))
             }
             Self::Points { world, .. } => {
-                let values = Values { positions: world, normals: &normals, columns: &columns, surface: None };
+                let values = PointValues { positions: world, normals: &normals, columns: &columns, surface: None };
                 (Counts::Points { points: world.len() }, write_all(&|path| values.write(path, options)))
             }
         }
@@ -213,7 +213,7 @@ pub fn check_writable(to: &To, path: &Path, what: &[Quantity]) -> Result<()> {
         ));
     }
     match to {
-        To::Vertices => export::check_writable(path, Values::ENDINGS),
+        To::Vertices => export::check_writable(path, PointValues::ENDINGS),
         // Without a mesh there is nothing that glTF could hold but points, which PLY does.
         To::Points(_) => export::check_writable(path, &["ply", "npy"]),
         To::Camera if is_picture(path) => image::check_writable(path),
