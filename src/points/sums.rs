@@ -1,4 +1,4 @@
-//! Sums at every point, in 32-bit floats: what passes over points add to.
+//! Sums at every point, in 32-bit floats. Passes over points add to them.
 
 use glam::Vec4;
 
@@ -6,19 +6,19 @@ use super::Points;
 use crate::error::Result;
 use crate::gpu::{Blend, DepthTest, Draw, Format, Geometry, Gpu, Program, Target, Uniform};
 
-/// RGBA sums for each point, one or several.
+/// One or several RGBA sums for each point.
 pub struct Sums {
     target: Target,
 }
 
 impl Sums {
     /// # Errors
-    /// When the size is beyond the device's limits.
+    /// If the size exceeds the device's limits.
     pub fn new(gpu: &Gpu, points: [u32; 2]) -> Result<Self> {
         Self::several(gpu, points, 1)
     }
 
-    /// So many for each point; of one pass no more than 8.
+    /// Makes `count` sums for each point. A pass can add to 8 of them at most.
     ///
     /// # Errors
     /// As [`Self::new`].
@@ -30,17 +30,17 @@ impl Sums {
         self.target.clear([0.0; 4], 0.0);
     }
 
-    /// The first of them, row by row from the bottom.
+    /// Returns the first sums, row by row from the bottom.
     pub fn read(&self) -> Vec<Vec4> {
         self.read_one(0)
     }
 
-    /// One of them, row by row from the bottom.
+    /// Returns sums `index`, row by row from the bottom.
     pub fn read_one(&self, index: usize) -> Vec<Vec4> {
         self.target.color(index).read()
     }
 
-    /// Adds a full-screen pass of `program` over `points` to the sums. Each subset of points has a tile of its own.
+    /// Adds a full-screen pass of `program` over `points` to the sums. Each subset of points has its own tile.
     pub(crate) fn add(&self, points: Points, program: &Program, uniforms: &[(&'static str, Uniform)]) {
         let size = points.size().map(|side| side as i32);
         let [x, y] = [0, 1].map(|axis| points.subset.offset[axis] as i32 * size[axis]);
