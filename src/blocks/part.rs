@@ -147,9 +147,6 @@ impl<'a> Part<'a> {
     }
 
     /// As [`Self::read`], from the bytes of the file at `path`.
-    ///
-    /// # Errors
-    /// As [`Self::read`].
     pub fn parse(path: &Path, bytes: &[u8]) -> Result<Part<'static>> {
         let bad = |problem: &str| Error::input(path, None, problem, "name a part or checkpoint that this version has written");
         let (_, header) = SafeTensors::read_metadata(bytes).map_err(|_| bad("no part, or cut short"))?;

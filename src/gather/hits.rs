@@ -8,7 +8,7 @@ use glam::Vec4;
 use crate::direction::Direction;
 use crate::error::Result;
 use crate::geometry::Geometry;
-use crate::gpu::{Blend, DepthTest, Draw, Format, Geometry as Shape, Gpu, Program, Target, Texture, Uniform};
+use crate::gpu::{Blend, DepthTest, Draw, Format, Gpu, Program, Shape, Target, Texture, Uniform};
 use crate::points::Points;
 use crate::shaders;
 

@@ -17,7 +17,7 @@ pub struct Draw<'a> {
     pub uniforms: &'a [(&'static str, Uniform<'a>)],
     pub depth: DepthTest,
     pub blend: Blend,
-    pub geometry: Geometry<'a>,
+    pub geometry: Shape<'a>,
 }
 
 /// Which fragments pass the depth and stencil tests. Fragments that pass write their depth, unless the variant says otherwise.
@@ -44,7 +44,7 @@ pub enum Blend {
 }
 
 /// The triangles of a draw.
-pub enum Geometry<'a> {
+pub enum Shape<'a> {
     /// One triangle over the whole region, from `glsl/fullscreen.vert`.
     FullScreen,
     /// A range of triangles of a vertex array.
@@ -109,20 +109,20 @@ impl Draw<'_> {
         }
         let context = self.target.context();
         let vertices = match self.geometry {
-            Geometry::FullScreen => context.no_vertices,
-            Geometry::Triangles(vertices, _) | Geometry::Instances(vertices, _) => vertices.name(),
+            Shape::FullScreen => context.no_vertices,
+            Shape::Triangles(vertices, _) | Shape::Instances(vertices, _) => vertices.name(),
         };
         unsafe { gl.bind_vertex_array(Some(vertices)) };
         let pace = self.program.pace();
         match &self.geometry {
-            Geometry::FullScreen => pace.run(context, height as u32, width as u32, |rows| unsafe {
+            Shape::FullScreen => pace.run(context, height as u32, width as u32, |rows| unsafe {
                 gl.viewport(x, y + rows.start as i32, width, rows.len() as i32);
                 gl.draw_arrays(glow::TRIANGLES, 0, 3);
             }),
-            Geometry::Triangles(_, range) => pace.run(context, range.end - range.start, 1, |part| unsafe {
+            Shape::Triangles(_, range) => pace.run(context, range.end - range.start, 1, |part| unsafe {
                 gl.draw_arrays(glow::TRIANGLES, 3 * (range.start + part.start) as i32, 3 * part.len() as i32);
             }),
-            Geometry::Instances(vertices, count) => pace.run(context, vertices.count() / 3, *count, |part| unsafe {
+            Shape::Instances(vertices, count) => pace.run(context, vertices.count() / 3, *count, |part| unsafe {
                 gl.draw_arrays_instanced(glow::TRIANGLES, 3 * part.start as i32, 3 * part.len() as i32, *count as i32);
             }),
         }

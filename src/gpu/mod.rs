@@ -22,7 +22,7 @@ mod window;
 
 pub use clock::{StageClock, StageTimes};
 pub use context::{Gpu, GpuInfo, Limits};
-pub use draw::{Blend, DepthTest, Draw, Geometry};
+pub use draw::{Blend, DepthTest, Draw, Shape};
 pub use headless::{Backend, DeviceChoice, DeviceInfo, list_devices};
 pub use program::{Program, ShaderSource, Uniform, replace_shader_text};
 pub use query::SampleQuery;

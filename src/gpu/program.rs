@@ -78,9 +78,6 @@ impl ShaderSource {
     }
 
     /// As [`Self::resolve`] with more defines.
-    ///
-    /// # Errors
-    /// As [`Self::resolve`].
     pub fn resolve_with(&self, more: &[String]) -> Result<(String, String)> {
         let stage = |embedded| {
             let text = current(embedded);
@@ -120,9 +117,6 @@ impl Program {
     }
 
     /// As [`Self::new`] with more defines, for sources with many variants.
-    ///
-    /// # Errors
-    /// As [`Self::new`].
     pub fn with(gpu: &Gpu, source: &ShaderSource, defines: &[String]) -> Result<Self> {
         let gl = gpu.gl();
         let (vertex, fragment) = source.resolve_with(defines)?;

@@ -30,9 +30,7 @@ impl Target {
     }
 
     /// Renders into a texture (into the first element of an array), with a 24-bit depth and stencil texture.
-    ///
-    /// # Errors
-    /// As [`Self::new`].
+    /// Fails as [`Self::new`].
     pub fn with_stencil(gpu: &Gpu, color: Rc<Texture>) -> Result<Self> {
         let depth = Texture::empty(gpu, Format::Depth24Stencil8, color.width(), color.height())?;
         Self::of(gpu, vec![(color, 0)], Some(Rc::new(depth)))

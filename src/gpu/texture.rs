@@ -76,17 +76,13 @@ impl Texture {
     }
 
     /// An empty array of `count` 2D textures with nearest filtering, to render into.
-    ///
-    /// # Errors
-    /// As [`Self::empty`].
+    /// Fails as [`Self::empty`].
     pub fn empty_array(gpu: &Gpu, format: Format, [width, height]: [u32; 2], count: u32) -> Result<Self> {
         Self::new(gpu, glow::TEXTURE_2D_ARRAY, format, [width, height, count], Filter::Nearest, Wrap::Clamp, None)
     }
 
     /// A 2D texture of `texels`, first row at t = 0.
-    ///
-    /// # Errors
-    /// As [`Self::empty`].
+    /// Fails as [`Self::empty`].
     pub fn from_texels<T: Pod>(
         gpu: &Gpu,
         format: Format,
@@ -99,18 +95,14 @@ impl Texture {
     }
 
     /// An array of one 2D texture of `texels`, with nearest filtering.
-    ///
-    /// # Errors
-    /// As [`Self::empty`].
+    /// Fails as [`Self::empty`].
     pub fn array_of_one<T: Pod>(gpu: &Gpu, format: Format, [width, height]: [u32; 2], texels: &[T]) -> Result<Self> {
         let texels = Some(bytemuck::cast_slice(texels));
         Self::new(gpu, glow::TEXTURE_2D_ARRAY, format, [width, height, 1], Filter::Nearest, Wrap::Clamp, texels)
     }
 
     /// A 3D texture of `texels`, x fastest, with linear filtering clamped at the edge.
-    ///
-    /// # Errors
-    /// As [`Self::empty`].
+    /// Fails as [`Self::empty`].
     pub fn from_texels_3d<T: Pod>(gpu: &Gpu, format: Format, size: [u32; 3], texels: &[T]) -> Result<Self> {
         Self::new(gpu, glow::TEXTURE_3D, format, size, Filter::Linear, Wrap::Clamp, Some(bytemuck::cast_slice(texels)))
     }

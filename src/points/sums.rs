@@ -4,7 +4,7 @@ use glam::Vec4;
 
 use super::Points;
 use crate::error::Result;
-use crate::gpu::{Blend, DepthTest, Draw, Format, Geometry, Gpu, Program, Target, Uniform};
+use crate::gpu::{Blend, DepthTest, Draw, Format, Gpu, Program, Shape, Target, Uniform};
 
 /// One or several RGBA sums for each point.
 pub struct Sums {
@@ -19,9 +19,7 @@ impl Sums {
     }
 
     /// Makes `count` sums for each point. A pass can add to 8 of them at most.
-    ///
-    /// # Errors
-    /// As [`Self::new`].
+    /// Fails as [`Self::new`].
     pub fn several(gpu: &Gpu, points: [u32; 2], count: usize) -> Result<Self> {
         Ok(Self { target: Target::new(gpu, points, &vec![Format::Rgba32F; count], false)? })
     }
@@ -52,7 +50,7 @@ impl Sums {
             uniforms,
             depth: DepthTest::Off,
             blend: Blend::Add,
-            geometry: Geometry::FullScreen,
+            geometry: Shape::FullScreen,
         }
         .run();
     }
