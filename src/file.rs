@@ -137,8 +137,7 @@ impl Replacement {
         }
     }
 
-    /// A temporary file in the same folder, because an atomic rename needs one file system. From the start it has the permissions of the file
-    /// that it replaces.
+    /// A temporary file, in the same folder because an atomic rename needs one file system. It has the permissions of the file that it replaces.
     fn temporary(&self) -> io::Result<NamedTempFile> {
         let prefix = temporary_prefix(&self.place);
         let mut builder = tempfile::Builder::new();

@@ -1,8 +1,7 @@
 //! The film: sums over blocks of directions at each pixel, and the picture that their means make.
 //!
 //! Each block has its own sub-pixel offset, so a pixel sums radiance and not irradiance. Over all blocks, each of n directions,
-//! Indirect = fraction of directions with a point × Σ albedo (Σ L w) / Σ w. Every other quantity is Σ n value / Σ n. Films of blocks are added
-//! pixel by pixel, by [`PairwiseSum`].
+//! Indirect = fraction of directions with a point × Σ albedo (Σ L w) / Σ w. Other quantities are Σ n value / Σ n. [`PairwiseSum`] adds films.
 
 use std::f32::consts::PI;
 

@@ -1,7 +1,6 @@
 //! Pseudo-random and low-discrepancy numbers. They depend on a seed and an index alone, so work can be split in any way.
 
-/// A stream of independent uniform numbers (SplitMix64; Steele, Lea, Flood 2014, "Fast splittable pseudorandom number
-/// generators").
+/// A stream of independent uniform numbers (SplitMix64; Steele, Lea, Flood 2014, "Fast splittable pseudorandom number generators").
 #[derive(Clone, Debug)]
 pub struct Random {
     state: u64,
@@ -52,11 +51,9 @@ impl<const D: usize> Recurrence<D> {
     }
 }
 
-/// Point `index` of the first two Sobol dimensions, each with its own Owen scrambling (the hash of Burley 2020, "Practical hash-based Owen
-/// scrambling").
+/// Point `index` of the first two Sobol dimensions, each Owen-scrambled (the hash of Burley 2020, "Practical hash-based Owen scrambling").
 pub fn sobol(index: u32, seed: u64) -> [f32; 2] {
-    // The first dimension reverses the bits. The second has the direction numbers of the polynomial x + 1: each column is the previous one xor
-    // the previous one shifted by one.
+    // The first dimension reverses the bits. The second has the direction numbers of x + 1: a column is the previous one xor itself shifted by 1.
     let mut second = 0u32;
     let mut column = 1u32 << 31;
     for bit in 0..32 {
@@ -71,8 +68,7 @@ pub fn sobol(index: u32, seed: u64) -> [f32; 2] {
     [scramble(index, keys as u32), scramble(second.reverse_bits(), (keys >> 32) as u32)]
 }
 
-/// Shuffles indices (Burley 2020): every aligned run of a power of two maps to another such run. A shuffled sequence stays as evenly spread, and is
-/// not correlated with the original.
+/// Shuffles indices (Burley 2020). Aligned runs of a power of two map to such runs, so sequences stay even, but two of them do not correlate.
 pub fn shuffled(index: u32, seed: u64) -> u32 {
     owen_hash(index.reverse_bits(), mix(seed ^ 0x5f1e) as u32).reverse_bits()
 }

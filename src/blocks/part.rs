@@ -67,8 +67,7 @@ impl<'a> Part<'a> {
         }
     }
 
-    /// Returns the sums of a tree over `blocks`. `sum` makes the sum of a node from its blocks and planes, or returns `None` if they do not fit.
-    /// `path` is the part's file.
+    /// The sums of a tree over `blocks` in the file `path`. `sum` makes a node's sum from its blocks and planes; `None` if they do not fit.
     ///
     /// # Errors
     /// [`Error::Input`] if the tensors do not make a tree.

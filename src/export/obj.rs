@@ -1,5 +1,4 @@
-//! Wavefront OBJ with the light map as `map_Kd`, for a quick look in any viewer. The map is the radiance of a white surface, and `Kd` multiplies
-//! it by the albedo.
+//! Wavefront OBJ with the light map as `map_Kd`, for any viewer. The map is the radiance of a white surface, and `Kd`, the albedo, multiplies it.
 
 use std::fmt::Write;
 use std::path::Path;

@@ -116,8 +116,7 @@ impl Gpu {
         self.context.finish();
     }
 
-    /// Whether the driver has reset the device or lost this context for another reason. Then its objects are gone, reads return nothing, and
-    /// calls have no effect.
+    /// Whether the driver has lost this context, by a reset of the device for example. Then its objects are gone, and calls have no effect.
     pub fn is_lost(&self) -> bool {
         self.context.is_lost()
     }
@@ -189,7 +188,6 @@ impl Context {
         &self.functions
     }
 
-    /// As [`Gpu::finish`].
     pub(super) fn finish(&self) {
         let gl = self.current();
         self.wait(|| unsafe { gl.finish() });

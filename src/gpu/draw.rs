@@ -110,10 +110,10 @@ impl Draw<'_> {
         let context = self.target.context();
         let vertices = match self.geometry {
             Shape::FullScreen => context.no_vertices,
-            Shape::Triangles(vertices, _) | Shape::Instances(vertices, _) => vertices.name(),
+            Shape::Triangles(vertices, _) | Shape::Instances(vertices, _) => vertices.array.name(),
         };
         unsafe { gl.bind_vertex_array(Some(vertices)) };
-        let pace = self.program.pace();
+        let pace = &self.program.pace;
         match &self.geometry {
             Shape::FullScreen => pace.run(context, height as u32, width as u32, |rows| unsafe {
                 gl.viewport(x, y + rows.start as i32, width, rows.len() as i32);
@@ -122,7 +122,7 @@ impl Draw<'_> {
             Shape::Triangles(_, range) => pace.run(context, range.end - range.start, 1, |part| unsafe {
                 gl.draw_arrays(glow::TRIANGLES, 3 * (range.start + part.start) as i32, 3 * part.len() as i32);
             }),
-            Shape::Instances(vertices, count) => pace.run(context, vertices.count() / 3, *count, |part| unsafe {
+            Shape::Instances(vertices, count) => pace.run(context, vertices.count / 3, *count, |part| unsafe {
                 gl.draw_arrays_instanced(glow::TRIANGLES, 3 * part.start as i32, 3 * part.len() as i32, *count as i32);
             }),
         }

@@ -48,7 +48,8 @@ pub struct Program {
     program: Resource<glow::NativeProgram>,
     name: &'static str,
     uniforms: Vec<(String, glow::NativeUniformLocation)>,
-    pace: Pace,
+    /// The measured cost of its draws.
+    pub(super) pace: Pace,
 }
 
 /// Texts that replace embedded ones.
@@ -152,11 +153,6 @@ impl Program {
         }
     }
 
-    /// The measured cost of its draws.
-    pub(super) fn pace(&self) -> &Pace {
-        &self.pace
-    }
-
     /// Makes the program current and sets all of its uniforms.
     ///
     /// # Panics
@@ -183,12 +179,12 @@ impl Program {
                     Uniform::Mat4s(v) => gl.uniform_matrix_4_f32_slice(location, false, cast_slice(v)),
                     Uniform::Texture(texture) => {
                         gl.active_texture(glow::TEXTURE0 + unit);
-                        gl.bind_texture(texture.kind(), Some(texture.name()));
+                        gl.bind_texture(texture.kind, Some(texture.name()));
                         gl.uniform_1_i32(location, unit as i32);
                         unit += 1;
                     }
                     Uniform::Image(texture) => {
-                        gl.bind_image_texture(image, Some(texture.name()), 0, true, 0, glow::READ_WRITE, texture.format().gl().0);
+                        gl.bind_image_texture(image, Some(texture.name()), 0, true, 0, glow::READ_WRITE, texture.format.gl().0);
                         gl.uniform_1_i32(location, image as i32);
                         image += 1;
                     }

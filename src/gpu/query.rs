@@ -49,8 +49,7 @@ impl TimerQuery {
         unsafe { self.0.gl().get_query_parameter_u32(self.0.name(), glow::QUERY_RESULT_AVAILABLE) != 0 }
     }
 
-    /// The measured time; waits until it is available. `None` if 32 bits of nanoseconds cannot hold it, from 4.29 s on: for 64 bits, glow uses a
-    /// call that not every OpenGL 3.3 has.
+    /// Waits for the time. `None` from 4.29 s on: 32 bits of nanoseconds hold no more, and for 64, glow uses a call that OpenGL 3.3 may lack.
     pub fn seconds(&self) -> Option<f64> {
         let nanoseconds = unsafe { self.0.gl().get_query_parameter_u32(self.0.name(), glow::QUERY_RESULT) };
         (nanoseconds < u32::MAX).then_some(1e-9 * f64::from(nanoseconds))

@@ -29,8 +29,7 @@ impl Target {
         Self::of(gpu, colors.into_iter().map(|color| (color, 0)).collect(), depth)
     }
 
-    /// Renders into a texture (into the first element of an array), with a 24-bit depth and stencil texture.
-    /// Fails as [`Self::new`].
+    /// Renders into a texture (the first element of an array), with a 24-bit depth and stencil texture. Fails as [`Self::new`].
     pub fn with_stencil(gpu: &Gpu, color: Rc<Texture>) -> Result<Self> {
         let depth = Texture::empty(gpu, Format::Depth24Stencil8, color.width(), color.height())?;
         Self::of(gpu, vec![(color, 0)], Some(Rc::new(depth)))
@@ -50,7 +49,7 @@ impl Target {
             gl.bind_framebuffer(glow::FRAMEBUFFER, Some(framebuffer.name()));
             for (i, (color, element)) in (0..).zip(&colors) {
                 let attachment = glow::COLOR_ATTACHMENT0 + i;
-                if color.kind() == glow::TEXTURE_2D_ARRAY {
+                if color.kind == glow::TEXTURE_2D_ARRAY {
                     let element = *element as i32;
                     gl.framebuffer_texture_layer(glow::FRAMEBUFFER, attachment, Some(color.name()), 0, element);
                 } else {

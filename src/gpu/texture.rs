@@ -38,8 +38,9 @@ pub enum Wrap {
 /// A 2D or 3D texture, or an array of 2D ones.
 pub struct Texture {
     resource: Resource<glow::NativeTexture>,
-    kind: u32,
-    format: Format,
+    /// The GL target.
+    pub(super) kind: u32,
+    pub(super) format: Format,
     size: [u32; 3],
 }
 
@@ -75,14 +76,12 @@ impl Texture {
         Self::new(gpu, glow::TEXTURE_2D, format, [width, height, 1], Filter::Nearest, Wrap::Clamp, None)
     }
 
-    /// An empty array of `count` 2D textures with nearest filtering, to render into.
-    /// Fails as [`Self::empty`].
+    /// An empty array of `count` 2D textures with nearest filtering, to render into. Fails as [`Self::empty`].
     pub fn empty_array(gpu: &Gpu, format: Format, [width, height]: [u32; 2], count: u32) -> Result<Self> {
         Self::new(gpu, glow::TEXTURE_2D_ARRAY, format, [width, height, count], Filter::Nearest, Wrap::Clamp, None)
     }
 
-    /// A 2D texture of `texels`, first row at t = 0.
-    /// Fails as [`Self::empty`].
+    /// A 2D texture of `texels`, first row at t = 0. Fails as [`Self::empty`].
     pub fn from_texels<T: Pod>(
         gpu: &Gpu,
         format: Format,
@@ -94,15 +93,13 @@ impl Texture {
         Self::new(gpu, glow::TEXTURE_2D, format, [width, height, 1], filter, wrap, Some(bytemuck::cast_slice(texels)))
     }
 
-    /// An array of one 2D texture of `texels`, with nearest filtering.
-    /// Fails as [`Self::empty`].
+    /// An array of one 2D texture of `texels`, with nearest filtering. Fails as [`Self::empty`].
     pub fn array_of_one<T: Pod>(gpu: &Gpu, format: Format, [width, height]: [u32; 2], texels: &[T]) -> Result<Self> {
         let texels = Some(bytemuck::cast_slice(texels));
         Self::new(gpu, glow::TEXTURE_2D_ARRAY, format, [width, height, 1], Filter::Nearest, Wrap::Clamp, texels)
     }
 
-    /// A 3D texture of `texels`, x fastest, with linear filtering clamped at the edge.
-    /// Fails as [`Self::empty`].
+    /// A 3D texture of `texels`, x fastest, with linear filtering clamped at the edge. Fails as [`Self::empty`].
     pub fn from_texels_3d<T: Pod>(gpu: &Gpu, format: Format, size: [u32; 3], texels: &[T]) -> Result<Self> {
         Self::new(gpu, glow::TEXTURE_3D, format, size, Filter::Linear, Wrap::Clamp, Some(bytemuck::cast_slice(texels)))
     }
@@ -199,19 +196,11 @@ impl Texture {
         texels
     }
 
-    pub(super) fn format(&self) -> Format {
-        self.format
-    }
-
     pub(super) fn has_stencil(&self) -> bool {
         self.format == Format::Depth24Stencil8
     }
 
     pub(super) fn name(&self) -> glow::NativeTexture {
         self.resource.name()
-    }
-
-    pub(super) fn kind(&self) -> u32 {
-        self.kind
     }
 }

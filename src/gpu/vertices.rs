@@ -8,8 +8,9 @@ use crate::error::Result;
 
 /// Triangles, three vertices each. Each float attribute is tightly packed in a buffer of its own.
 pub struct VertexArray {
-    array: Resource<glow::NativeVertexArray>,
-    count: u32,
+    pub(super) array: Resource<glow::NativeVertexArray>,
+    /// Number of vertices.
+    pub(super) count: u32,
     _buffers: Vec<Resource<glow::NativeBuffer>>,
 }
 
@@ -36,14 +37,5 @@ impl VertexArray {
         gpu.check("uploading vertices")?;
         let count = attributes.first().map_or(0, |&(components, data)| data.len() as u32 / (4 * components as u32));
         Ok(Self { array, count, _buffers: buffers })
-    }
-
-    /// Number of vertices.
-    pub(super) fn count(&self) -> u32 {
-        self.count
-    }
-
-    pub(super) fn name(&self) -> glow::NativeVertexArray {
-        self.array.name()
     }
 }

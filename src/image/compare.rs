@@ -27,8 +27,7 @@ pub struct ViewingConditions {
     pub toned: [bool; 2],
 }
 
-/// Differences of picture `a` from reference `b`, over R, G and B of the selected pixels with equal weights. Ratios to zero are infinite,
-/// and JSON writes them as null.
+/// Differences of picture `a` from reference `b` over R, G and B of the selected pixels. Ratios to zero are infinite, in JSON null.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Comparison {
     /// Number of counted pixels.
@@ -60,8 +59,7 @@ pub struct ErrorMap(pub Image);
 const NOT_COUNTED: [u8; 3] = [96; 3];
 
 impl ErrorMap {
-    /// Writes all channels to an EXR. A PNG shows FLIP, from black for 0 through purple and orange to pale yellow for 1, and grey where pixels
-    /// do not count.
+    /// Writes all channels to an EXR. A PNG shows FLIP: black for 0, then purple, orange, pale yellow for 1; grey where pixels do not count.
     pub fn write(&self, path: &Path) -> Result<()> {
         match PictureFormat::of(path)? {
             PictureFormat::Exr => self.0.write(path, &WriteOptions::default()),

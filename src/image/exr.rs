@@ -18,8 +18,7 @@ use crate::file::can_hold;
 const CHROMATICITIES: Chromaticities =
     Chromaticities { red: Vec2(0.64, 0.33), green: Vec2(0.30, 0.60), blue: Vec2(0.15, 0.06), white: Vec2(0.3127, 0.3290) };
 
-/// The name of the only attribute that OpenEXR does not define. The crate writes such attributes in the order of a hash map, so with a second
-/// one the bytes would vary between runs.
+/// The only attribute that OpenEXR does not define. A second one would make bytes vary between runs: the crate orders them by a hash map.
 const METADATA: &str = "finalgather";
 
 const CURE: &str = "give a flat OpenEXR picture";

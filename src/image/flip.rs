@@ -4,8 +4,7 @@ use nv_flip::{DEFAULT_PIXELS_PER_DEGREE, FlipImageRgb8};
 
 use crate::error::{Error, Result};
 
-/// Returns the difference of each pixel, from 0 to 1. Pictures have three bytes a pixel and are seen at 67 pixels a degree, as a 4K display
-/// 70 cm wide is from 70 cm away.
+/// The difference of each pixel, from 0 to 1, of pictures of three bytes a pixel, at 67 pixels a degree (a 4K display 70 cm wide, 70 cm away).
 pub fn flip(width: usize, height: usize, test: &[u8], reference: &[u8]) -> Result<Vec<f32>> {
     // nv_flip counts samples in 32 bits and does not check for overflow.
     if width.saturating_mul(height).saturating_mul(3) > i32::MAX as usize {

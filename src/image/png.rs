@@ -75,8 +75,7 @@ pub(crate) fn encode(width: usize, height: usize, rgb8: &[u8]) -> Result<Vec<u8>
     Ok(bytes)
 }
 
-/// Maps radiance to [0, 1]: the identity up to 0.8, then an exponential shoulder that starts with slope 1 and approaches 1. Negative values
-/// and NaN become 0, infinity becomes 1.
+/// Maps radiance to [0, 1]: the identity up to 0.8, then an exponential shoulder from slope 1. Negative values and NaN become 0, infinity 1.
 pub fn tone(x: f32) -> f32 {
     let room = 1.0 - KNEE;
     if x > KNEE { KNEE + room * (1.0 - ((KNEE - x) / room).exp()) } else { x.max(0.0) }

@@ -114,8 +114,7 @@ impl<'a> PhotonTracer<'a> {
         counts
     }
 
-    /// Traces the photons with these numbers, which share the whole power of lights and environment, and returns those that reach a diffuse
-    /// surface by mirrors and glass alone.
+    /// Traces photons as [`Self::trace`] does, and returns those that reach a diffuse surface by mirrors and glass alone.
     pub fn caustics(&self, photons: Range<u64>) -> Vec<CausticPhoton> {
         let share = 1.0 / (photons.end - photons.start) as f32;
         let chunks: Vec<u64> = photons.clone().step_by(CHUNK as usize).collect();

@@ -25,8 +25,7 @@ pub struct GBuffer {
     pub normal: Vec<Vec4>,
     /// rgb: albedo times the transmittance of mirrors and glass before the point.
     pub albedo: Vec<Vec4>,
-    /// rgb: emitted radiance, or that of the environment where the pixel sees no surface; a: distance of the first surface along the view axis, 0
-    /// without a surface.
+    /// rgb: emitted radiance, of the environment if the pixel sees no surface; a: distance of the first surface along the view axis, or 0.
     pub emission: Vec<Vec4>,
     /// Number of pixels that see a diffuse surface.
     pub count: u32,
@@ -97,8 +96,7 @@ impl GBuffer {
     }
 }
 
-/// Returns the matrix from unit space to clip space, and the distance of the near plane. The plane is so near that it clips nothing that a
-/// camera could look at.
+/// Returns the matrix from unit space to clip space, and the distance of the near plane, which is too near to clip what a camera looks at.
 ///
 /// The depth in clip space is the constant -near. So the near plane is exact, and no far plane can clip surfaces that rounding moves across
 /// it. The shader computes the depth of the target, see `glsl/visible_points.frag`.

@@ -1,5 +1,4 @@
-//! Gather points from a list. [`PointList::upload`] takes them to the GL side. [`PointList::in_order`] brings results of passes back to the
-//! order of the list.
+//! Gather points from a list. [`PointList::upload`] takes them to the GL side. [`PointList::in_order`] puts results into the list's order.
 
 use glam::{Vec2, Vec3, Vec4};
 

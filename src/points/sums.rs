@@ -18,8 +18,7 @@ impl Sums {
         Self::several(gpu, points, 1)
     }
 
-    /// Makes `count` sums for each point. A pass can add to 8 of them at most.
-    /// Fails as [`Self::new`].
+    /// Makes `count` sums for each point. A pass can add to 8 of them at most. Fails as [`Self::new`].
     pub fn several(gpu: &Gpu, points: [u32; 2], count: usize) -> Result<Self> {
         Ok(Self { target: Target::new(gpu, points, &vec![Format::Rgba32F; count], false)? })
     }

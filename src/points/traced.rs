@@ -2,9 +2,8 @@
 //! without specular surfaces and a lens the points are too.
 //!
 //! At glass, a ray is either reflected or refracted, and it starts at one place on the lens. Low-discrepancy numbers over the blocks of a
-//! picture choose, with a random shift for each pixel. Light sources seen through glass are so bright that a choice would show as specks.
-//! For emission, all paths are therefore followed. The transmittance of the path multiplies the albedo of its end point, so gathering needs no
-//! knowledge of mirrors and glass.
+//! picture choose, with a random shift for each pixel. Lights seen through glass are so bright that a choice would show as specks, so emission
+//! follows all paths. The path's transmittance multiplies the albedo of its end point, so gathering needs no knowledge of mirrors and glass.
 
 use glam::{Vec2, Vec3, Vec4};
 use rayon::prelude::*;

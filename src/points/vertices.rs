@@ -100,8 +100,7 @@ impl Vertices {
         &self.points
     }
 
-    /// Gives vertices inside something the mean of their neighbours, from the outside inwards. `inside` is the fraction of each hemisphere that
-    /// sees back faces.
+    /// Gives vertices inside something the mean of their neighbours, from outside inwards. `inside` is the fraction of back-face hits of each.
     pub fn fill(&self, columns: &mut [Channel], inside: &[f32]) -> VertexCounts {
         let mut known: Vec<bool> = inside.iter().map(|&share| share <= INSIDE).collect();
         let edges = |triangle: &Triangle| {

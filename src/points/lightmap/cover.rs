@@ -9,8 +9,7 @@ use crate::random::Random;
 /// The stratum of a sample whose triangle contains no place of a stratum in its texel.
 const OUTSIDE_STRATA: u32 = u32::MAX;
 
-/// Two triangles overlap if one place lies inside both by more than this, in texels. It is well above the rounding of 32-bit texture coordinates
-/// in the largest map.
+/// Two triangles overlap if a place lies inside both by more than this, in texels: far more than 32-bit coordinates round in the largest map.
 const OVERLAP_DEPTH: f64 = 0.01;
 
 /// A triangle touches a texel if it covers more than this fraction of the texel's area.

@@ -7,8 +7,7 @@ use glam::{Vec2, Vec3};
 
 use crate::scene::Mesh;
 
-/// An edge is smooth if the cosine between the normals on its two sides is more than this, 26°. Other edges are creases, and no chart crosses
-/// them.
+/// An edge is smooth if the cosine between the normals on its two sides is more than this, 26°. Charts do not cross other edges, the creases.
 const SMOOTH: f32 = 0.9;
 
 /// A smooth edge between two triangles.

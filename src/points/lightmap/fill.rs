@@ -18,8 +18,7 @@ pub struct Fill {
 }
 
 impl Fill {
-    /// `texels` are the covered texels of a map of this size, and `known` tells which of them count. `padding` rings of texels around charts get
-    /// values.
+    /// `texels` are those that the map's charts cover, `known` tells which have values, and `padding` rings of texels around charts get values.
     pub fn new([width, height]: [u32; 2], texels: &[Texel], known: impl Fn(&Texel) -> bool, padding: u32) -> Self {
         let mut chart = vec![NONE; width as usize * height as usize];
         let mut given = vec![false; chart.len()];
@@ -68,13 +67,8 @@ impl Fill {
                 }
                 ring.len()
             };
-        let mut filled = 0;
-        loop {
-            match grow(&mut steps, &mut given, &mut chart, &mut ring, true) {
-                0 => break,
-                count => filled += count,
-            }
-        }
+        while grow(&mut steps, &mut given, &mut chart, &mut ring, true) > 0 {}
+        let filled = steps.len();
         let hidden = texels.iter().filter(|texel| !given[texel.index as usize]).count();
         ring = texels.iter().map(|texel| texel.index).collect();
         for &texel in &ring {

@@ -237,8 +237,7 @@ impl LightMap {
         &self.warnings
     }
 
-    /// Makes the map of these values at the points, with the channel `A`, which is 1 where a surface is. `inside` is the fraction of back-face
-    /// hits at each point.
+    /// The map of these values at the points, with `A`, 1 where a surface is. `inside` is the fraction of back-face hits at each point.
     pub fn image(&self, columns: &[Channel], inside: &[f32]) -> (Image, Mended) {
         let [width, height] = [self.counts.width, self.counts.height].map(|side| side as usize);
         let counts = |texel: &Texel| inside[texel.samples.clone()].iter().any(|&share| share <= INSIDE);

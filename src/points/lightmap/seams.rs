@@ -54,8 +54,7 @@ impl Seams {
         Self { rows, texels }
     }
 
-    /// Changes the texels along the seams of one channel. Returns sums over all places: of the squared step before, of the squared step after,
-    /// and of the squared value.
+    /// Changes the texels along seams in one channel. Returns sums over all places of the squared step before and after, and the squared value.
     pub fn close(&self, plane: &mut [f32]) -> [f64; 3] {
         let start: Vec<f64> = self.texels.iter().map(|&texel| plane[texel as usize].into()).collect();
         let mut change = vec![0.0; start.len()];
