@@ -7,9 +7,7 @@ use bytemuck::{Pod, cast_slice};
 use glam::{DVec3, DVec4, Mat4, Vec3};
 
 use crate::error::{Error, Result};
-use crate::gpu::{
-    Blend, DepthTest, Draw, Filter, Format, Geometry as Shape, Gpu, Program, Target, Texture, Uniform, VertexArray, Wrap,
-};
+use crate::gpu::{Blend, DepthTest, Draw, Filter, Format, Gpu, Program, Shape, Target, Texture, Uniform, VertexArray, Wrap};
 use crate::math::dominant_axis;
 use crate::scene::{Material, Mesh, Scene, Texture as Image};
 

@@ -31,7 +31,7 @@ use crate::gpu::Gpu;
 use crate::image::Image;
 use crate::photon::{CausticMap, PhotonCounts};
 use crate::photon_map::PhotonMap;
-use crate::points::{Accumulator, CameraPoints, EyeRays, GatherPoint, Interleave, Points, TracedPoints, Visible};
+use crate::points::{Accumulator, CameraPoints, EyeRays, GBuffer, GatherPoint, Interleave, PointTextures, Points};
 use crate::prepared::{Photons, Prepared};
 use crate::random::sobol;
 use crate::reference::Reference;
@@ -91,13 +91,13 @@ struct Passes {
 enum Source {
     Camera(CameraPoints),
     /// Those of the block in progress, once there is one.
-    Traced(Option<TracedPoints>),
+    Traced(Option<PointTextures>),
 }
 
 /// A run of consecutive directions with one sub-pixel offset.
 struct Block {
     index: u32,
-    visible: Visible,
+    visible: GBuffer,
     /// Irradiance of the photon map at the visible points.
     rough: Vec<Vec4>,
     /// Irradiance of the caustics there.
@@ -341,14 +341,15 @@ impl Render {
         let visible = match &mut self.passes.source {
             Source::Camera(points) => {
                 let mut visible = points.see(&self.geometry, &self.camera, offset.into());
-                visible.see_beyond(&self.all.scene, &self.camera, self.settings.size, offset.into());
+                visible.add_environment(&self.all.scene, &self.camera, self.settings.size, offset.into());
                 visible
             }
             Source::Traced(points) => {
                 let Prepared { scene, bvh, .. } = &*self.all;
                 let rays = EyeRays { scene, bvh, camera: &self.camera, size: self.settings.size, seed: self.settings.seed };
                 let visible = rays.see(offset.into(), index);
-                *points = Some(TracedPoints::upload(&self.gpu, self.settings.size, &visible)?);
+                let GBuffer { position, normal, count, .. } = &visible;
+                *points = Some(PointTextures::upload(&self.gpu, self.settings.size, position, normal, *count)?);
                 visible
             }
         };
@@ -380,7 +381,7 @@ impl Render {
     }
 
     /// Irradiance at the points of a block by way of mirrors and glass, from photons of its own.
-    fn caustics(&self, block: u32, visible: &Visible) -> Vec<Vec3> {
+    fn caustics(&self, block: u32, visible: &GBuffer) -> Vec<Vec3> {
         if !self.all.scene.is_specular() {
             return vec![Vec3::ZERO; visible.normal.len()];
         }
@@ -470,7 +471,7 @@ impl Passes {
 
 impl Source {
     /// The points of the block in progress.
-    fn points<'a>(&'a self, visible: &Visible) -> Points<'a> {
+    fn points<'a>(&'a self, visible: &GBuffer) -> Points<'a> {
         match self {
             Self::Camera(points) => points.points(visible),
             Self::Traced(points) => points.as_ref().expect("a block begins with its points").points(),

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use finalgather::gpu::StageClock;
 use finalgather::image::Channel;
-use finalgather::image::compare::{Comparison, ErrorMap, Selection, View, compare, compare_as, mask_of};
+use finalgather::image::compare::{Comparison, ErrorMap, Selection, ViewingConditions, compare, compare_as, mask_of};
 use finalgather::render::Statistics;
 use finalgather::{Gpu, Image, Loaded, Render, Settings, World};
 
@@ -83,7 +83,7 @@ impl Pictures {
         let mask = averaged(&self.mask_image(), side)?;
         let mask: Vec<bool> = mask.rgb()?[0].iter().map(|&counted| counted == 1.0).collect();
         let selection = Selection { mask: Some(&mask), trim: TRIM };
-        let view = View { exposure, ..View::default() };
+        let view = ViewingConditions { exposure, ..ViewingConditions::default() };
         Ok(compare_as(&averaged(picture, side)?, &averaged(&self.path_traced, side)?, selection, view)?)
     }
 

@@ -25,7 +25,7 @@ use crate::error::{Error, Result};
 use crate::geometry::Geometry;
 use crate::gpu::{Gpu, StageClock};
 use crate::photon::{PhotonGrid, PhotonTexture, PhotonTracer};
-use crate::points::{CameraPoints, GatherPoint, PointList, Points, Visible};
+use crate::points::{CameraPoints, GBuffer, GatherPoint, PointList, Points};
 use crate::reference::Reference;
 use crate::scene::{Bvh, Lights, Scene};
 use crate::settings::Settings;
@@ -47,7 +47,7 @@ pub struct Bench {
 }
 
 enum Source {
-    Camera(CameraPoints, Visible),
+    Camera(CameraPoints, GBuffer),
     List(PointList),
 }
 
@@ -136,7 +136,7 @@ impl Bench {
                 // Of what was read back, the count is enough from now on.
                 let (count, cut) = (visible.count, visible.cut);
                 let [position, normal, albedo, emission] = Default::default();
-                (Source::Camera(camera, Visible { position, normal, albedo, emission, count, cut }), pixels)
+                (Source::Camera(camera, GBuffer { position, normal, albedo, emission, count, cut }), pixels)
             }
             Where::Points(points) => (Source::List(PointList::upload(gpu, &points)?), points.into_iter().map(Some).collect()),
         };

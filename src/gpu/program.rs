@@ -1,4 +1,4 @@
-//! Shader programs: compiled from embedded sources, with uniforms given whole at each draw.
+//! Shader programs. Sources are embedded, and each draw gives all uniforms.
 
 use std::borrow::Cow;
 use std::collections::HashMap;
@@ -18,18 +18,18 @@ use crate::error::{Error, Result};
 /// with a value stands for it in the name: `#include "finder/FINDER.glsl"`.
 #[derive(Clone, Debug)]
 pub struct ShaderSource {
-    /// For messages.
+    /// The name for messages.
     pub name: &'static str,
     pub vertex: &'static str,
     pub fragment: &'static str,
-    /// What both stages find defined, as `NAME` or `NAME value`, for variants: software drivers run all branches for all fragments, so a program leaves out
-    /// what its draws do not need.
+    /// Names that are defined in both stages, as `NAME` or `NAME value`. They select variants: software drivers run all branches for all fragments, so a
+    /// program should contain only code that its draws need.
     pub defines: Vec<String>,
-    /// `(file name, text)` of every file that may be included.
+    /// `(file name, text)` of every file that a source may include.
     pub includes: &'static [(&'static str, &'static str)],
 }
 
-/// A value for a uniform; a texture takes the next free unit.
+/// The value of a uniform. A texture takes the next free unit.
 #[derive(Clone, Copy)]
 pub enum Uniform<'a> {
     Float(f32),
@@ -37,11 +37,11 @@ pub enum Uniform<'a> {
     IVec2([i32; 2]),
     Vec3(Vec3),
     Mat4(Mat4),
-    /// Elements of an array from the first on.
+    /// The first elements of an array.
     Vec4s(&'a [Vec4]),
     Mat4s(&'a [Mat4]),
     Texture(&'a Texture),
-    /// A texture that shaders write to at any texel, all elements of an array. For contexts that [`Gpu::writes_images`].
+    /// A texture array in which shaders write to any texel. The context must support it ([`Gpu::writes_images`]).
     Image(&'a Texture),
 }
 
@@ -50,13 +50,14 @@ pub struct Program {
     program: Resource<glow::NativeProgram>,
     name: String,
     uniforms: Vec<(String, glow::NativeUniformLocation)>,
-    pace: Pace,
+    /// The measured cost of its draws.
+    pub(super) pace: Pace,
 }
 
-/// Texts that take the place of embedded ones.
+/// Texts that replace embedded ones.
 static REPLACED: LazyLock<RwLock<HashMap<&'static str, String>>> = LazyLock::new(Default::default);
 
-/// From now on programs are compiled with `text`, if there is one, in the place of an embedded one: for work on shaders while they run.
+/// Makes later programs compile `text` in place of an embedded text; `None` restores the embedded one. This serves editing shaders at run time.
 pub fn replace_shader_text(embedded: &'static str, text: Option<String>) {
     let mut replaced = REPLACED.write().unwrap_or_else(PoisonError::into_inner);
     match text {
@@ -71,10 +72,10 @@ fn current(embedded: &'static str) -> Cow<'static, str> {
 }
 
 impl ShaderSource {
-    /// Both stages with includes put in, as (vertex, fragment).
+    /// Returns (vertex, fragment), both with their includes replaced by the files' texts.
     ///
     /// # Errors
-    /// [`Error::Gl`] when an included file does not exist.
+    /// [`Error::Gl`] if an included file does not exist.
     pub fn resolve(&self) -> Result<(String, String)> {
         let stage = |embedded| {
             let text = current(embedded);
@@ -122,7 +123,7 @@ impl ShaderSource {
 
 impl Program {
     /// # Errors
-    /// [`Error::Gl`] with the driver's log and the numbered source when it does not compile or link.
+    /// [`Error::Gl`] with the driver's log and the numbered source if the program does not compile or link.
     pub fn new(gpu: &Gpu, source: &ShaderSource) -> Result<Self> {
         let gl = gpu.gl();
         let (vertex, fragment) = source.resolve()?;
@@ -150,7 +151,7 @@ impl Program {
             let uniforms = (0..gl.get_active_uniforms(program.name()))
                 .filter_map(|i| gl.get_active_uniform(program.name(), i))
                 .filter_map(|uniform| Some((gl.get_uniform_location(program.name(), &uniform.name)?, uniform.name)))
-                // Arrays go by their first element.
+                // Drivers name an array by its first element.
                 .map(|(location, name)| (name.trim_end_matches("[0]").to_owned(), location))
                 .collect();
             gpu.check("making a shader program")?;
@@ -158,16 +159,11 @@ impl Program {
         }
     }
 
-    /// What its draws cost.
-    pub(super) fn pace(&self) -> &Pace {
-        &self.pace
-    }
-
-    /// Makes it current with all of its uniforms set.
+    /// Makes the program current and sets all of its uniforms.
     ///
     /// # Panics
-    /// When a uniform that the shader reads is not given: the two sides of the interface have come apart. One that is given and
-    /// not read is passed over, for compilers differ in what they find unused.
+    /// If `values` lacks a uniform that the shader reads, because then Rust and shader disagree. Values that the shader does not read are
+    /// ignored: compilers differ in which uniforms they find unused.
     pub(super) fn bind(&self, values: &[(&'static str, Uniform)]) {
         let gl = self.program.gl();
         unsafe { gl.use_program(Some(self.program.name())) };
@@ -189,12 +185,12 @@ impl Program {
                     Uniform::Mat4s(v) => gl.uniform_matrix_4_f32_slice(location, false, cast_slice(v)),
                     Uniform::Texture(texture) => {
                         gl.active_texture(glow::TEXTURE0 + unit);
-                        gl.bind_texture(texture.kind(), Some(texture.name()));
+                        gl.bind_texture(texture.kind, Some(texture.name()));
                         gl.uniform_1_i32(location, unit as i32);
                         unit += 1;
                     }
                     Uniform::Image(texture) => {
-                        gl.bind_image_texture(image, Some(texture.name()), 0, true, 0, glow::READ_WRITE, texture.format().gl().0);
+                        gl.bind_image_texture(image, Some(texture.name()), 0, true, 0, glow::READ_WRITE, texture.format.gl().0);
                         gl.uniform_1_i32(location, image as i32);
                         image += 1;
                     }

@@ -1,5 +1,5 @@
-//! Gather points: where irradiance is wanted, and on which side of which surface. Whatever they come from (camera pixels, vertices,
-//! texels), the gather sees the same pair of textures, laid out as `glsl/include/points.glsl` says.
+//! Gather points: positions and normals at which irradiance is gathered. They come from camera pixels, vertices, texels of light maps, or files.
+//! Every source yields the same pair of textures, with the layout of `glsl/include/points.glsl`.
 
 mod accumulator;
 mod camera;
@@ -11,38 +11,70 @@ mod traced;
 mod vertices;
 
 pub use accumulator::Accumulator;
-pub use camera::{CameraPoints, Visible};
+pub use camera::{CameraPoints, GBuffer};
 pub use interleave::{Interleave, Subset};
 pub use lightmap::{LightMap, LightMapCounts, LightMapOptions, Mended, Resolution, UvSource};
 pub use list::{GatherPoint, PointList};
-pub use traced::{EyeRays, TracedPoints};
+pub use traced::EyeRays;
 pub use vertices::{VertexCounts, Vertices};
 
 use glam::Vec4;
 use rayon::prelude::*;
 
-use crate::gpu::{Blend, DepthTest, Draw, Geometry, Program, Target, Texture, Uniform};
+use crate::error::Result;
+use crate::gpu::{Blend, DepthTest, Draw, Filter, Format, Gpu, Program, Shape, Target, Texture, Uniform, Wrap};
 
-/// Borrowed point textures, a texel a point.
+/// A point lies inside something if more than this fraction of its hits are back faces. Inside, all hits are, except for leaks. Outside none are,
+/// except on surfaces without thickness, such as leaves, of which about half show their backs.
+const INSIDE: f32 = 0.5;
+
+/// Owned point textures, one texel for each point.
+pub struct PointTextures {
+    position: Texture,
+    normal: Texture,
+    count: u32,
+}
+
+impl PointTextures {
+    /// Uploads texels with the layout of [`Points`], of which `count` are points.
+    ///
+    /// # Errors
+    /// If `size` exceeds the device's limits.
+    pub fn upload(gpu: &Gpu, size: [u32; 2], position: &[Vec4], normal: &[Vec4], count: u32) -> Result<Self> {
+        let upload = |texels| Texture::from_texels(gpu, Format::Rgba32F, size, Filter::Nearest, Wrap::Clamp, texels);
+        Ok(Self { position: upload(position)?, normal: upload(normal)?, count })
+    }
+
+    /// Bytes that [`Self::upload`] takes.
+    pub fn bytes(size: [u32; 2]) -> usize {
+        Target::bytes(size, &[Format::Rgba32F; 2], false)
+    }
+
+    pub fn points(&self) -> Points<'_> {
+        Points { position: &self.position, normal: &self.normal, subset: Subset::ALL, count: self.count }
+    }
+}
+
+/// Borrowed point textures, one texel for each point.
 #[derive(Clone, Copy)]
 pub struct Points<'a> {
     /// xyz: position in unit space; w: geometric normal, octahedral x.
     pub position: &'a Texture,
     /// xyz: unit shading normal, zero where there is no point; w: octahedral y.
     pub normal: &'a Texture,
-    /// Which of them are meant.
+    /// The texels that a pass covers.
     pub subset: Subset,
-    /// How many these are, or about as many.
+    /// The approximate number of points in the subset.
     pub count: u32,
 }
 
 impl<'a> Points<'a> {
-    /// Of all points those in `subset`.
+    /// Restricts all points to `subset`.
     pub fn only(self, subset: Subset) -> Self {
         Self { subset, count: self.count.div_ceil(subset.stride * subset.stride), ..self }
     }
 
-    /// Width and height of what holds one value for each point.
+    /// Width and height of a texture with one value for each point of the subset.
     pub fn size(&self) -> [u32; 2] {
         self.subset.size([self.position.width(), self.position.height()])
     }
@@ -64,7 +96,7 @@ impl<'a> Points<'a> {
             uniforms: &[uniforms, &self.uniforms(), &[("first_texel", Uniform::IVec2([x, y]))]].concat(),
             depth: DepthTest::Off,
             blend,
-            geometry: Geometry::FullScreen,
+            geometry: Shape::FullScreen,
         }
         .run();
     }
