@@ -47,14 +47,14 @@ pub fn text(bytes: &[u8]) -> String {
 }
 
 /// What was written to stderr.
-pub fn said(output: &Output) -> String {
+pub fn stderr(output: &Output) -> String {
     text(&output.stderr)
 }
 
 /// Runs a command, which must end with code 0.
 pub fn success(command: &mut Command) -> Output {
     let output = command.output().unwrap_or_else(|error| panic!("{command:?}: {error}"));
-    assert!(output.status.success(), "{command:?}: {:?}: {}{}", output.status, text(&output.stdout), said(&output));
+    assert!(output.status.success(), "{command:?}: {:?}: {}{}", output.status, text(&output.stdout), stderr(&output));
     output
 }
 
@@ -67,9 +67,9 @@ pub fn json(command: &mut Command) -> Value {
 /// Runs a command, which must end with this code and write nothing to stdout. Returns what it wrote to stderr.
 pub fn refusal(command: &mut Command, code: i32) -> String {
     let output = command.output().unwrap();
-    assert_eq!(output.status.code(), Some(code), "{command:?}: {}", said(&output));
+    assert_eq!(output.status.code(), Some(code), "{command:?}: {}", stderr(&output));
     assert!(output.stdout.is_empty(), "{command:?} wrote to stdout");
-    said(&output)
+    stderr(&output)
 }
 
 pub fn bytes(folder: impl AsRef<Path>, name: &str) -> Vec<u8> {
