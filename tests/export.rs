@@ -1,14 +1,14 @@
 //! What is exported comes back through other readers: PLY through ply-rs, NumPy byte by byte, OBJ as a scene, glTF through its
 //! crate and the Khronos validator.
 
-#[path = "common/khronos.rs"]
-mod khronos;
+mod common;
 
 use std::collections::BTreeMap;
 use std::f32::consts::{FRAC_1_PI, PI};
 use std::fs;
 use std::path::Path;
 
+use common::khronos;
 use finalgather::blocks::sha256;
 use finalgather::error::Error;
 use finalgather::export::{ExportMesh, Lightmap, PointValues, check_writable, read_prt};

@@ -1,15 +1,19 @@
-//! Malformed inputs by the thousand. Each is read, or refused with what is wrong and a cure; none makes a reader panic, or hang, or allocate what a header
-//! only claims. The seeds are those of the fuzz targets, and so are the readers. Then what a scene may read, and the tool from outside.
+//! Thousands of malformed inputs. Each is read, or refused with a problem and a cure. None makes a reader panic, hang, or allocate the memory that a header
+//! claims. Seeds and readers are those of the fuzz targets.
+
+#[path = "../common/mod.rs"]
+mod common;
+mod forged;
+mod outside;
 
 use std::collections::BTreeMap;
-use std::fs;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
 use std::sync::mpsc;
 use std::thread;
 use std::time::Duration;
 
+use common::tool::{bytes, folder, names_in};
 use finalgather::Environment;
 use finalgather::blocks::Part;
 use finalgather::error::{Error, Result};
@@ -19,14 +23,11 @@ use finalgather::points::file::parse;
 use finalgather::render::RenderMerge;
 use finalgather::scene::{Files, LoadOptions, World};
 use finalgather::settings::Settings;
+use forged::{bmp, exr, npy, png, seed};
 use serde_json::{Value, json};
 
 /// The longest that one input may take.
 const PATIENCE: Duration = Duration::from_secs(5);
-
-fn seed(name: &str) -> Vec<u8> {
-    fs::read(Path::new("fuzz/seeds").join(name)).unwrap()
-}
 
 /// A scene of sound files, but for one of them.
 fn load(name: &str, bytes: &[u8]) -> Result<()> {
@@ -141,11 +142,7 @@ fn read_all(format: &'static str, name: &str, inputs: Vec<(String, Vec<u8>)>) ->
 fn mutants_are_read_or_refused() {
     let mut total = 0;
     for format in ["obj", "mtl", "scene", "texture", "environment", "picture", "points", "transfer"] {
-        let mut names: Vec<String> = fs::read_dir(Path::new("fuzz/seeds").join(format))
-            .unwrap()
-            .map(|entry| entry.unwrap().file_name().into_string().unwrap())
-            .collect();
-        names.sort();
+        let names = names_in(Path::new("fuzz/seeds").join(format));
         let (mut count, mut refused) = (0, 0);
         for name in &names {
             let sound = seed(&format!("{format}/{name}"));
@@ -171,9 +168,9 @@ fn part(change: impl Fn(&mut Value, &mut Value), nodes: &[(&str, usize)]) -> Vec
     let floats = vec![1.0; 1 << 12];
     let mut part = Part::new(job, state);
     nodes.iter().for_each(|&(name, length)| part.put(name, &floats[..length]));
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder();
     part.write(&folder.path().join("x.part")).unwrap();
-    fs::read(folder.path().join("x.part")).unwrap()
+    bytes(&folder, "x.part")
 }
 
 fn merged(bytes: &[u8]) -> Result<Image> {
@@ -242,44 +239,6 @@ fn parts_are_sound_or_refused() {
 /// One after the other of such pieces.
 fn many(count: usize, piece: impl Fn(usize) -> String) -> Vec<u8> {
     (0..count).map(piece).collect::<String>().into_bytes()
-}
-
-/// A small file that says that it is large.
-fn bmp(width: u32, height: u32) -> Vec<u8> {
-    let words = [54_u32, 0, 54, 40, width, height, 1 | 32 << 16, 0, 0, 0, 0, 0, 0];
-    [b"BM".to_vec(), words.iter().flat_map(|word| word.to_le_bytes()).collect()].concat()
-}
-
-/// With another width and height in its header, whose checksum is not looked at before there is a decoder.
-fn png(width: u32, height: u32) -> Vec<u8> {
-    let mut bytes = seed("texture/rgb.png");
-    bytes[16..20].copy_from_slice(&width.to_be_bytes());
-    bytes[20..24].copy_from_slice(&height.to_be_bytes());
-    let checksum = crc32(&bytes[12..29]);
-    bytes[29..33].copy_from_slice(&checksum.to_be_bytes());
-    bytes
-}
-
-fn crc32(bytes: &[u8]) -> u32 {
-    let step = |crc: u32| if crc & 1 == 1 { 0xedb8_8320 ^ (crc >> 1) } else { crc >> 1 };
-    !bytes.iter().fold(!0, |crc, &byte| (0..8).fold(crc ^ u32::from(byte), |crc, _| step(crc)))
-}
-
-/// `file` with its data window, from (0, 0), made to end elsewhere.
-fn exr(file: &str, [right, bottom]: [i32; 2], end: [i32; 2]) -> Vec<u8> {
-    let words = |[x, y]: [i32; 2]| -> Vec<u8> { [0, 0, x, y].iter().flat_map(|word: &i32| word.to_le_bytes()).collect() };
-    let mut bytes = seed(file);
-    let windows: Vec<usize> = (0..bytes.len() - 16).filter(|&at| bytes[at..at + 16] == words([right, bottom])[..]).collect();
-    assert!(!windows.is_empty(), "{file} has no such window");
-    for at in windows {
-        bytes[at..at + 16].copy_from_slice(&words(end));
-    }
-    bytes
-}
-
-fn npy(shape: &str, data: &[u8]) -> Vec<u8> {
-    let header = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({shape}), }}\n");
-    [b"\x93NUMPY\x01\0", &(header.len() as u16).to_le_bytes()[..], header.as_bytes(), data].concat()
 }
 
 /// Counts and sizes beyond sense, and much of what is allowed once.
@@ -378,194 +337,4 @@ fn known(format: &str) -> &'static str {
         .into_iter()
         .find(|&known| known == format)
         .expect("a reader")
-}
-
-/// A folder with a scene of two folders in it, `scene` and `scene/parts`, and beside it what is none of its business. A model, its library, a picture and a
-/// sky are in all three.
-fn neighbours() -> tempfile::TempDir {
-    let folder = tempfile::tempdir().unwrap();
-    for place in [".", "scene", "scene/parts"] {
-        let place = folder.path().join(place);
-        fs::create_dir_all(&place).unwrap();
-        for (name, from) in [("t.tga", "texture/rgb.png"), ("e.hdr", "environment/sky.hdr")] {
-            fs::write(place.join(name), seed(from)).unwrap();
-        }
-        fs::write(place.join("m.mtl"), "newmtl lamp\nKe 5 5 5\nmap_Kd t.tga\n").unwrap();
-        fs::write(place.join("m.obj"), "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 1\nusemtl lamp\nf 1/1 2/1 3/1\n").unwrap();
-    }
-    folder
-}
-
-const MODEL: &str = "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl lamp\nf 1 2 3\n";
-
-#[test]
-fn a_scene_reads_nothing_outside_its_folder() {
-    let folder = neighbours();
-    let path = |name: &str| folder.path().join(name);
-    let absolute = path("m.obj").display().to_string();
-    let inside = path("scene/parts/m.obj").display().to_string();
-    let library = "newmtl lamp\nKe 5 5 5\n";
-    #[cfg(unix)]
-    for link in ["link.obj", "link.mtl", "link.tga", "link.hdr"] {
-        let target = format!(
-            "../{}",
-            link.replace(
-                "link",
-                if link.ends_with("tga") {
-                    "t"
-                } else if link.ends_with("hdr") {
-                    "e"
-                } else {
-                    "m"
-                }
-            )
-        );
-        std::os::unix::fs::symlink(target, path("scene").join(link)).unwrap();
-    }
-    let outside: Vec<(&str, String)> = vec![
-        ("s.toml", "mesh = '../m.obj'".into()),
-        ("s.toml", "mesh = 'parts/../../m.obj'".into()),
-        ("s.toml", "mesh = '..\\m.obj'".into()),
-        ("s.toml", format!("mesh = '{absolute}'")),
-        // Not even looked for.
-        ("s.toml", "mesh = '../none.obj'".into()),
-        ("s.toml", "mesh = '/dev/zero'".into()),
-        ("s.toml", "mesh = 'm.obj'\nmaterials.lamp.albedo_texture = '../t.tga'".into()),
-        ("s.toml", "mesh = 'm.obj'\nenvironment.file = '../e.hdr'".into()),
-        ("m.obj", MODEL.replace("m.mtl", "../m.mtl")),
-        ("m.obj", MODEL.replace("m.mtl", "../none.mtl")),
-        ("m.mtl", format!("{library}map_Kd ../t.tga\n")),
-        #[cfg(unix)]
-        ("s.toml", "mesh = 'link.obj'".into()),
-        #[cfg(unix)]
-        ("s.toml", "mesh = 'm.obj'\nenvironment.file = 'link.hdr'".into()),
-        #[cfg(unix)]
-        ("m.obj", MODEL.replace("m.mtl", "link.mtl")),
-        #[cfg(unix)]
-        ("m.mtl", format!("{library}map_Kd link.tga\n")),
-    ];
-    let sound = [("s.toml", "mesh = 'm.obj'"), ("m.obj", MODEL), ("m.mtl", library)];
-    let restore = || sound.into_iter().for_each(|(name, text)| fs::write(path("scene").join(name), text).unwrap());
-    let with = |files| LoadOptions { files, ..LoadOptions::default() };
-    for (name, text) in outside {
-        restore();
-        fs::write(path("scene").join(name), &text).unwrap();
-        let error = World::load(&path("scene/s.toml")).map(drop).expect_err(&text);
-        let message = error.to_string();
-        assert!(matches!(error, Error::Input { .. }), "{text}: {message}");
-        assert!(message.contains("outside the scene's folder") && message.contains("--allow-outside"), "{text}: {message}");
-        // Asked to, it is read, or missed.
-        match World::load_with(&path("scene/s.toml"), with(Files::Anywhere)) {
-            Ok(loaded) => assert_eq!(loaded.world.meshes[0].triangles.len(), 1),
-            Err(error) if text.contains("none") || text.contains("/dev") => {
-                assert!(error.to_string().contains("cannot read"), "{text}: {error}");
-            }
-            Err(error) => panic!("{text}: {error}"),
-        }
-    }
-    // What is in the folder may go by any name, and what was asked for may lie anywhere.
-    for (name, text) in [
-        ("s.toml", format!("mesh = '{inside}'")),
-        ("s.toml", "mesh = 'parts/../parts/m.obj'\nenvironment.file = 'parts/../e.hdr'".into()),
-        ("s.toml", "mesh = '../scene/m.obj'".into()),
-        ("parts/m.mtl", format!("{library}map_Kd ../t.tga\n")),
-    ] {
-        restore();
-        fs::write(path("scene").join(name), &text).unwrap();
-        World::load(&path("scene/s.toml")).unwrap_or_else(|error| panic!("{text}: {error}"));
-    }
-    #[cfg(unix)]
-    {
-        restore();
-        std::os::unix::fs::symlink("parts/m.obj", path("scene/own.obj")).unwrap();
-        std::os::unix::fs::symlink("scene/s.toml", path("far.toml")).unwrap();
-        World::load(&path("scene/own.obj")).unwrap();
-        // Its folder is where it was found.
-        World::load(&path("far.toml")).unwrap();
-    }
-}
-
-#[test]
-fn what_is_no_file_is_not_waited_for() {
-    let folder = tempfile::tempdir().unwrap();
-    fs::create_dir(folder.path().join("m.obj")).unwrap();
-    let error = World::load(&folder.path().join("m.obj")).map(drop).unwrap_err();
-    assert!(error.to_string().contains("no regular file"), "{error}");
-    #[cfg(unix)]
-    {
-        let pipe = folder.path().join("p.ply");
-        assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());
-        let (sender, receiver) = mpsc::channel();
-        thread::spawn(move || sender.send(finalgather::points::file::read(&pipe).map(drop)));
-        let error = receiver.recv_timeout(PATIENCE).expect("waits for a writer").unwrap_err();
-        assert!(error.to_string().contains("no regular file"), "{error}");
-    }
-}
-
-/// What the tool says, having ended with `code`, written nothing and not panicked.
-fn refusal(folder: &Path, arguments: &str, code: i32) -> String {
-    let Output { status, stdout, stderr } =
-        Command::new(env!("CARGO_BIN_EXE_finalgather")).current_dir(folder).args(arguments.split(' ')).output().unwrap();
-    let said = String::from_utf8_lossy(&stderr).into_owned();
-    assert_eq!(status.code(), Some(code), "{arguments}: {said}");
-    assert!(stdout.is_empty() && said.contains("cure: ") && !said.contains("panicked"), "{arguments}: {said}");
-    let names: Vec<_> = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
-    assert!(!names.iter().any(|name| name.starts_with("out") || name.contains("finalgather")), "{arguments} left {names:?}");
-    said
-}
-
-#[test]
-fn the_tool_ends_with_words_and_no_file() {
-    let folder = neighbours();
-    let path = |name: &str| folder.path().join(name);
-    fs::write(path("s.toml"), "mesh = 'm.obj'\n[settings]\nsize = [8, 8]\ndirections = 2\nphotons = 100\n").unwrap();
-    fs::write(path("huge.toml"), "mesh = 'm.obj'\n[settings]\nsize = [4000000000, 4000000000]\n").unwrap();
-    fs::write(path("deep.toml"), format!("camera = {}", "[".repeat(100_000))).unwrap();
-    fs::write(path("escape.obj"), MODEL.replace("usemtl lamp", "usemtl \x1b[2J\x07lamp")).unwrap();
-    fs::write(path("bomb.tga"), bmp(16384, 16384)).unwrap();
-    fs::write(path("bomb.toml"), "mesh = 'm.obj'\nmaterials.lamp.albedo_texture = 'bomb.tga'\n").unwrap();
-    fs::write(path("bomb.png"), png(30_000, 30_000)).unwrap();
-    fs::write(path("bomb.exr"), exr("environment/sky.exr", [3, 1], [8191, 4095])).unwrap();
-    fs::write(path("cut.hdr"), &seed("environment/sky.hdr")[..70]).unwrap();
-    fs::write(path("p.csv"), "0,0,0,0,0,1\n0,0,0,nan,0,1\n").unwrap();
-    fs::write(path("prt.npy"), npy("4294967296, 4294967296, 4294967296", b"")).unwrap();
-    fs::write(path("prt.json"), seed("transfer/prt.json")).unwrap();
-    fs::write(path("scene/s.toml"), "mesh = '../m.obj'\n[settings]\nsize = [8, 8]\ndirections = 2\nphotons = 100\n").unwrap();
-    for arguments in [
-        "render huge.toml -o out.png",
-        "render deep.toml -o out.png",
-        "render bomb.toml -o out.png -o out.exr",
-        "render s.toml --env cut.hdr -o out.png",
-        "render s.toml --env bomb.exr -o out.png",
-        "bake s.toml --to points:p.csv --what ao -o out.npy",
-        "bake deep.toml --to vertices --what ao -o out.ply",
-        "relight prt.npy --env e.hdr -o out.npy",
-        "compare bomb.png bomb.png -o out.png",
-        "compare bomb.exr bomb.exr",
-        "bench deep.toml",
-    ] {
-        refusal(folder.path(), arguments, 65);
-    }
-    refusal(folder.path(), "render s.toml --size 4000000000 -o out.png", 2);
-    // A name in a file is no command to the terminal.
-    let said = refusal(folder.path(), "render escape.obj -o out.png", 65);
-    assert!(said.contains("[2J") && !said.contains(['\x1b', '\x07']), "{said:?}");
-    // Each command that loads a scene asks before it leaves the folder.
-    fs::write(path("prt.npy"), seed("transfer/prt.npy")).unwrap();
-    for (arguments, code) in [
-        ("render scene/s.toml -o out.png", 0),
-        ("bake scene/s.toml --to vertices --what ao -o out.npy", 0),
-        // Too dark to measure, and of other vertices, as is found out once they are read.
-        ("bench scene/s.toml --size 8 --directions 1 --pipelines kill --rounds 1 --photons 100", 2),
-        ("relight prt.npy --env e.hdr --scene scene/s.toml -o out.npy", 65),
-    ] {
-        assert!(refusal(folder.path(), arguments, 65).contains("--allow-outside"), "{arguments}");
-        let allowed = format!("{arguments} --allow-outside");
-        let output =
-            Command::new(env!("CARGO_BIN_EXE_finalgather")).current_dir(&folder).args(allowed.split(' ')).output().unwrap();
-        let said = String::from_utf8_lossy(&output.stderr).into_owned();
-        assert_eq!(output.status.code(), Some(code), "{allowed}: {said}");
-        assert!(!said.contains("outside"), "{allowed}: {said}");
-        ["out.png", "out.npy", "out.json"].into_iter().for_each(|name| drop(fs::remove_file(path(name))));
-    }
 }
