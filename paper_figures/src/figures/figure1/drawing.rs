@@ -1,13 +1,14 @@
-//! The drawing of figure 1: the whole slice above, and below it a small one for each layer as it comes.
+//! The drawing of figure 1: the whole slice above, and below it a small one for each layer in peeling order.
 //!
-//! Sizes are of a page 800 wide, where the least text has 20: half of that is left on a telephone.
+//! The page is 800 wide and the smallest text 20, so that text is still readable at half the size, on a telephone.
 
 use glam::{Vec2, vec2};
 use svg::Document;
 use svg::node::element::{Circle, Group, Line, Polygon, Polyline, Rectangle, Text, Title};
 
-use super::{Figure1, Place, Point, Sight, Surface, Texel};
 use crate::figure::Result;
+use crate::figures::figure1::data::{Figure1, Place, Point, Surface, Texel};
+use crate::lab::slice::Sight;
 
 const WIDTH: f32 = 800.0;
 /// Left and right of everything.
@@ -173,9 +174,9 @@ impl View<'_> {
     }
 
     fn slice(&self) -> Group {
-        let layers = 0..self.figure.layers.len();
-        let mut group =
-            layers.fold(Group::new().add(self.bodies(14.0)).add(self.rays()), |group, layer| group.add(self.layer(layer, 7.0)));
+        let layers = self.figure.layers.len();
+        let behind = Group::new().add(self.bodies(14.0)).add(self.rays());
+        let mut group = (0..layers).fold(behind, |group, layer| group.add(self.layer(layer, 7.0)));
         for (name, point) in ('A'..).zip(&self.figure.points) {
             let at = self.at(point.place);
             let culled = || {
@@ -192,7 +193,7 @@ impl View<'_> {
                     group = group.add(cross(self.on_ray(point, sight.distance), 7.0));
                 }
             }
-            if let Some((layer, distance)) = last_sample(&point.sights) {
+            if let Some((layer, distance)) = point.last_sample(layers) {
                 group = group.add(arrow(at, self.on_ray(point, distance), COLORS[layer], 3.5));
             }
             let name = text(at + 26.0 * self.below(point) + vec2(0.0, 9.0), &name.to_string());
@@ -223,7 +224,7 @@ impl View<'_> {
         for (name, point) in ('A'..).zip(&self.figure.points) {
             let at = self.at(point.place);
             let sight = point.sights[layer];
-            if let Some((from, distance)) = last_sample(&point.sights[..=layer]) {
+            if let Some((from, distance)) = point.last_sample(layer) {
                 group = group.add(arrow(at, self.on_ray(point, distance), COLORS[from], 2.5));
             }
             let sampled = sight.is_some_and(|sight| sight.sampled);
@@ -248,12 +249,6 @@ impl View<'_> {
 /// Whether it is not the point's own surface.
 fn is_apart(sight: Sight) -> bool {
     sight.distance.abs() > 1e-3
-}
-
-/// The layer, and how far ahead it is.
-fn last_sample(sights: &[Option<Sight>]) -> Option<(usize, f32)> {
-    let sampled = |(layer, sight): (usize, &Option<Sight>)| Some((layer, sight.filter(|sight| sight.sampled)?.distance));
-    sights.iter().enumerate().filter_map(sampled).next_back()
 }
 
 /// To a tenth of a pixel.
