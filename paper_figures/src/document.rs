@@ -9,7 +9,7 @@ use serde_json::{Number, Value};
 
 use crate::figure::{Figure, Format, Kind, Result, Scale, Task, folder, of_file};
 use crate::figures::KINDS;
-use crate::lab::machine::{Machine, today};
+use crate::lab::{Machine, today};
 
 /// A file `figures/NAME.toml`.
 #[derive(Deserialize)]

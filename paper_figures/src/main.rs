@@ -5,21 +5,23 @@
 //! A figure's kind is a type that implements [`figure::Figure`], which measures and draws. To add one, write a file in
 //! `src/figures/` (`src/figures/stop_fraction.rs` is the shortest) and name it in `src/figures/mod.rs`.
 //!
-//! Modules are on floors. A module imports only modules of lower floors; `tests/floors.rs` reads this table and checks that. Only `lab`
-//! calls the `finalgather` library.
+//! Modules are on floors, and a module imports only from lower floors. `tests/floors.rs` reads this table and checks it. Only `lab` calls
+//! the `finalgather` library. `lab` and `draw` are imported as a whole from above.
 //!
-//! | floor | modules |
-//! |---|---|
-//! | 9 | `main`: the command line |
-//! | 8 | `page`: the page |
-//! | 7 | `page::claims`: the poster's claims and their verdicts |
-//! | 6 | `document`: files of declarations and of measurements |
-//! | 5 | `figures`: the list of kinds |
-//! | 4 | `figures::*`: a kind each; `figures::figure1` over `figures::figure1::drawing` over `figures::figure1::data` |
-//! | 3 | `lab::slice`, `lab::path_tracer` |
-//! | 2 | `lab::cornell`, `lab::pictures`, `draw::plot` |
-//! | 1 | `lab::procedural`, `lab::machine`, `lab::numeric`, `draw::html`, `draw::numbers`, `lab::library` |
-//! | 0 | `figure`: what a figure is |
+//! | floor | modules | |
+//! |---|---|---|
+//! | 11 | `main` | command line |
+//! | 10 | `page` | the page with all figures |
+//! | 9 | `page::claims` | the poster's claims and their verdicts |
+//! | 8 | `document` | files of declarations and of measurements |
+//! | 7 | `figures` | list of kinds |
+//! | 6 | `figures::*` | a kind of figure each |
+//! | 5 | `lab`, `draw` | names of the floors below |
+//! | 4 | `lab::path_tracer`, `lab::slice` | measurements |
+//! | 3 | `lab::cornell`, `lab::pictures` | gathers, and renders against path tracing |
+//! | 2 | `lab::machine`, `lab::procedural` | date and hardware, scenes made in code |
+//! | 1 | `lab::library`, `lab::numeric`, `draw::*` | names of the library, numbers, plots and HTML |
+//! | 0 | `figure` | what a figure is |
 
 mod document;
 mod draw;
@@ -36,7 +38,7 @@ use clap::Parser;
 
 use crate::document::{Declaration, Document};
 use crate::figure::{Format, Result, Scale, folder, of_file};
-use crate::lab::pictures::write_small;
+use crate::lab::write_small;
 use crate::page::Page;
 
 /// Measures and draws the figures of finalgather, to paper_figures/out/NAME.json and NAME.svg, and all in one page, index.html

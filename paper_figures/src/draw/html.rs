@@ -20,7 +20,7 @@ pub fn panel(file: &str, label: &str) -> String {
 }
 
 /// An SVG document in the page.
-pub fn plot(svg: &str) -> String {
+pub fn plot_in_page(svg: &str) -> String {
     format!("<div class=\"plot\">\n{svg}</div>\n")
 }
 

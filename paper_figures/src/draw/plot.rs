@@ -10,7 +10,6 @@ use plotters::prelude::*;
 pub use plotters::style::RGBColor;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
-use crate::draw::numbers::{short, short_percent};
 use crate::figure::Result;
 
 type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
@@ -328,10 +327,4 @@ fn named(legend: &Area, row: i32, name: &str) -> Result<i32> {
     let height = 12 + 24 * row;
     legend.draw(&Text::new(name.to_owned(), (34, height), font(15).pos(Pos::new(HPos::Left, VPos::Center))))?;
     Ok(height)
-}
-
-/// A panel of relative error over time on logarithmic scales. The error axis reaches `goal` if there is one.
-pub fn error_over_time(height: u32, title: String, time: &str, goal: Option<f64>, curves: Vec<Curve>) -> Panel {
-    let axes = [Axis::log(time, short), Axis::log("relative RMSE", short_percent).over(goal)];
-    Panel::lines(height, title, axes, curves)
 }

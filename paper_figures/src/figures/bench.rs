@@ -2,11 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::draw::numbers::{percent, whole};
-use crate::draw::plot::{self, Axis, Bar, Panel};
+use crate::draw::{Axis, Bar, Panel, percent, plot, whole};
 use crate::figure::{Figure, Result, Task};
-use crate::lab::cornell::cornell;
-use crate::lab::library::{Bench, CONTESTANTS, FUSED, Plan, Row, Settings, Where, gpu};
+use crate::lab::{Bench, CONTESTANTS, FUSED, Plan, Row, Settings, Where, cornell, gpu};
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]

@@ -5,11 +5,9 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::draw::numbers::{count, percent, short_percent};
-use crate::draw::plot::{self, Axis, Bar, Panel};
+use crate::draw::{Axis, Bar, Panel, count, percent, plot, short_percent};
 use crate::figure::{Figure, Result, Task};
-use crate::lab::library::{Image, LayerSize, Pipeline, Settings};
-use crate::lab::pictures::{Measured, Pictures};
+use crate::lab::{Image, LayerSize, Measured, Pictures, Pipeline, Settings};
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]

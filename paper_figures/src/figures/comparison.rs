@@ -2,11 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::draw::html::{panel, table};
-use crate::draw::numbers::{percent, seconds, short_percent};
+use crate::draw::{panel, percent, seconds, short_percent, table};
 use crate::figure::{Figure, Format, Result, Task};
-use crate::lab::library::{Image, Pipeline, WriteOptions};
-use crate::lab::pictures::{Pictures, cropped, sum_of};
+use crate::lab::{Image, Pictures, Pipeline, Stages, WriteOptions, cropped, sum_of};
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -45,7 +43,7 @@ pub struct PictureComparison {
     /// Side of the pictures that are compared: larger ones are averaged to it.
     compared_size: usize,
     pub error: Error,
-    seconds: Seconds,
+    seconds: Stages,
     /// The picture first.
     panels: Vec<Panel>,
     crops: Vec<Enlarged>,
@@ -62,14 +60,6 @@ pub struct Error {
     pub photon_map: f64,
     /// Within the limit; null where it is not judged, at less than full scale.
     pub holds: Option<bool>,
-}
-
-#[derive(Serialize, Deserialize)]
-struct Seconds {
-    photons: f64,
-    visible_points: f64,
-    direct: f64,
-    gather: f64,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -132,7 +122,6 @@ impl Figure for PictureComparison {
             };
             Ok(Enlarged { caption: crop.caption.clone(), panels: parts.into_iter().map(part).collect::<Result<_>>()? })
         };
-        let of = statistics.seconds;
         Ok(Self {
             size,
             directions,
@@ -148,7 +137,7 @@ impl Figure for PictureComparison {
                 photon_map: relative_rmse(&photon_map)?,
                 holds: task.scale.is_whole().then_some(found.relative_rmse <= parameters.limit),
             },
-            seconds: Seconds { photons: of.photons, visible_points: of.visible_points, direct: of.direct, gather: of.gather },
+            seconds: Stages::of(&statistics),
             panels,
             crops: parameters.crops.iter().map(enlarge).collect::<Result<_>>()?,
         })

@@ -8,13 +8,11 @@ use std::f64::consts::PI;
 
 use glam::{DVec3, DVec4};
 use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
 
-use crate::draw::numbers::{short_percent, whole};
-use crate::draw::plot::{self, Axis, Curve, Panel};
+use crate::draw::{Axis, Curve, Panel, plot, short_percent, whole};
 use crate::figure::{Figure, Result, Task};
-use crate::lab::cornell::Cornell;
-use crate::lab::library::{Estimator, Sequence, Settings};
-use crate::lab::numeric::{fit, relative_rmse};
+use crate::lab::{Cornell, Estimator, Sequence, Settings, fit, relative_rmse};
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -43,7 +41,8 @@ pub struct Convergence {
     irradiance: Vec<Errors>,
     /// Of the plain estimator where radiance is 1 everywhere; the other has none. √(5/3)/√N is that of independent directions.
     constant: Vec<Errors>,
-    winners: Vec<Winner>,
+    /// Which sequence has the smallest error; its lead is the error of the second best over its own.
+    winners: Vec<Value>,
 }
 
 /// Relative errors at each number of directions.
@@ -58,16 +57,6 @@ struct Errors {
     relative_rmse: Vec<f64>,
     /// Standard deviation over seeds of the same for one seed.
     spread: Vec<f64>,
-}
-
-/// Which sequence has the smallest error.
-#[derive(Serialize, Deserialize)]
-struct Winner {
-    directions: u32,
-    estimator: Estimator,
-    sequence: Sequence,
-    /// The error of the second best over its own.
-    lead: f64,
 }
 
 const ESTIMATORS: [Estimator; 2] = [Estimator::Plain, Estimator::SelfNormalised];
@@ -166,12 +155,12 @@ impl Errors {
     }
 }
 
-fn winners(directions: &[u32], errors: &[Errors]) -> Vec<Winner> {
+fn winners(directions: &[u32], errors: &[Errors]) -> Vec<Value> {
     let winner = |estimator: Estimator, i: usize| {
         let mut ranked: Vec<_> = errors.iter().filter(|errors| errors.estimator == estimator).collect();
         ranked.sort_by(|a, b| a.relative_rmse[i].total_cmp(&b.relative_rmse[i]));
         let lead = ranked[1].relative_rmse[i] / ranked[0].relative_rmse[i];
-        Winner { directions: directions[i], estimator, sequence: ranked[0].sequence, lead }
+        json!({ "directions": directions[i], "estimator": estimator, "sequence": ranked[0].sequence, "lead": lead })
     };
     ESTIMATORS.into_iter().flat_map(|estimator| (0..directions.len()).map(move |i| winner(estimator, i))).collect()
 }

@@ -14,9 +14,10 @@ mod time_to_error;
 pub mod times;
 
 use crate::figure::Kind;
+use crate::lab::Slice;
 
 pub const KINDS: [Kind; 12] = [
-    Kind::of::<figure1::Figure1>("layers_of_a_slice"),
+    Kind::of::<Slice>("layers_of_a_slice"),
     Kind::of::<comparison::PictureComparison>("comparison"),
     Kind::of::<times::Times>("times"),
     Kind::of::<convergence::Convergence>("convergence"),

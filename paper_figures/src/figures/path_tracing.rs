@@ -4,11 +4,9 @@ use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
 
-use crate::draw::plot::{self, Curve, PATH_TRACING};
+use crate::draw::{Axis, Curve, Panel, plot, short, short_percent};
 use crate::figure::{Figure, Result, Task};
-use crate::lab::library::{Pipeline, Settings};
-use crate::lab::path_tracer::PathTracer;
-use crate::lab::pictures::Pictures;
+use crate::lab::{PathTracer, Pictures, Pipeline, Settings};
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -77,7 +75,7 @@ impl Figure for PathTracing {
             seconds += start.elapsed().as_secs_f64();
             at(paths, seconds, tracer.picture())
         };
-        runs.push(Run { name: PATH_TRACING.into(), pictures: parameters.paths.iter().map(traced).collect::<Result<_>>()? });
+        runs.push(Run { name: plot::PATH_TRACING.into(), pictures: parameters.paths.iter().map(traced).collect::<Result<_>>()? });
         Ok(Self { size, runs })
     }
 
@@ -85,6 +83,7 @@ impl Figure for PathTracing {
         let points = |run: &Run| run.pictures.iter().map(|at| (at.seconds, at.relative_rmse)).collect::<Vec<_>>();
         let curves = self.runs.iter().map(|run| Curve::new(&run.name, plot::color(&run.name), points(run)));
         let title = format!("Error of the picture against time, {0} x {0}", self.size);
-        plot::svg([plot::error_over_time(480, title, "seconds from the scene to the picture", None, curves.collect())])
+        let axes = [Axis::log("seconds from the scene to the picture", short), Axis::log("relative RMSE", short_percent)];
+        plot::svg([Panel::lines(480, title, axes, curves.collect())])
     }
 }

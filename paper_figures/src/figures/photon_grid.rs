@@ -7,13 +7,11 @@
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
 
-use crate::draw::numbers::{count, short_percent, whole};
-use crate::draw::plot::{self, Axis, Curve, Panel};
+use crate::draw::{Axis, Curve, Panel, count, plot, short_percent, whole};
 use crate::figure::{Figure, Result, Task};
-use crate::lab::cornell::{Cornell, PhotonGrid, directions, look_up};
-use crate::lab::library::{Sequence, Settings};
-use crate::lab::numeric::mean;
+use crate::lab::{Cornell, PhotonGrid, Sequence, Settings, directions, look_up, mean};
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -37,7 +35,8 @@ pub struct Parameters {
 
 #[derive(Serialize, Deserialize)]
 pub struct PhotonGridErrors {
-    truth: Truth,
+    /// How it was found, and the mean irradiance at surface points and indirect irradiance at camera points, over channels.
+    truth: Value,
     /// Spread evenly over the surfaces that light reaches.
     surface_points: usize,
     camera_points: usize,
@@ -48,18 +47,6 @@ pub struct PhotonGridErrors {
     /// By photons, then by grid cells.
     pub kinds: Vec<Kind>,
     probes: Vec<Probes>,
-}
-
-#[derive(Serialize, Deserialize)]
-struct Truth {
-    light_samples: u32,
-    directions: u32,
-    grid_cells: u32,
-    photons: u32,
-    /// At surface points, over channels.
-    mean_irradiance: f64,
-    /// At camera points, over channels.
-    mean_indirect: f64,
 }
 
 /// Maps that differ in nothing but their photons.
@@ -106,30 +93,31 @@ impl Figure for PhotonGridErrors {
     fn measure(parameters: &Parameters, task: &Task) -> Result<Self> {
         let scale = task.scale;
         let cornell = Cornell::load()?;
-        let mut truth = Truth {
-            light_samples: scale.of(parameters.truth_light_samples, 256),
-            directions: scale.of(parameters.truth_directions, 256),
-            grid_cells: parameters.truth_grid_cells,
-            photons: scale.of(parameters.truth_photons, 1),
-            mean_irradiance: 0.0,
-            mean_indirect: 0.0,
-        };
+        let light_samples = scale.of(parameters.truth_light_samples, 256);
+        let truth_directions = scale.of(parameters.truth_directions, 256);
+        let photons = scale.of(parameters.truth_photons, 1);
         let settings = |seed, grid_cells| Settings { seed, grid_cells, ..Settings::default() };
-        let finest = cornell.photon_grid(&settings(u64::MAX, truth.grid_cells), 0..truth.photons.into());
+        let finest = cornell.photon_grid(&settings(u64::MAX, parameters.truth_grid_cells), 0..photons.into());
 
         let points = cornell.surface_points(scale.of(parameters.surface_points, 64));
-        let indirect = cornell.gather(&finest, &points, &directions(Sequence::Sobol, u64::MAX, 0..truth.directions));
-        let direct = cornell.direct(&points, truth.light_samples);
+        let indirect = cornell.gather(&finest, &points, &directions(Sequence::Sobol, u64::MAX, 0..truth_directions));
+        let direct = cornell.direct(&points, light_samples);
         let seen: Vec<_> = direct.into_iter().zip(indirect).map(|(direct, indirect)| direct + indirect).collect();
         let dark = ENCLOSED * mean(&seen);
         let lit = points.into_iter().zip(seen).filter(|(_, irradiance)| irradiance.element_sum() / 3.0 > dark);
         let (surface, seen): (Vec<_>, Vec<_>) = lit.unzip();
-        truth.mean_irradiance = mean(&seen);
 
         let camera = cornell.camera_points(scale.of(parameters.size, 4))?;
         let vectors = directions(Sequence::R2, 0, 0..scale.of(parameters.directions, 64));
         let gathered = cornell.gather(&finest, &camera, &vectors);
-        truth.mean_indirect = mean(&gathered);
+        let truth = json!({
+            "light_samples": light_samples,
+            "directions": truth_directions,
+            "grid_cells": parameters.truth_grid_cells,
+            "photons": photons,
+            "mean_irradiance": mean(&seen),
+            "mean_indirect": mean(&gathered),
+        });
 
         let maps = scale.of(parameters.maps, 2);
         // Of the maps of all seeds: at surface points, and at camera points after the gather.

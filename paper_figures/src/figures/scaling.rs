@@ -7,13 +7,12 @@ use std::collections::BTreeSet;
 
 use serde::{Deserialize, Serialize};
 
-use crate::draw::numbers::{short, whole};
-use crate::draw::plot::{self, Axis, Curve, Panel};
+use crate::draw::{Axis, Curve, Panel, plot, short, whole};
 use crate::figure::{Figure, Result, Task};
-use crate::lab::cornell::cornell;
-use crate::lab::library::{Bench, CONTESTANTS, Contestant, FUSED, Gpu, LayerSize, Plan, Row, Scene, Settings, Where, gpu};
-use crate::lab::numeric::crossing;
-use crate::lab::procedural::{hills, plates, points_on};
+use crate::lab::{
+    Bench, CONTESTANTS, Contestant, FUSED, Gpu, LayerSize, Plan, Row, Scene, Settings, Where, cornell, crossing, gpu, hills,
+    plates, points_on,
+};
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]

@@ -2,11 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::draw::numbers::{percent, short_percent, whole};
-use crate::draw::plot::{self, Axis, Curve, Panel};
+use crate::draw::{Axis, Curve, Panel, percent, plot, short_percent, whole};
 use crate::figure::{Figure, Result, Task};
-use crate::lab::library::{Pipeline, Settings};
-use crate::lab::pictures::{Measured, Pictures};
+use crate::lab::{Measured, Pictures, Pipeline, Settings};
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]

@@ -4,12 +4,9 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::draw::numbers::{short, short_percent};
-use crate::draw::plot::{self, Axis, Bar, Curve, Panel};
+use crate::draw::{Axis, Bar, Curve, Panel, plot, short, short_percent};
 use crate::figure::{Figure, Result, Task};
-use crate::lab::cornell::Cornell;
-use crate::lab::library::{Bench, CONTESTANTS, Contestant, Deviation, Plan, Settings, Where, gpu};
-use crate::lab::numeric::crossing;
+use crate::lab::{Bench, CONTESTANTS, Contestant, Cornell, Deviation, Plan, Settings, Where, crossing, gpu};
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -113,8 +110,9 @@ impl Figure for TimeToError {
         let bars = self.runs.iter().map(bar).collect();
         let title = format!("Error of irradiance against time, Cornell box, {0} x {0}", self.size);
         let title_of_bars = format!("Time to {} of error", short_percent(self.goal));
+        let axes = [Axis::log("seconds of gathering", short), Axis::log("relative RMSE", short_percent).over([self.goal])];
         plot::svg([
-            plot::error_over_time(420, title, "seconds of gathering", Some(self.goal), curves.collect()),
+            Panel::lines(420, title, axes, curves.collect()),
             Panel::bars(140, title_of_bars, Axis::linear("seconds", short), 1.6, &[("seconds", plot::BLUE)], bars),
         ])
     }

@@ -4,13 +4,9 @@ use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
 
-use crate::draw::html::{self, table};
-use crate::draw::numbers::{percent, seconds, whole};
-use crate::draw::plot::{self, Axis, Curve, Panel};
+use crate::draw::{Axis, Curve, Panel, percent, plot, plot_in_page, seconds, table, whole};
 use crate::figure::{Figure, Format, Result, Task};
-use crate::lab::library::Pipeline;
-use crate::lab::machine::Machine;
-use crate::lab::pictures::Pictures;
+use crate::lab::{Machine, Pictures, Pipeline, Stages};
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -57,10 +53,8 @@ pub struct OfPicture {
 #[derive(Serialize, Deserialize)]
 pub struct Run {
     pub pipeline: String,
-    pub photons: f64,
-    pub visible_points: f64,
-    pub direct: f64,
-    pub gather: f64,
+    #[serde(flatten)]
+    pub stages: Stages,
     /// Reading back and averaging too.
     pub total: f64,
     pub ms_per_direction: f64,
@@ -102,18 +96,15 @@ impl Figure for Times {
                 let ends = if pipeline == Pipeline::Fused { 1.0 } else { 0.5 };
                 let samples = ends * f64::from(points) * f64::from(directions);
                 let pipeline = pipeline.name().to_owned();
-                let of = statistics.seconds;
-                eprintln!("  {} by {pipeline}: {:.1} s, gather {:.1} s", declared.name, total, of.gather);
+                let stages = Stages::of(&statistics);
+                eprintln!("  {} by {pipeline}: {total:.1} s, gather {:.1} s", declared.name, stages.gather);
                 settings.directions = directions.div_ceil(PARTS);
                 Ok(Run {
                     pipeline,
-                    photons: of.photons,
-                    visible_points: of.visible_points,
-                    direct: of.direct,
-                    gather: of.gather,
+                    stages,
                     total,
                     ms_per_direction: statistics.gather.ms_per_direction,
-                    ns_per_sample: 1e9 * of.gather / samples,
+                    ns_per_sample: 1e9 * stages.gather / samples,
                     layers_mean: statistics.gather.layers_mean,
                     peel_share: pictures.share_of_stage("peel", &settings)?,
                     progress,
@@ -129,7 +120,7 @@ impl Figure for Times {
 
     fn draw(&self, parameters: &Parameters) -> Result<String> {
         let tables: String = self.pictures.iter().map(|picture| picture.table(self, parameters)).collect();
-        Ok(tables + &html::plot(&self.plot()?))
+        Ok(tables + &plot_in_page(&self.plot()?))
     }
 }
 
@@ -140,16 +131,16 @@ impl OfPicture {
             [name.to_owned(), poster.unwrap_or_default()].into_iter().chain(runs.iter().map(of)).collect::<Vec<_>>()
         };
         let of_share =
-            |run: &Run, of: fn(f64) -> f64| run.peel_share.map_or(String::new(), |share| seconds(of(share) * run.gather));
+            |run: &Run, of: fn(f64) -> f64| run.peel_share.map_or(String::new(), |share| seconds(of(share) * run.stages.gather));
         let per_direction = 1e3 * declared.poster_gather / f64::from(declared.directions);
         // Assumes the same share of pixels with points as here.
         let poster_points = f64::from(*points) * (f64::from(parameters.size) / f64::from(*size)).powi(2);
         let per_sample = 1e6 * per_direction / (0.5 * poster_points);
         let rows = [
-            row("Photons", None, &|run| seconds(run.photons)),
-            row("Visible points", None, &|run| seconds(run.visible_points)),
-            row("Direct light", None, &|run| seconds(run.direct)),
-            row("<strong>Final gathering</strong>", Some(seconds(declared.poster_gather)), &|run| seconds(run.gather)),
+            row("Photons", None, &|run| seconds(run.stages.photons)),
+            row("Visible points", None, &|run| seconds(run.stages.visible_points)),
+            row("Direct light", None, &|run| seconds(run.stages.direct)),
+            row("<strong>Final gathering</strong>", Some(seconds(declared.poster_gather)), &|run| seconds(run.stages.gather)),
             row("– of it peeling", None, &|run| of_share(run, |share| share)),
             row("– of it at the points", None, &|run| of_share(run, |share| 1.0 - share)),
             row("<strong>All</strong>", declared.poster_total.map(seconds), &|run| seconds(run.total)),

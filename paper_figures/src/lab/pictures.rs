@@ -6,7 +6,7 @@ use finalgather::gpu::StageClock;
 use finalgather::image::Channel;
 pub use finalgather::image::compare::{Comparison, ErrorMap};
 use finalgather::image::compare::{Selection, View, compare, compare_as, mask_of};
-use finalgather::render::{Render, Statistics};
+use finalgather::render::{Render, StageSeconds, Statistics};
 use finalgather::scene::UnitSpace;
 use serde::{Deserialize, Serialize};
 
@@ -37,6 +37,22 @@ pub struct Measured {
     pub relative_rmse: f64,
     /// On a machine that may be shared.
     pub gather_seconds: f64,
+}
+
+/// Seconds of a render's stages, on a machine that may be shared.
+#[derive(Clone, Copy, Serialize, Deserialize)]
+pub struct Stages {
+    pub photons: f64,
+    pub visible_points: f64,
+    pub direct: f64,
+    pub gather: f64,
+}
+
+impl Stages {
+    pub fn of(Statistics { seconds, .. }: &Statistics) -> Self {
+        let StageSeconds { photons, visible_points, direct, gather, .. } = *seconds;
+        Self { photons, visible_points, direct, gather }
+    }
 }
 
 impl Rendered {

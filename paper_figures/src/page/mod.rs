@@ -1,6 +1,6 @@
 //! The page that shows all figures, in one file that needs no other.
 
-pub mod claims;
+mod claims;
 
 use std::collections::BTreeSet;
 use std::fmt::Write;
@@ -12,8 +12,9 @@ use base64::engine::general_purpose::STANDARD;
 use serde::Deserialize;
 
 use crate::document::{Declaration, Document};
-use crate::draw::html;
+use crate::draw::{note, plot_in_page};
 use crate::figure::{Format, Result, folder, of_file};
+use crate::page::claims::claims_table;
 
 /// `page.toml`, with the declarations that it names.
 #[derive(Deserialize)]
@@ -90,7 +91,7 @@ impl Page {
         for (number, section) in self.sections.iter().enumerate() {
             write!(html, "<h2 id=\"s{number}\">{}</h2>\n<p>{}</p>\n", section.title, section.text)?;
             if section.claims {
-                html += &claims::table(&documents);
+                html += &claims_table(&documents)?;
             }
             for figure in &section.declarations {
                 html += &part(figure, documents.iter().find(|document| document.figure == figure.name), out)?;
@@ -105,9 +106,9 @@ impl Page {
         let one_of = |of: &dyn Fn(&Document) -> String| all_of(of).into_iter().collect::<Vec<_>>().join("; ");
         let minutes = documents.iter().map(|document| document.seconds).sum::<f64>() / 60.0;
         let whole = documents.len() == self.figures().count() && documents.iter().all(|document| document.scale.is_whole());
-        let note = "This page shows a part: some figures are missing or were measured at less than full scale, as is said below each. \
+        let part = "This page shows a part: some figures are missing or were measured at less than full scale, as is said below each. \
                     Claims that need them are not judged. <code>make figures</code> makes all.";
-        let note = if whole { String::new() } else { html::note(note) };
+        let note = if whole { String::new() } else { note(part) };
         format!(
             "<small>Measured {} on {}, in {minutes:.0} minutes.</small>\n{note}",
             one_of(&|document| document.date.clone()),
@@ -120,14 +121,14 @@ impl Page {
 fn part(Declaration { name, title, caption, .. }: &Declaration, document: Option<&Document>, out: &Path) -> Result<String> {
     let head = format!("<h3 id=\"{name}\"><a href=\"#{name}\">{title}</a></h3>\n<p>{caption}</p>\n");
     let Some(document) = document else {
-        return Ok(head + &html::note("Not measured yet."));
+        return Ok(head + &note("Not measured yet."));
     };
     // The document of an older version may lack fields.
     let Ok(mut drawing) = document.draw() else {
-        return Ok(head + &html::note("Measured by another version; measure it again."));
+        return Ok(head + &note("Measured by another version; measure it again."));
     };
     if document.format()? == Format::Svg {
-        drawing = html::plot(&drawing);
+        drawing = plot_in_page(&drawing);
     }
     for picture in document.pictures(out)? {
         let file = picture.file_name().unwrap_or_default().to_string_lossy();

@@ -1,14 +1,43 @@
-//! The drawing of figure 1: the whole slice above, and below it a small one for each layer in peeling order.
+//! The poster's figure 1, "relation between depth layer and final gathering", from a slice of a real bundle.
 //!
-//! The page is 800 wide and the smallest text 20, so that text is still readable at half the size, on a telephone.
+//! A vertical plane cuts the Cornell box through both blocks. The direction lies in the plane, and so does one row of texels of its
+//! layers. Each layer is peeled and read back, and a few points in the plane sample it by KILL.
+//!
+//! The drawing has the whole slice above, and below it a small one for each layer in peeling order. It is 800 wide with a smallest text
+//! of 20, so that text is still readable at half the size, on a telephone.
 
 use glam::{Vec2, vec2};
+use serde::Deserialize;
 use svg::Document;
 use svg::node::element::{Circle, Group, Line, Polygon, Polyline, Rectangle, Text, Title};
 
-use crate::figure::Result;
-use crate::figures::figure1::data::{Figure1, Place, Point, Surface, Texel};
-use crate::lab::slice::Sight;
+use crate::figure::{Figure, Result, Task};
+use crate::lab::{Look, Place, Point, Sight, Slice, Surface, Texel};
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Parameters {
+    /// Texels on a side: so few that they can be seen.
+    layer_size: u32,
+    /// Where the slice leaves the walls on the left and on the right, as shares of the box's depth from the near side.
+    depths: [f32; 2],
+    /// Of the direction above the horizontal.
+    elevation_degrees: f32,
+    points: Vec<Look>,
+}
+
+impl Figure for Slice {
+    type Parameters = Parameters;
+
+    fn measure(parameters: &Parameters, _: &Task) -> Result<Self> {
+        let Parameters { layer_size, depths, elevation_degrees, points } = parameters;
+        Slice::measure(*depths, *elevation_degrees, *layer_size, points)
+    }
+
+    fn draw(&self, _: &Parameters) -> Result<String> {
+        draw(self)
+    }
+}
 
 const WIDTH: f32 = 800.0;
 /// Left and right of everything.
@@ -27,12 +56,13 @@ const STEPS: [&str; 2] = [
     "ahead of it. What it samples last is the nearest: its hit.",
 ];
 
-/// Far to near: even steps of lightness, which any kind of sight tells apart (plasma of S. van der Walt and N. Smith, but for its brightest part).
+/// Far to near, in even steps of lightness, which any kind of colour vision can tell apart: plasma of S. van der Walt and N. Smith, without
+/// its brightest part.
 const COLORS: [&str; 6] = ["#f99a3e", "#e56b5d", "#c5407e", "#9410a2", "#5601a4", "#0d0887"];
 const INK: &str = "#222";
 const SOLID: &str = "#ececec";
 
-pub fn draw(figure: &Figure1) -> Result<String> {
+fn draw(figure: &Slice) -> Result<String> {
     let layers = figure.layers.len();
     if layers > COLORS.len() {
         return Err(format!("{layers} layers, and colours for {}", COLORS.len()).into());
@@ -113,7 +143,7 @@ fn key(top: f32) -> Group {
 
 /// The section somewhere on the page.
 struct View<'a> {
-    figure: &'a Figure1,
+    figure: &'a Slice,
     /// Of the section's (0, 0).
     origin: Vec2,
     /// Pixels to a unit.
