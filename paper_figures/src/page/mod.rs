@@ -1,4 +1,6 @@
-//! The page that shows all figures: one file that needs no other.
+//! The page that shows all figures, in one file that needs no other.
+
+mod claims;
 
 use std::collections::BTreeSet;
 use std::fmt::Write;
@@ -9,8 +11,10 @@ use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use serde::Deserialize;
 
-use crate::claims;
-use crate::figure::{Declaration, Document, Figure, Format, Result, folder};
+use crate::document::{Declaration, Document};
+use crate::draw::{note, plot_in_page};
+use crate::figure::{Format, Result, folder, of_file};
+use crate::page::claims::claims_table;
 
 /// `page.toml`, with the declarations that it names.
 #[derive(Deserialize)]
@@ -37,31 +41,18 @@ struct Section {
     declarations: Vec<Declaration>,
 }
 
-/// The documents that a folder has.
-pub struct Documents(Vec<(String, Document)>);
-
-impl Documents {
-    /// What was measured for a figure; `None` where it is missing.
-    pub fn data<F: Figure>(&self, name: &str) -> Option<F> {
-        self.of(name)?.data()
-    }
-
-    pub fn of(&self, name: &str) -> Option<&Document> {
-        self.0.iter().find(|(figure, _)| figure == name).map(|(_, document)| document)
-    }
-}
-
 impl Page {
     pub fn load() -> Result<Self> {
-        let mut page: Self = toml::from_str(&fs::read_to_string(folder().join("page.toml"))?)?;
+        let path = folder().join("page.toml");
+        let mut page: Self = of_file(&path, toml::from_str(&of_file(&path, fs::read_to_string(&path))?))?;
         for section in &mut page.sections {
             section.declarations = section.figures.iter().map(|name| Declaration::load(name)).collect::<Result<_>>()?;
         }
-        // What is declared must be shown.
+        // Every declared figure must have a place.
         for entry in fs::read_dir(folder().join("figures"))? {
             let path = entry?.path();
             let name = path.file_stem().unwrap_or_default().to_string_lossy();
-            if page.figure(&name).is_none() {
+            if !page.figures().any(|figure| figure.name == name) {
                 return Err(format!("page.toml has no place for {}", path.display()).into());
             }
         }
@@ -73,20 +64,13 @@ impl Page {
         self.sections.iter().flat_map(|section| &section.declarations)
     }
 
-    pub fn figure(&self, name: &str) -> Option<&Declaration> {
-        self.figures().find(|figure| figure.name == name)
+    /// The documents of these figures in the folder `out`.
+    fn documents(&self, out: &Path) -> Result<Vec<Document>> {
+        let paths = self.figures().map(|figure| out.join(format!("{}.json", figure.name)));
+        paths.filter(|path| path.exists()).map(|path| Document::read(&path)).collect()
     }
 
-    /// What was measured into the folder `out`.
-    pub fn documents(&self, out: &Path) -> Result<Documents> {
-        let read = |figure: &Declaration| {
-            let path = out.join(format!("{}.json", figure.name));
-            path.exists().then(|| Ok((figure.name.clone(), Document::read(&path)?)))
-        };
-        Ok(Documents(self.figures().filter_map(read).collect::<Result<_>>()?))
-    }
-
-    /// With what was measured into the folder `out`.
+    /// With the measurements in the folder `out`.
     pub fn html(&self, out: &Path) -> Result<String> {
         let documents = self.documents(out)?;
         let mut html = String::new();
@@ -96,7 +80,7 @@ impl Page {
              <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n<title>{0}</title>\n<style>\n{1}</style>\n\
              <h1>{0}</h1>\n<p>{2}</p>\n{3}<nav>",
             self.title,
-            include_str!("page.css"),
+            include_str!("style.css"),
             self.lead,
             self.run(&documents),
         )?;
@@ -107,25 +91,24 @@ impl Page {
         for (number, section) in self.sections.iter().enumerate() {
             write!(html, "<h2 id=\"s{number}\">{}</h2>\n<p>{}</p>\n", section.title, section.text)?;
             if section.claims {
-                html += &claims::table(&documents);
+                html += &claims_table(&documents)?;
             }
             for figure in &section.declarations {
-                html += &part(figure, documents.of(&figure.name), out)?;
+                html += &part(figure, documents.iter().find(|document| document.figure == figure.name), out)?;
             }
         }
         Ok(html + "</html>\n")
     }
 
-    /// What the numbers are of.
-    fn run(&self, Documents(documents): &Documents) -> String {
-        let one_of = |of: &dyn Fn(&Document) -> String| -> String {
-            documents.iter().map(|(_, document)| of(document)).collect::<BTreeSet<_>>().into_iter().collect::<Vec<_>>().join("; ")
-        };
-        let minutes = documents.iter().map(|(_, document)| document.seconds).sum::<f64>() / 60.0;
-        let whole = documents.len() == self.figures().count() && documents.iter().all(|(_, document)| document.scale.is_whole());
-        let note = "This page is a look at a part: some figures are missing or were measured at less than full scale, as is said below each, \
-                    and claims are judged by what there is. <code>make figures</code> makes all.";
-        let note = if whole { String::new() } else { format!("<p class=\"note\">{note}</p>\n") };
+    /// When and where the numbers were measured.
+    fn run(&self, documents: &[Document]) -> String {
+        let all_of = |of: &dyn Fn(&Document) -> String| documents.iter().map(of).collect::<BTreeSet<_>>();
+        let one_of = |of: &dyn Fn(&Document) -> String| all_of(of).into_iter().collect::<Vec<_>>().join("; ");
+        let minutes = documents.iter().map(|document| document.seconds).sum::<f64>() / 60.0;
+        let whole = documents.len() == self.figures().count() && documents.iter().all(|document| document.scale.is_whole());
+        let part = "This page shows a part: some figures are missing or were measured at less than full scale, as is said below each. \
+                    Claims that need them are not judged. <code>make figures</code> makes all.";
+        let note = if whole { String::new() } else { note(part) };
         format!(
             "<small>Measured {} on {}, in {minutes:.0} minutes.</small>\n{note}",
             one_of(&|document| document.date.clone()),
@@ -134,25 +117,24 @@ impl Page {
     }
 }
 
-/// A figure with its title and what is said about it.
-fn part(figure: &Declaration, document: Option<&Document>, out: &Path) -> Result<String> {
-    let Declaration { name, title, caption, .. } = figure;
+/// A figure with its title and caption.
+fn part(Declaration { name, title, caption, .. }: &Declaration, document: Option<&Document>, out: &Path) -> Result<String> {
     let head = format!("<h3 id=\"{name}\"><a href=\"#{name}\">{title}</a></h3>\n<p>{caption}</p>\n");
     let Some(document) = document else {
-        return Ok(head + "<p class=\"note\">Not measured yet.</p>\n");
+        return Ok(head + &note("Not measured yet."));
     };
-    // What an older version measured may lack what is asked for now.
+    // The document of an older version may lack fields.
     let Ok(mut drawing) = document.draw() else {
-        return Ok(head + "<p class=\"note\">Measured by another version; measure it again.</p>\n");
+        return Ok(head + &note("Measured by another version; measure it again."));
     };
     if document.format()? == Format::Svg {
-        drawing = format!("<div class=\"plot\">\n{drawing}</div>\n");
+        drawing = plot_in_page(&drawing);
     }
     for picture in document.pictures(out)? {
         let file = picture.file_name().unwrap_or_default().to_string_lossy();
         let data = STANDARD.encode(fs::read(&picture)?);
         drawing = drawing.replace(&format!("src=\"{file}\""), &format!("src=\"data:image/png;base64,{data}\""));
     }
-    let scale = if document.scale.is_whole() { String::new() } else { format!(" at a scale of {}", document.scale) };
+    let scale = if document.scale.is_whole() { String::new() } else { format!(" at a scale of {}", document.scale.0) };
     Ok(format!("{head}{drawing}<small>{name}.json, measured {} in {} s{scale}</small>\n", document.date, document.seconds))
 }

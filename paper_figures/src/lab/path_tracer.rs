@@ -1,15 +1,16 @@
-//! Path tracing on the CPU, for time beside error: what one does without photons, gathering and GPUs.
+//! Path tracing on the CPU, to compare time and error with: it needs no photons, no gathering and no GPU.
 //!
-//! A path from the camera takes light straight from the lights at each surface (next-event estimation) and goes on with a cosine-distributed
-//! direction; Russian roulette ends it, by the strongest channel of what it still carries. No limit on length, box filter over pixels.
+//! At each surface a path samples the lights (next-event estimation) and goes on in a cosine-distributed direction. Russian roulette by the
+//! strongest channel of the throughput ends it. Length has no limit; pixels have a box filter.
 
-use finalgather::Image;
-use finalgather::image::Channel;
 use finalgather::math::cosine_direction;
 use finalgather::random::Random;
-use finalgather::scene::{Bvh, Lights, RAY_OFFSET, Scene};
+use finalgather::scene::{Bvh, Lights, RAY_OFFSET};
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
+
+use crate::lab::library::{Image, Scene};
+use crate::lab::pictures::rgb;
 
 /// A picture in progress.
 pub struct PathTracer<'a> {
@@ -25,17 +26,11 @@ pub struct PathTracer<'a> {
 impl<'a> PathTracer<'a> {
     /// A square picture of a scene in unit space.
     pub fn new(scene: &'a Scene, size: usize) -> Self {
-        Self {
-            scene,
-            bvh: Bvh::new(&scene.mesh),
-            lights: Lights::new(scene),
-            size,
-            sums: vec![Vec3::ZERO; size * size],
-            paths: 0,
-        }
+        let sums = vec![Vec3::ZERO; size * size];
+        Self { scene, bvh: Bvh::new(&scene.mesh), lights: Lights::new(scene), size, sums, paths: 0 }
     }
 
-    /// Traces as many paths a pixel as it takes to have `paths` of them.
+    /// Traces until each pixel has `paths` paths.
     pub fn trace(&mut self, paths: u32) {
         let mut sums = std::mem::take(&mut self.sums);
         sums.par_iter_mut().enumerate().for_each(|(pixel, sum)| {
@@ -49,10 +44,7 @@ impl<'a> PathTracer<'a> {
 
     /// The mean so far.
     pub fn picture(&self) -> Image {
-        let channel = |k: usize| self.sums.iter().map(|sum| sum[k] / self.paths as f32).collect();
-        let channels = ["R", "G", "B"].into_iter().enumerate();
-        let channels = channels.map(|(k, name)| Channel { name: name.into(), samples: channel(k) });
-        Image { width: self.size, height: self.size, channels: channels.collect() }
+        rgb(self.size, [0, 1, 2].map(|k| self.sums.iter().map(|sum| sum[k] / self.paths as f32).collect()))
     }
 
     /// Of one path.
@@ -101,7 +93,7 @@ impl<'a> PathTracer<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::picture::Pictures;
+    use crate::lab::pictures::Pictures;
 
     #[test]
     fn agrees_with_the_path_traced_reference() {
@@ -110,7 +102,7 @@ mod tests {
             ("scenes/cornell_textured.toml", "tests/reference/cornell_textured_256"),
         ] {
             let pictures = Pictures::of(scene, reference).unwrap();
-            let scene = pictures.loaded().world.flatten();
+            let scene = pictures.scene_in_unit_space();
             let mut tracer = PathTracer::new(&scene, 32);
             tracer.trace(2048);
             let found = pictures.against_path_tracing(&tracer.picture()).unwrap();

@@ -1,27 +1,69 @@
-//! Pictures of a scene, and how far they are from the path-traced one.
+//! Renders of a scene, and how far they are from its path-traced picture.
 
 use std::path::Path;
 
 use finalgather::gpu::StageClock;
 use finalgather::image::Channel;
-use finalgather::image::compare::{Comparison, ErrorMap, Selection, ViewingConditions, compare, compare_as, mask_of};
-use finalgather::render::Statistics;
-use finalgather::{Gpu, Image, Loaded, Render, Settings, World};
+pub use finalgather::image::compare::{Comparison, ErrorMap};
+use finalgather::image::compare::{Selection, ViewingConditions, compare, compare_as, mask_of};
+use finalgather::render::{Render, StageSeconds, Statistics};
+use finalgather::scene::{Loaded, World};
+use serde::{Deserialize, Serialize};
 
-use crate::cornell::in_repository;
 use crate::figure::Result;
-use crate::machine::gpu;
+use crate::lab::library::{Gpu, Image, Scene, Settings, gpu, in_repository};
 
-/// Renders and compares as `tests/reference.rs` does: without the lamp, and without the worst of the other pixels.
+/// A scene and its path-traced picture. Comparisons leave out what `tests/reference.rs` leaves out: the lamp, and the worst of the other
+/// pixels.
 pub struct Pictures {
     gpu: Gpu,
     loaded: Loaded,
-    path_traced: Image,
+    pub path_traced: Image,
+    /// Pixels of the path-traced picture that count.
     mask: Vec<bool>,
 }
 
-/// Single pixels on outlines.
-pub const TRIM: f32 = 0.001;
+/// A picture and its error against path tracing.
+pub struct Rendered {
+    pub picture: Image,
+    pub statistics: Statistics,
+    pub error: Comparison,
+}
+
+/// Of a [`Rendered`] picture, the numbers that most figures keep.
+#[derive(Serialize, Deserialize)]
+pub struct Measured {
+    pub bias: f64,
+    pub relative_rmse: f64,
+    /// On a machine that may be shared.
+    pub gather_seconds: f64,
+}
+
+/// Seconds of a render's stages, on a machine that may be shared.
+#[derive(Clone, Copy, Serialize, Deserialize)]
+pub struct Stages {
+    pub photons: f64,
+    pub visible_points: f64,
+    pub direct: f64,
+    pub gather: f64,
+}
+
+impl Stages {
+    pub fn of(Statistics { seconds, .. }: &Statistics) -> Self {
+        let StageSeconds { photons, visible_points, direct, gather, .. } = *seconds;
+        Self { photons, visible_points, direct, gather }
+    }
+}
+
+impl Rendered {
+    pub fn measured(&self) -> Measured {
+        let Comparison { bias, relative_rmse, .. } = self.error;
+        Measured { bias, relative_rmse, gather_seconds: self.statistics.seconds.gather }
+    }
+}
+
+/// Share of the pixels that is left out: single pixels on outlines.
+const TRIM: f32 = 0.001;
 
 impl Pictures {
     /// Of the Cornell box.
@@ -31,16 +73,13 @@ impl Pictures {
 
     /// Of a scene, against `<reference>.exr` where `<reference>_mask.png` is white.
     pub fn of(scene: &str, reference: &str) -> Result<Self> {
-        Ok(Self {
-            gpu: gpu()?,
-            loaded: World::load(&in_repository(scene))?,
-            path_traced: Image::read(&in_repository(&format!("{reference}.exr")))?,
-            mask: mask_of(&Image::read(&in_repository(&format!("{reference}_mask.png")))?),
-        })
+        let read = |ending| Image::read(&in_repository(&format!("{reference}{ending}")));
+        let (loaded, path_traced) = (World::load(&in_repository(scene))?, read(".exr")?);
+        Ok(Self { gpu: gpu()?, loaded, path_traced, mask: mask_of(&read("_mask.png")?) })
     }
 
-    pub fn loaded(&self) -> &Loaded {
-        &self.loaded
+    pub fn scene_in_unit_space(&self) -> Scene {
+        self.loaded.world.flatten()
     }
 
     /// Of the path-traced picture's size, everything else as the scene has it.
@@ -49,27 +88,33 @@ impl Pictures {
         Settings { size, directions, ..self.loaded.settings.clone() }
     }
 
-    pub fn start(&self, settings: &Settings) -> Result<Render> {
-        Ok(Render::new(&self.gpu, &self.loaded.world, settings)?)
+    pub fn render(&self, settings: &Settings) -> Result<(Image, Statistics)> {
+        self.render_in_steps(settings, |_, _| ())
     }
 
-    pub fn render(&self, settings: &Settings) -> Result<(Image, Statistics)> {
-        let mut render = self.start(settings)?;
+    /// After each step tells the number of directions done and the seconds of gathering so far.
+    pub fn render_in_steps(&self, settings: &Settings, mut tell: impl FnMut(u32, f64)) -> Result<(Image, Statistics)> {
+        let mut render = Render::new(&self.gpu, &self.loaded.world, settings)?;
         while !render.is_done() {
             render.step()?;
+            tell(render.directions_done(), render.statistics().seconds.gather);
         }
         Ok((render.picture(), render.statistics().clone()))
+    }
+
+    pub fn measure(&self, settings: &Settings) -> Result<Rendered> {
+        let (picture, statistics) = self.render(settings)?;
+        Ok(Rendered { error: self.against_path_tracing(&picture)?, picture, statistics })
     }
 
     /// Share of one stage in the device's time for all, null where the driver tells no time.
     pub fn share_of_stage(&self, stage: &str, settings: &Settings) -> Result<Option<f64>> {
         let clock = StageClock::start(&self.gpu);
         self.render(settings)?;
-        let stages: Option<Vec<_>> = clock.take().stages.into_iter().map(|(name, seconds)| Some((name, seconds?))).collect();
-        let sum = |stages: &[(&str, f64)], all: bool| -> f64 {
-            stages.iter().filter(|(name, _)| all || *name == stage).map(|(_, seconds)| seconds).sum()
-        };
-        Ok(stages.map(|stages| sum(&stages, false) / sum(&stages, true)))
+        let stages = clock.take().stages;
+        let of_stage: Option<f64> = stages.iter().filter(|(name, _)| *name == stage).map(|&(_, seconds)| seconds).sum();
+        let all: Option<f64> = stages.iter().map(|&(_, seconds)| seconds).sum();
+        Ok(of_stage.zip(all).map(|(of_stage, all)| of_stage / all))
     }
 
     /// Of two sizes the larger picture is averaged to the smaller one's.
@@ -80,15 +125,12 @@ impl Pictures {
     /// The same, with FLIP for pictures shown at this exposure, and the map of it.
     pub fn map_against_path_tracing(&self, picture: &Image, exposure: f32) -> Result<(Comparison, ErrorMap)> {
         let side = picture.width.min(self.path_traced.width);
-        let mask = averaged(&self.mask_image(), side)?;
+        let counted: Vec<f32> = self.mask.iter().map(|&counted| f32::from(counted)).collect();
+        let mask = averaged(&rgb(self.path_traced.width, [(); 3].map(|()| counted.clone())), side)?;
         let mask: Vec<bool> = mask.rgb()?[0].iter().map(|&counted| counted == 1.0).collect();
         let selection = Selection { mask: Some(&mask), trim: TRIM };
         let view = ViewingConditions { exposure, ..ViewingConditions::default() };
         Ok(compare_as(&averaged(picture, side)?, &averaged(&self.path_traced, side)?, selection, view)?)
-    }
-
-    pub fn path_traced(&self) -> &Image {
-        &self.path_traced
     }
 
     /// Share of a picture's squared error against path tracing that averaging over 8 x 8 pixels leaves, over squares that count whole.
@@ -113,34 +155,29 @@ impl Pictures {
     pub fn compare(&self, a: &Image, b: &Image) -> Result<Comparison> {
         Ok(compare(a, b, Selection { mask: Some(&self.mask), trim: TRIM })?)
     }
-
-    fn mask_image(&self) -> Image {
-        let samples: Vec<f32> = self.mask.iter().map(|&counted| f32::from(counted)).collect();
-        rgb(&self.path_traced, [samples.clone(), samples.clone(), samples])
-    }
 }
 
-/// A picture of the size of another.
-fn rgb(of: &Image, samples: [Vec<f32>; 3]) -> Image {
+/// A picture of this width.
+pub fn rgb(width: usize, samples: [Vec<f32>; 3]) -> Image {
+    let height = samples[0].len() / width;
     let channels = ["R", "G", "B"].into_iter().zip(samples);
-    Image { channels: channels.map(|(name, samples)| Channel { name: name.into(), samples }).collect(), ..*of }
+    Image { width, height, channels: channels.map(|(name, samples)| Channel { name: name.into(), samples }).collect() }
 }
 
 /// The sum of parts of a picture, such as `Direct` and `Emission`, as a picture.
 pub fn sum_of(picture: &Image, parts: &[&str]) -> Result<Image> {
-    let mut sums = [const { Vec::new() }; 3];
+    let mut sums = [(); 3].map(|()| vec![0.0; picture.width * picture.height]);
     for (sum, channel) in sums.iter_mut().zip(["R", "G", "B"]) {
-        *sum = vec![0.0; picture.width * picture.height];
         for part in parts {
             let samples = picture.channel(&format!("{part}.{channel}")).ok_or_else(|| format!("no channel {part}"))?;
             sum.iter_mut().zip(samples).for_each(|(sum, sample)| *sum += sample);
         }
     }
-    Ok(rgb(picture, sums))
+    Ok(rgb(picture.width, sums))
 }
 
 /// R, G and B of a square picture, averaged over squares of pixels to a side that divides its own.
-pub fn averaged(picture: &Image, side: usize) -> Result<Image> {
+fn averaged(picture: &Image, side: usize) -> Result<Image> {
     let factor = picture.width / side;
     if picture.width != picture.height || factor * side != picture.width {
         return Err(format!("a picture of {} x {} cannot be averaged to {side} x {side}", picture.width, picture.height).into());
@@ -153,17 +190,15 @@ pub fn averaged(picture: &Image, side: usize) -> Result<Image> {
         };
         (0..side * side).map(|pixel| mean(pixel % side, pixel / side)).collect()
     };
-    let size = Image { width: side, height: side, channels: Vec::new() };
-    Ok(rgb(&size, picture.rgb()?.map(average)))
+    Ok(rgb(side, picture.rgb()?.map(average)))
 }
 
 /// A square part of a square picture: its left, top and side as shares of the whole.
-pub fn cropped(picture: &Image, [left, top, side]: [f32; 3]) -> Result<Image> {
-    let [x, y, side] = [left, top, side].map(|share| (share * picture.width as f32).round() as usize);
+pub fn cropped(picture: &Image, place: [f32; 3]) -> Result<Image> {
+    let [x, y, side] = place.map(|share| (share * picture.width as f32).round() as usize);
     let side = side.max(1);
     let crop = |samples: &[f32]| (y..y + side).flat_map(|row| samples[row * picture.width + x..][..side].to_vec()).collect();
-    let size = Image { width: side, height: side, channels: Vec::new() };
-    Ok(rgb(&size, picture.rgb()?.map(crop)))
+    Ok(rgb(side, picture.rgb()?.map(crop)))
 }
 
 /// A copy of a PNG that takes little room.

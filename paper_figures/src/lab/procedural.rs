@@ -1,4 +1,4 @@
-//! Scenes of any size, generated in code, for what grows with triangles and with layers.
+//! Scenes of any size, made in code, to measure how cost grows with triangles and with layers; and points on surfaces.
 
 use std::f32::consts::TAU;
 
@@ -11,18 +11,17 @@ use glam::{Vec2, Vec3, vec3};
 const GREY: u32 = 0;
 const LAMP: u32 = 1;
 
-/// A closed room with hills for a floor, seen from inside, of about this many triangles. The hills stay the same and low, so that depth
-/// complexity is that of a room however finely they are cut.
+/// A closed room with hills for a floor, seen from inside, of about this many triangles. More triangles divide the same low hills more
+/// finely, so that depth complexity stays that of a room.
 pub fn hills(triangles: u32) -> Scene {
     let cells = (((triangles.max(30) - 12) as f32 / 2.0).sqrt().round() as u32).max(1);
     let mut mesh = Mesh::default();
     // Walls and ceiling; the lamp hangs a little below.
-    let corner = |x: f32, y: f32, z: f32| vec3(x, y, z);
-    plate(&mut mesh, corner(0.0, 1.0, 0.0), Vec3::Z, Vec3::X, -Vec3::Y, GREY);
+    plate(&mut mesh, Vec3::Y, Vec3::Z, Vec3::X, -Vec3::Y, GREY);
     for [out, along] in [[Vec3::X, Vec3::Z], [-Vec3::X, Vec3::Z], [Vec3::Z, Vec3::X], [-Vec3::Z, Vec3::X]] {
         plate(&mut mesh, out, along, Vec3::Y, -out, GREY);
     }
-    plate(&mut mesh, corner(0.0, 0.99, 0.0), 0.3 * Vec3::X, 0.3 * Vec3::Z, -Vec3::Y, LAMP);
+    plate(&mut mesh, 0.99 * Vec3::Y, 0.3 * Vec3::X, 0.3 * Vec3::Z, -Vec3::Y, LAMP);
 
     let first = mesh.positions.len() as u32;
     let side = cells + 1;
@@ -42,7 +41,7 @@ pub fn hills(triangles: u32) -> Scene {
     scene(mesh, camera)
 }
 
-/// A pile of square plates, the lamp on top of it: along most directions that many layers, in a pile half as high as it is wide.
+/// A pile of this many square plates, half as high as it is wide, with the lamp on top. Most directions have as many layers as plates.
 pub fn plates(layers: u32) -> Scene {
     let mut mesh = Mesh::default();
     for layer in 0..layers {
@@ -53,21 +52,21 @@ pub fn plates(layers: u32) -> Scene {
     scene(mesh, Camera { eye: vec3(0.0, 2.0, 4.0), target: Vec3::ZERO, up: Vec3::Y, fov_y_degrees: 40.0, lens: None })
 }
 
-/// Points spread evenly over both sides of all triangles of a scene in unit space.
-pub fn points_on(scene: &Scene, count: u32) -> Vec<GatherPoint> {
+/// Points spread evenly over these triangles of a scene in unit space, on their fronts or on both sides.
+pub fn points_on(scene: &Scene, count: u32, both_sides: bool, triangles: &[usize]) -> Vec<GatherPoint> {
     let mesh = &scene.mesh;
-    let total: f32 = (0..mesh.triangles.len()).map(|triangle| mesh.area(triangle)).sum();
+    let total: f32 = triangles.iter().map(|&triangle| mesh.area(triangle)).sum();
     let mut random = Random::new(1, 0);
     let (mut points, mut area) = (Vec::new(), 0.0);
-    for triangle in 0..mesh.triangles.len() {
+    for &triangle in triangles {
         area += mesh.area(triangle);
         let [a, b, c] = mesh.corners(triangle);
-        let normal = mesh.geometric_normal(triangle);
+        let front = mesh.geometric_normal(triangle);
         while (points.len() as f32) < count as f32 * area / total {
             let (u, v) = (random.uniform(), random.uniform());
             let (u, v) = if u + v > 1.0 { (1.0 - u, 1.0 - v) } else { (u, v) };
-            let side = if random.uniform() < 0.5 { normal } else { -normal };
-            points.push(GatherPoint::flat(a + u * (b - a) + v * (c - a), side));
+            let is_back = both_sides && random.uniform() >= 0.5;
+            points.push(GatherPoint::flat(a + u * (b - a) + v * (c - a), if is_back { -front } else { front }));
         }
     }
     points

@@ -1,13 +1,13 @@
-//! Where and when something was measured.
+//! The machine and the date of a measurement.
 
 use std::fs;
 use std::thread::available_parallelism;
 use std::time::{SystemTime, UNIX_EPOCH};
 
-use finalgather::{Backend, DeviceChoice, Gpu};
 use serde::{Deserialize, Serialize};
 
 use crate::figure::Result;
+use crate::lab::library::gpu;
 
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Machine {
@@ -32,24 +32,22 @@ impl Machine {
 
     /// In words.
     pub fn described(&self) -> String {
-        let Self { renderer, cores, processor } = self;
-        let cores = format!("{cores} core{}", if *cores == 1 { "" } else { "s" });
+        let Self { renderer, processor, .. } = self;
+        let cores = self.count(" ");
         processor.as_ref().map_or(format!("{renderer}, {cores}"), |name| format!("{renderer}, {cores} of {name}"))
     }
 
     /// `<date>-<machine>`, as in `2026-11-22-llvmpipe-2-cores`.
     pub fn run_name(&self, date: &str) -> String {
-        // What follows the name itself is in parentheses or behind a slash.
+        // Details follow the name in parentheses or behind a slash.
         let name = self.renderer.split(['(', '/']).next().unwrap_or_default().to_lowercase();
         let words: Vec<_> = name.split(|c: char| !c.is_ascii_alphanumeric()).filter(|word| !word.is_empty()).collect();
-        let Self { cores, .. } = self;
-        format!("{date}-{}-{cores}-core{}", words.join("-"), if *cores == 1 { "" } else { "s" })
+        format!("{date}-{}-{}", words.join("-"), self.count("-"))
     }
-}
 
-/// The OpenGL that figures are measured on.
-pub fn gpu() -> Result<Gpu> {
-    Ok(Gpu::headless(Backend::Auto, DeviceChoice::Auto)?)
+    fn count(&self, between: &str) -> String {
+        format!("{}{between}core{}", self.cores, if self.cores == 1 { "" } else { "s" })
+    }
 }
 
 /// The date in UTC, ISO 8601.

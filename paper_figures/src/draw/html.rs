@@ -1,4 +1,4 @@
-//! What parts of the page are made of.
+//! Parts of the page.
 
 use std::fmt::Display;
 
@@ -19,19 +19,12 @@ pub fn panel(file: &str, label: &str) -> String {
     format!("<figure><img src=\"{file}\" alt=\"{label}\"><figcaption>{label}</figcaption></figure>\n")
 }
 
-/// With two or three digits.
-pub fn seconds(seconds: f64) -> String {
-    let digits = if seconds >= 20.0 {
-        0
-    } else if seconds >= 2.0 {
-        1
-    } else {
-        2
-    };
-    format!("{seconds:.digits$} s")
+/// An SVG document in the page.
+pub fn plot_in_page(svg: &str) -> String {
+    format!("<div class=\"plot\">\n{svg}</div>\n")
 }
 
-/// A share in percent, with two digits behind the point.
-pub fn percent(share: f64) -> String {
-    format!("{:.2} %", 100.0 * share)
+/// A remark on a figure or on the page.
+pub fn note(text: &str) -> String {
+    format!("<p class=\"note\">{text}</p>\n")
 }
