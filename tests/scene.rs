@@ -6,7 +6,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use finalgather::Environment;
-use finalgather::scene::{Instance, Lens, LoadOptions, Loaded, Material, Mesh, Scene, Surface, Texture, Triangle, World};
+use finalgather::scene::{ImageTexture, Instance, Lens, LoadOptions, Loaded, Material, Mesh, Scene, Surface, Triangle, World};
 use finalgather::settings::{Pipeline, Settings};
 use glam::{DAffine3, DQuat, DVec3, Vec2, Vec3, dvec3, vec2, vec3};
 use tempfile::TempDir;
@@ -246,7 +246,7 @@ fn several_libraries_and_the_default_material() {
 fn textures_decode_srgb_and_interpolate_linearly() {
     // Top row black and white, bottom row mid-grey and red.
     let texels = vec![[0, 0, 0, 255], [255, 255, 255, 0], [188, 188, 188, 255], [255, 0, 10, 255]];
-    let texture = Texture { width: 2, height: 2, texels };
+    let texture = ImageTexture { width: 2, height: 2, texels };
     let grey = Vec3::splat(0.502_886_5);
     let red = vec3(1.0, 0.0, 0.003_035_27);
     for (uv, expected) in [
@@ -285,7 +285,7 @@ fn texture_files_of_any_depth_are_loaded_once() {
     let used: Vec<_> = scene.materials.iter().map(|material| (material.albedo, material.albedo_texture)).collect();
     assert_eq!(used, [(Vec3::ONE, Some(0)), (Vec3::splat(0.5), Some(0)), (Vec3::ONE, Some(1))]);
     assert_eq!(scene.textures.len(), 2);
-    assert_eq!(scene.textures[0], Texture { width: 3, height: 2, texels: vec![[255, 0, 0, 255]; 6] });
+    assert_eq!(scene.textures[0], ImageTexture { width: 3, height: 2, texels: vec![[255, 0, 0, 255]; 6] });
     assert_eq!(scene.textures[1].texels, [[128, 128, 128, 255]]);
     assert_eq!(scene.flatten().albedo(1, Vec3::X), vec3(0.5, 0.0, 0.0));
     let warnings = report.warnings.join("\n");
