@@ -169,9 +169,8 @@ pub struct SurfacePass<'a> {
 }
 
 /// The weights of a triangle's second and third corner as functions of the position: (gradient, offset). They need no corners, so that a hit knows
-/// its own from its position alone.
-pub(crate) fn corner_weights(mesh: &Mesh, triangle: usize) -> [DVec4; 2] {
-    let [a, b, c] = mesh.corners(triangle).map(|corner| corner.as_dvec3());
+/// its own from its position alone. In f64, as thin triangles need.
+pub(crate) fn corner_weights([a, b, c]: [DVec3; 3]) -> [DVec4; 2] {
     let normal = (b - a).cross(c - a);
     let weight = |edge: DVec3| {
         let gradient = edge / normal.length_squared();
@@ -182,7 +181,7 @@ pub(crate) fn corner_weights(mesh: &Mesh, triangle: usize) -> [DVec4; 2] {
 
 /// Texture coordinates as functions of the position: of u and of v.
 fn texture_planes(mesh: &Mesh, triangle: usize) -> [[f32; 4]; 2] {
-    let [second, third] = corner_weights(mesh, triangle);
+    let [second, third] = corner_weights(mesh.corners(triangle).map(|corner| corner.as_dvec3()));
     let [ta, tb, tc] = mesh.triangles[triangle].vertices.map(|vertex| mesh.uvs[vertex as usize].as_dvec2());
     [0, 1].map(|k| (second * (tb[k] - ta[k]) + third * (tc[k] - ta[k]) + DVec4::W * ta[k]).as_vec4().to_array())
 }

@@ -72,29 +72,19 @@ pub enum Consumer {
     /// `None`: surfaces are black.
     Hemisphere(Option<HitRadiance>),
     IncidentHarmonics(HitRadiance, HarmonicsPass),
-    /// `None`: surfaces are black. Else their transfer is that of the vertex cache.
-    TransferHarmonics(Option<Albedo>, HarmonicsPass),
+    /// `None`: surfaces are black. Else their transfer is that of the vertex cache, with albedo textures or without.
+    TransferHarmonics {
+        textured: Option<bool>,
+        pass: HarmonicsPass,
+    },
     Record,
 }
 
-/// Whether the scene has albedo textures.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Albedo {
-    Plain,
-    Textured,
-}
-
-impl Albedo {
-    pub fn of(textured: bool) -> Self {
-        if textured { Self::Textured } else { Self::Plain }
-    }
-}
-
-/// What the radiance of a hit comes from.
+/// What the radiance of a hit comes from, in a scene with albedo textures or without.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum HitRadiance {
-    Photons(Albedo),
-    VertexCache(Albedo),
+    Photons { textured: bool },
+    VertexCache { textured: bool },
 }
 
 /// One of the passes that it takes to write all coefficients of so many bands.
@@ -127,13 +117,13 @@ impl HarmonicsPass {
 
 impl Consumer {
     fn all() -> Vec<Self> {
-        let albedo = [Albedo::Plain, Albedo::Textured];
-        let radiance = [albedo.map(HitRadiance::Photons), albedo.map(HitRadiance::VertexCache)].concat();
+        let radiance =
+            [false, true].map(|textured| [HitRadiance::Photons { textured }, HitRadiance::VertexCache { textured }]).concat();
         let mut all = vec![Self::Record, Self::Hemisphere(None)];
         all.extend(radiance.iter().flat_map(|&radiance| [Self::Irradiance(radiance), Self::Hemisphere(Some(radiance))]));
         for pass in (1..=MAX_ORDER).flat_map(HarmonicsPass::all) {
             all.extend(radiance.iter().map(|&radiance| Self::IncidentHarmonics(radiance, pass)));
-            all.extend([None, Some(Albedo::Plain), Some(Albedo::Textured)].map(|albedo| Self::TransferHarmonics(albedo, pass)));
+            all.extend([None, Some(false), Some(true)].map(|textured| Self::TransferHarmonics { textured, pass }));
         }
         all
     }
@@ -143,15 +133,19 @@ impl Consumer {
             Self::Irradiance(radiance) => ("irradiance", Some(radiance), None),
             Self::Hemisphere(radiance) => ("hemisphere", radiance, None),
             Self::IncidentHarmonics(radiance, pass) => ("harmonics", Some(radiance), Some(pass)),
-            Self::TransferHarmonics(albedo, pass) => ("harmonics", albedo.map(HitRadiance::VertexCache), Some(pass)),
+            Self::TransferHarmonics { textured, pass } => {
+                ("harmonics", textured.map(|textured| HitRadiance::VertexCache { textured }), Some(pass))
+            }
             Self::Record => ("record", None, None),
         };
-        let albedo = radiance.map(|(HitRadiance::Photons(albedo) | HitRadiance::VertexCache(albedo))| albedo);
         let flags = [
             (radiance.is_some(), "RADIANCE"),
-            (matches!(radiance, Some(HitRadiance::VertexCache(_))), "VERTEX_CACHE"),
-            (albedo == Some(Albedo::Textured), "TEXTURED"),
-            (matches!(self, Self::TransferHarmonics(..)), "TRANSFER"),
+            (matches!(radiance, Some(HitRadiance::VertexCache { .. })), "VERTEX_CACHE"),
+            (
+                matches!(radiance, Some(HitRadiance::Photons { textured } | HitRadiance::VertexCache { textured }) if textured),
+                "TEXTURED",
+            ),
+            (matches!(self, Self::TransferHarmonics { .. }), "TRANSFER"),
         ];
         let flags = flags.into_iter().filter(|(set, _)| *set).map(|(_, name)| name.to_owned());
         let pass = pass.map(|HarmonicsPass { order, pass }| [format!("ORDER {order}"), format!("PASS {pass}")]);

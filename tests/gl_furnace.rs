@@ -37,7 +37,7 @@ fn points_beside_edges(scene: &Scene, inset: f32) -> Vec<GatherPoint> {
 }
 
 /// Fails unless every point receives π, also those `inset` from an edge. There, a ray is lost that rises from the point's tangent plane by less
-/// than the clearance before it meets what closes the scene; a thousandth inside, with a clearance of 1.6e-5, its share of 64 directions
+/// than the depth bias before it meets what closes the scene; a thousandth inside, with a depth bias of 1.6e-5, its share of 64 directions
 /// is at most 1.6e-2 / 16.
 fn check(name: &str, scene: &Scene, inset: Option<f32>) {
     let gpu = gpu();

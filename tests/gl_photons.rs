@@ -35,7 +35,7 @@ void main()
     irradiance = vec4(photon_irradiance(place.xyz, bin / 2, bin % 2 == 0), 1.0);
 }
 ",
-    defines: &[],
+    defines: Vec::new(),
     includes: &[("photon_grid.glsl", include_str!("../glsl/include/photon_grid.glsl"))],
 };
 

@@ -1,10 +1,9 @@
 // Adds integrals over the hemisphere that are plain sums over hits (additive blending). With RADIANCE also what hits send back.
 // Mirrors src/bake/integrals.rs.
 
+#include "include/surface.glsl"
 #ifdef RADIANCE
 #include "include/radiance.glsl"
-#else
-#include "include/surface.glsl"
 #endif
 
 uniform float open_distance;        // a hit farther away leaves the point open

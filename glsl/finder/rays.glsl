@@ -1,6 +1,5 @@
 // Finds exact hits: each point casts a ray towards the end of the direction on its side of its surface. Mirrors src/gather/rays.rs.
 
-#include "include/surface.glsl"
 #include "include/bvh.glsl"
 
 const float RAY_OFFSET = 1e-6;      // as in src/scene/bvh.rs

@@ -1,9 +1,11 @@
 // The nearest triangle on a ray, by a bounding volume hierarchy that needs no stack. Mirrors `FlatBvh` in src/scene/flat_bvh.rs, which lays
-// the tables out, and src/gather/rays.rs. Needs surface.glsl.
+// the tables out, and src/gather/rays.rs.
 //
 // Software drivers run both sides of every branch but leave a loop when no ray is left in it, so all that can be skipped is a loop, with its
 // condition at the end: it is checked once less. Two cares for llvmpipe (Mesa 22.3): a ray that has left a loop keeps
 // only what the loop hands on from turn to turn, so nothing else is read behind one; and tests are products of comparisons, not branches.
+
+#include "include/surface.glsl"
 
 uniform usampler2D bvh_nodes;       // a texel each, 1024 in a row
 uniform int bvh_count;              // nodes of one order

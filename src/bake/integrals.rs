@@ -16,7 +16,7 @@ use crate::image::Channel;
 use crate::photon::PhotonTexture;
 use crate::points::{Accumulator, GatherPoint, PointList, Points};
 use crate::quantity::Quantity;
-use crate::shaders::{Albedo, Consumer, Finder, HarmonicsPass, HitRadiance};
+use crate::shaders::{Consumer, Finder, HarmonicsPass, HitRadiance};
 
 /// Outputs of `glsl/consumer/hemisphere.glsl`: reflected, sky, open, counts.
 const HEMISPHERE: usize = 4;
@@ -108,16 +108,16 @@ pub struct Values {
 impl Integrals {
     /// With albedo textures or without, and for the kinds of radiance and transfer that will be given.
     pub fn new(gpu: &Gpu, wanted: Wanted, textured: bool, gathered: bool, transfer: bool) -> Result<Self> {
-        let albedo = Albedo::of(textured);
-        let radiance = if gathered { HitRadiance::VertexCache(albedo) } else { HitRadiance::Photons(albedo) };
+        let radiance = if gathered { HitRadiance::VertexCache { textured } } else { HitRadiance::Photons { textured } };
         let pass = |consumer, outputs, reads_transfer| {
             Ok(IntegralPass { pass: GatherPass::new(gpu, Finder::Stored, consumer)?, outputs, reads_transfer })
         };
         let harmonics = |wanted_so: bool| HarmonicsPass::all(wanted.order).filter(move |_| wanted_so);
         let hemisphere = pass(Consumer::Hemisphere(wanted.radiance.then_some(radiance)), HEMISPHERE, false);
         let sh = harmonics(wanted.sh).map(|part| pass(Consumer::IncidentHarmonics(radiance, part), part.outputs(), false));
-        let prt = harmonics(wanted.prt)
-            .map(|part| pass(Consumer::TransferHarmonics(transfer.then_some(albedo), part), part.outputs(), true));
+        let textured = transfer.then_some(textured);
+        let prt =
+            harmonics(wanted.prt).map(|part| pass(Consumer::TransferHarmonics { textured, pass: part }, part.outputs(), true));
         Ok(Self { passes: [hemisphere].into_iter().chain(sh).chain(prt).collect::<Result<_>>()? })
     }
 

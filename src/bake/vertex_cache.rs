@@ -47,7 +47,7 @@ impl VertexCache {
         let vertices = Vertices::new(&scene.mesh, inset);
         let texels = |triangle: usize| {
             let [a, b, c] = vertices.mesh().triangles[triangle].vertices.map(f64::from);
-            let [second, third] = corner_weights(&scene.mesh, triangle);
+            let [second, third] = corner_weights(scene.mesh.corners(triangle).map(|corner| corner.as_dvec3()));
             [DVec4::new(a, b, c, 0.0), second, third, DVec4::ZERO].map(|texel| texel.as_vec4().to_array())
         };
         let triangles = triangle_order(scene).into_iter().flat_map(texels).collect();

@@ -28,19 +28,19 @@ pub const FUSED: &str = "fused";
 
 /// All of them, in the order in which they take turns.
 pub const CONTESTANTS: &[Contestant] = &[
-    Contestant { name: "kill", about: "the method of 2004", pipeline: Some(Pipeline::Kill) },
-    Contestant { name: "early-kill", about: "the same with an early KILL", pipeline: Some(Pipeline::EarlyKill) },
-    Contestant { name: FUSED, about: "all layers of a direction in one pass, both its ends", pipeline: Some(Pipeline::Fused) },
-    Contestant {
-        name: "raycast-gl",
-        about: "rays on the GL side, both ends of each direction",
-        pipeline: Some(Pipeline::RaycastGl),
-    },
-    Contestant { name: "raycast", about: "rays on the CPU along the shared directions", pipeline: Some(Pipeline::Raycast) },
-    Contestant { name: "raycast-cosine", about: "rays on the CPU, cosine-sampled at each point", pipeline: None },
+    Contestant::new("kill", "the method of 2004", Some(Pipeline::Kill)),
+    Contestant::new("early-kill", "the same with an early KILL", Some(Pipeline::EarlyKill)),
+    Contestant::new(FUSED, "all layers of a direction in one pass, both its ends", Some(Pipeline::Fused)),
+    Contestant::new("raycast-gl", "rays on the GL side, both ends of each direction", Some(Pipeline::RaycastGl)),
+    Contestant::new("raycast", "rays on the CPU along the shared directions", Some(Pipeline::Raycast)),
+    Contestant::new("raycast-cosine", "rays on the CPU, cosine-sampled at each point", None),
 ];
 
 impl Contestant {
+    const fn new(name: &'static str, about: &'static str, pipeline: Option<Pipeline>) -> Self {
+        Self { name, about, pipeline }
+    }
+
     pub fn named(name: &str) -> Option<&'static Self> {
         CONTESTANTS.iter().find(|contestant| contestant.name == name)
     }
@@ -61,27 +61,6 @@ impl Contestant {
     }
 }
 
-/// Which rays count.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum CountedRays {
-    /// Those along the directions, at the points that face along them.
-    OneEnd,
-    /// Those to either side, at every point.
-    BothEnds,
-    /// As many rays at each point as there are directions, of its own.
-    Own,
-}
-
-impl CountedRays {
-    /// Expected number of rays that count at a point for each direction.
-    pub fn per_direction(self) -> f64 {
-        match self {
-            Self::OneEnd => 0.5,
-            Self::BothEnds | Self::Own => 1.0,
-        }
-    }
-}
-
 /// A contestant with its sums.
 pub(super) enum Entrant {
     /// Along directions that all points share.
@@ -91,11 +70,11 @@ pub(super) enum Entrant {
 }
 
 impl Entrant {
-    pub fn rays(&self) -> CountedRays {
+    /// As [`super::Row::ends`].
+    pub fn ends(&self) -> Option<u32> {
         match self {
-            Self::Shared(gather) if gather.both_ends() => CountedRays::BothEnds,
-            Self::Shared(_) => CountedRays::OneEnd,
-            Self::CosineRays { .. } => CountedRays::Own,
+            Self::Shared(gather) => Some(if gather.both_ends() { 2 } else { 1 }),
+            Self::CosineRays { .. } => None,
         }
     }
 

@@ -29,7 +29,7 @@ use crate::points::{CameraPoints, GBuffer, GatherPoint, PointList, Points};
 use crate::reference::Reference;
 use crate::scene::{Bvh, Lights, Scene};
 use crate::settings::Settings;
-use contestant::{CountedRays, Entrant};
+use contestant::Entrant;
 
 /// A scene with its photons and points, ready to be gathered at.
 pub struct Bench {
@@ -72,7 +72,7 @@ pub struct BenchPlan {
 }
 
 /// What was measured of one contestant.
-#[derive(Clone, Debug, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Row {
     pub name: String,
     /// How many ends of a direction count; null where each point has rays of its own, as many as there are directions.
@@ -202,7 +202,7 @@ impl Bench {
                 seconds.push(time);
                 if round == 0 {
                     layers.push(most);
-                    deviations.push(oracle.judge(entrant.rays(), &entrant.sums()));
+                    deviations.push(oracle.judge(entrant.ends(), &entrant.sums()));
                 }
             }
         }
@@ -214,28 +214,15 @@ impl Bench {
         }
         let mut rows = Vec::new();
         for (i, entrant) in entrants.iter_mut().enumerate() {
-            let rays = entrant.rays();
-            let cost = Cost::new(&seconds[i], plan.directions, self.point_count(), rays);
             let [same_rays, converged] = deviations[i];
+            let timed = contestants[i].is_gl() && plan.stages;
             rows.push(Row {
                 name: contestants[i].name.to_owned(),
-                ends: match rays {
-                    CountedRays::OneEnd => Some(1),
-                    CountedRays::BothEnds => Some(2),
-                    CountedRays::Own => None,
-                },
-                seconds: cost.seconds,
-                seconds_range: [
-                    seconds[i].iter().copied().fold(f64::INFINITY, f64::min),
-                    seconds[i].iter().copied().fold(0.0, f64::max),
-                ],
-                ms_per_direction: cost.ms_per_direction,
-                ms_per_sample: cost.ms_per_sample,
-                samples_per_second: cost.samples_per_second,
                 layers_max: layers[i],
-                device: if plan.stages && contestants[i].is_gl() { Some(self.device_times(entrant, &directions)?) } else { None },
+                device: timed.then(|| self.device_times(entrant, &directions)).transpose()?,
                 same_rays,
                 converged,
+                ..Row::of(&seconds[i], plan.directions, self.point_count(), entrant.ends())
             });
         }
         Ok(rows)
@@ -333,24 +320,20 @@ impl Converging<'_> {
     }
 }
 
-/// Times of rounds in units that compare.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Cost {
-    seconds: f64,
-    ms_per_direction: f64,
-    ms_per_sample: f64,
-    samples_per_second: f64,
-}
-
-impl Cost {
-    fn new(rounds: &[f64], directions: u32, points: u32, rays: CountedRays) -> Self {
+impl Row {
+    /// What the times of rounds tell, in units that compare.
+    fn of(rounds: &[f64], directions: u32, points: u32, ends: Option<u32>) -> Self {
         let seconds = median(rounds);
-        let samples_a_point = f64::from(directions) * rays.per_direction();
+        // Where one end counts, half of the points face along it.
+        let samples_a_point = f64::from(directions) * if ends == Some(1) { 0.5 } else { 1.0 };
         Self {
+            ends,
             seconds,
+            seconds_range: [rounds.iter().copied().fold(f64::INFINITY, f64::min), rounds.iter().copied().fold(0.0, f64::max)],
             ms_per_direction: 1e3 * seconds / f64::from(directions),
             ms_per_sample: 1e3 * seconds / samples_a_point,
             samples_per_second: f64::from(points) * samples_a_point / seconds,
+            ..Self::default()
         }
     }
 }
@@ -359,8 +342,8 @@ impl Cost {
 struct Oracle {
     /// Into [`Bench::pixels`].
     places: Vec<usize>,
-    one_end: Vec<DVec3>,
-    both_ends: Vec<DVec3>,
+    /// With one end of each direction, and with both.
+    same_rays: [Vec<DVec3>; 2],
     /// Fewer places, for more directions.
     few_places: Vec<usize>,
     converged: Vec<DVec3>,
@@ -372,8 +355,7 @@ impl Oracle {
         let places = bench.spread((ORACLE_RAYS / forward.len()).clamp(64, ORACLE_POINTS));
         let few_places = bench.spread(ORACLE_RAYS.checked_div(converged as usize).map_or(0, |points| points.max(64)));
         Self {
-            one_end: bench.by_rays(&places, &forward),
-            both_ends: bench.by_rays(&places, &both_ends(&forward)),
+            same_rays: [&forward, &both_ends(&forward)].map(|directions| bench.by_rays(&places, directions)),
             converged: bench.by_rays(&few_places, &bench.other_directions(converged)),
             places,
             few_places,
@@ -381,14 +363,9 @@ impl Oracle {
     }
 
     /// How far a gather is from exact rays along the same directions, and from many.
-    fn judge(&self, rays: CountedRays, sums: &[Vec4]) -> [Option<Deviation>; 2] {
+    fn judge(&self, ends: Option<u32>, sums: &[Vec4]) -> [Option<Deviation>; 2] {
         let at = |places: &[usize]| -> Vec<_> { places.iter().map(|&place| irradiance(sums[place])).collect() };
-        let oracle = match rays {
-            CountedRays::OneEnd => Some(&self.one_end),
-            CountedRays::BothEnds => Some(&self.both_ends),
-            CountedRays::Own => None,
-        };
-        let same_rays = oracle.map(|oracle| Deviation::between(&at(&self.places), oracle));
+        let same_rays = ends.map(|ends| Deviation::between(&at(&self.places), &self.same_rays[ends as usize - 1]));
         let asked = !self.converged.is_empty();
         [same_rays, asked.then(|| Deviation::between(&at(&self.few_places), &self.converged))]
     }
@@ -406,10 +383,11 @@ mod tests {
     #[test]
     fn one_end_of_a_direction_is_half_a_sample() {
         // The middle round took 2 s.
-        let cost = |rays| Cost::new(&[9.0, 2.0, 1.0], 4, 1000, rays);
-        let expected = Cost { seconds: 2.0, ms_per_direction: 500.0, ms_per_sample: 500.0, samples_per_second: 2000.0 };
-        assert_eq!(cost(CountedRays::BothEnds), expected);
-        assert_eq!(cost(CountedRays::Own), expected);
-        assert_eq!(cost(CountedRays::OneEnd), Cost { ms_per_sample: 1000.0, samples_per_second: 1000.0, ..expected });
+        let row = |ends| Row::of(&[9.0, 2.0, 1.0], 4, 1000, ends);
+        let both = row(Some(2));
+        assert_eq!((both.seconds, both.seconds_range), (2.0, [1.0, 9.0]));
+        assert_eq!([both.ms_per_direction, both.ms_per_sample, both.samples_per_second], [500.0, 500.0, 2000.0]);
+        assert_eq!(row(None), Row { ends: None, ..both.clone() });
+        assert_eq!(row(Some(1)), Row { ends: Some(1), ms_per_sample: 1000.0, samples_per_second: 1000.0, ..both });
     }
 }

@@ -18,7 +18,7 @@ use crate::points::{Accumulator, GatherPoint, Interleave, Points};
 use crate::reference::Reference;
 use crate::scene::{Bvh, Scene};
 use crate::settings::{Pipeline, Settings};
-use crate::shaders::{Albedo, Consumer, HitRadiance};
+use crate::shaders::{Consumer, HitRadiance};
 
 /// What [`IrradianceGather::add`] reads.
 #[derive(Clone, Copy)]
@@ -62,8 +62,8 @@ impl IrradianceGather {
             pipeline => {
                 // The finder comes last: it makes do with the memory that is left.
                 let sums = Accumulator::new(gpu, interleave.sums_size())?;
-                let consumer = Consumer::Irradiance(HitRadiance::Photons(Albedo::of(!scene.textures.is_empty())));
-                let pass = GatherPass::new(gpu, shader_of(pipeline), consumer)?;
+                let radiance = HitRadiance::Photons { textured: !scene.textures.is_empty() };
+                let pass = GatherPass::new(gpu, shader_of(pipeline), Consumer::Irradiance(radiance))?;
                 Method::Shader { finder: hit_finder(gpu, settings, scene, bvh, interleave.tile())?, pass, sums }
             }
         };

@@ -8,7 +8,7 @@ use std::rc::Rc;
 
 use super::bundle::Bundle;
 use crate::error::Result;
-use crate::gpu::{Blend, DepthTest, Draw, Format, Gpu, Program, SampleQuery, ShaderSource, Shape, Target, Texture, Uniform};
+use crate::gpu::{Blend, DepthTest, Draw, Format, Gpu, Program, SampleQuery, Shape, Target, Texture, Uniform};
 use crate::points::Points;
 use crate::shaders;
 
@@ -28,8 +28,10 @@ fn mark(index: u32) -> f32 {
 }
 
 impl Kill {
+    /// # Errors
+    /// When the size is beyond the device's limits.
     pub fn new(gpu: &Gpu, points: [u32; 2]) -> Result<Self> {
-        Self::with(gpu, &shaders::KILL_FARTHEST, Target::of(gpu, vec![(Self::texture(gpu, points)?, 0)], None)?, None)
+        Self::with(gpu, points, false)
     }
 
     /// What a layer culls is rejected before the shader from the next layer on.
@@ -41,18 +43,21 @@ impl Kill {
     /// a concave edge its own surface may seem the farther of two that meet there, or only a later layer's neighbour counts. Most of these rays
     /// keep a hit farther away. Those without one would be lost, mostly to the farthest layer; so that one culls no points that
     /// face the direction, and one ray in a million is lost. That leaves the furnace white and the difference from exact rays as it is.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
     pub fn early(gpu: &Gpu, points: [u32; 2]) -> Result<Self> {
-        let hits = Target::with_stencil(gpu, Self::texture(gpu, points)?)?;
-        Self::with(gpu, &shaders::KILL_FARTHEST_EARLY, hits, Some(Program::new(gpu, &shaders::REJECT)?))
+        Self::with(gpu, points, true)
     }
 
-    /// Of one element, as `glsl/include/hits.glsl` reads hits.
-    fn texture(gpu: &Gpu, points: [u32; 2]) -> Result<Rc<Texture>> {
-        Ok(Rc::new(Texture::empty_array(gpu, Format::Rg32F, points, 1)?))
-    }
-
-    fn with(gpu: &Gpu, farthest: &ShaderSource, hits: Target, reject: Option<Program>) -> Result<Self> {
+    fn with(gpu: &Gpu, points: [u32; 2], early: bool) -> Result<Self> {
+        let texture = Rc::new(Texture::empty_array(gpu, Format::Rg32F, points, 1)?);
+        let (farthest, hits) = match early {
+            true => (&shaders::KILL_FARTHEST_EARLY, Target::with_stencil(gpu, texture)?),
+            false => (&shaders::KILL_FARTHEST, Target::of(gpu, vec![(texture, 0)], None)?),
+        };
         let programs = [Program::new(gpu, farthest)?, Program::new(gpu, &shaders::KILL)?];
+        let reject = early.then(|| Program::new(gpu, &shaders::REJECT)).transpose()?;
         Ok(Self { programs, hits, survivors: SampleQuery::new(gpu)?, reject })
     }
 

@@ -124,10 +124,6 @@ pub fn hit_finder(gpu: &Gpu, settings: &Settings, scene: &Scene, bvh: &Rc<Bvh>, 
     })
 }
 
-fn vectors(directions: &[Direction]) -> Vec<Vec4> {
-    directions.iter().map(|direction| direction.vector.extend(0.0)).collect()
-}
-
 /// Radiance of rays that meet no surface: the same for all points.
 pub struct MissRadiance {
     along: Vec<Vec4>,

@@ -7,10 +7,10 @@
 
 use glam::{DVec3, Vec3, Vec4};
 
-use super::{Found, HitFinder, vectors};
+use super::{Found, HitFinder};
 use crate::direction::Direction;
 use crate::error::Result;
-use crate::geometry::{Geometry, triangle_order, upload_table};
+use crate::geometry::{Geometry, corner_weights, triangle_order, upload_table};
 use crate::gpu::{Format, Gpu, Texture, Uniform};
 use crate::points::Points;
 use crate::scene::{FlatBvh, Scene};
@@ -59,7 +59,7 @@ impl HitFinder for RayFinder {
     }
 
     fn begin(&mut self, _: &Geometry, directions: &[Direction]) -> Result<usize> {
-        self.directions = vectors(&directions[..directions.len().min(BATCH)]);
+        self.directions = directions.iter().map(|direction| direction.vector.extend(0.0)).collect();
         Ok(self.directions.len())
     }
 
@@ -75,14 +75,13 @@ impl HitFinder for RayFinder {
     }
 }
 
-/// A triangle as `glsl/include/bvh.glsl` reads it: its plane, and the weights of two corners as functions of the position; in f64, as
-/// thin triangles need.
+/// A triangle as `glsl/include/bvh.glsl` reads it: its plane, and the weights of two corners as functions of the position.
 fn texels(corners: [Vec3; 3], index: u32) -> [[f32; 4]; 4] {
-    let [a, b, c] = grown(corners.map(|corner| corner.as_dvec3()));
-    let normal = (b - a).cross(c - a);
-    let function = |gradient: DVec3| gradient.extend(-gradient.dot(a)).as_vec4().to_array();
-    let weight = |edge: DVec3| function(edge / normal.length_squared());
-    [function(normal.normalize()), weight((c - a).cross(normal)), weight(normal.cross(b - a)), [index as f32, 0.0, 0.0, 0.0]]
+    let corners @ [a, b, c] = grown(corners.map(|corner| corner.as_dvec3()));
+    let normal = (b - a).cross(c - a).normalize();
+    let [second, third] = corner_weights(corners);
+    let number = Vec4::new(index as f32, 0.0, 0.0, 0.0);
+    [normal.extend(-normal.dot(a)).as_vec4(), second.as_vec4(), third.as_vec4(), number].map(|texel| texel.to_array())
 }
 
 /// The triangle with each edge [`EDGE`] farther out: larger about the centre of its inscribed circle.

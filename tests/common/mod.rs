@@ -8,18 +8,20 @@ pub mod tool;
 use std::env;
 use std::f32::consts::{PI, TAU};
 use std::path::Path;
+use std::rc::Rc;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use finalgather::direction::{Direction, Directions};
 use finalgather::error::Result;
-use finalgather::gather::{FusedGather, Gather, KillGather, RayGather, Work};
+use finalgather::gather::{GatherInputs, IrradianceGather};
 use finalgather::geometry::Geometry;
 use finalgather::gpu::{Backend, DeviceChoice, Gpu};
 use finalgather::photon::{PhotonGrid, PhotonTexture, PhotonTracer};
-use finalgather::points::{GatherPoint, PointList, Sums};
+use finalgather::points::{GatherPoint, Interleave, PointList};
 use finalgather::random::Random;
+use finalgather::reference::Reference;
 use finalgather::scene::{Bvh, Camera, Instance, Lights, Material, Mesh, Scene, Surface, Triangle, UnitSpace, World};
-use finalgather::settings::Sequence;
+use finalgather::settings::{LayerSize, Pipeline, Sequence, Settings};
 use glam::{DVec3, Vec2, Vec3, Vec4, vec3};
 
 thread_local! {
@@ -261,7 +263,7 @@ pub fn gather(
     directions: &[Direction],
     layer_size: u32,
 ) -> Vec<Vec4> {
-    gather_by(|size| KillGather::new(gpu, layer_size, size, 0.0).unwrap(), gpu, scene, photons, points, directions).0
+    gather_by(Pipeline::Kill, gpu, scene, photons, points, directions, layer_size).0
 }
 
 /// The same with early KILL.
@@ -273,7 +275,7 @@ pub fn gather_early(
     directions: &[Direction],
     layer_size: u32,
 ) -> Vec<Vec4> {
-    gather_by(|size| KillGather::early(gpu, layer_size, size, 0.0).unwrap(), gpu, scene, photons, points, directions).0
+    gather_by(Pipeline::EarlyKill, gpu, scene, photons, points, directions, layer_size).0
 }
 
 /// The same for both ends of each direction by the fused method; and the most layers of a direction.
@@ -285,7 +287,7 @@ pub fn gather_fused(
     directions: &[Direction],
     layer_size: u32,
 ) -> (Vec<Vec4>, u32) {
-    gather_by(|_| FusedGather::new(gpu, layer_size).unwrap(), gpu, scene, photons, points, directions)
+    gather_by(Pipeline::Fused, gpu, scene, photons, points, directions, layer_size)
 }
 
 /// The same for both ends of each direction by exact rays.
@@ -296,27 +298,31 @@ pub fn gather_rays(
     points: &[GatherPoint],
     directions: &[Direction],
 ) -> Vec<Vec4> {
-    gather_by(|_| RayGather::new(gpu, scene).unwrap(), gpu, scene, photons, points, directions).0
+    gather_by(Pipeline::RaycastGl, gpu, scene, photons, points, directions, 1).0
 }
 
-/// The sums that a gather, made for the size of the points' textures, finds, and the most layers of a direction.
-fn gather_by<G: Gather>(
-    make: impl FnOnce([u32; 2]) -> G,
+/// The sums that a pipeline of the GL side finds, and the most layers of a direction.
+fn gather_by(
+    pipeline: Pipeline,
     gpu: &Gpu,
     scene: &Scene,
     photons: &PhotonTexture,
     points: &[GatherPoint],
     directions: &[Direction],
+    layer_size: u32,
 ) -> (Vec<Vec4>, u32) {
+    let settings = Settings { pipeline, layer_size: LayerSize::Texels(layer_size), stop_fraction: 0.0, ..Settings::default() };
     let geometry = &Geometry::upload(gpu, scene).unwrap();
     let list = PointList::upload(gpu, points).unwrap();
-    let sums = &Sums::new(gpu, list.points().size()).unwrap();
-    sums.clear();
-    let work = Work { scene, geometry, photons, points: list.points(), sums };
-    let mut gather = make(list.points().size());
-    let layers = directions.chunks(gather.batch()).map(|batch| gather.add(work, batch).unwrap()).max().unwrap_or(0);
+    let points = list.points();
+    let (bvh, grid) = (Rc::new(Bvh::new(&scene.mesh)), PhotonGrid::new(&scene.mesh, 1));
+    // Which no pipeline of the GL side asks.
+    let oracle = Reference::new(scene, &bvh, &grid);
+    let mut gather = IrradianceGather::new(gpu, &settings, scene, &bvh, Interleave::new(1, points.size(), 0)).unwrap();
+    gather.begin(points);
+    let layers = gather.add(GatherInputs { scene, geometry, photons, oracle, points }, directions).unwrap();
     gpu.check("gathering").unwrap();
-    (list.in_order(sums.read()), layers)
+    (list.in_order(gather.read()), layers)
 }
 
 /// Each direction followed by its opposite.
