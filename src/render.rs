@@ -43,7 +43,7 @@ use self::merge::{FILM, film_of_part};
 pub use crate::memory::of_render as memory_of;
 pub use layers::{End, LayerTexel, Layers, Probe};
 pub use merge::{RenderMerge, blocks_of};
-pub use statistics::{GatherCounts, SceneCounts, StageSeconds, Statistics};
+pub use statistics::{GatherCounts, RenderStatistics, SceneCounts, StageSeconds};
 
 /// A render in progress.
 pub struct Render {
@@ -71,12 +71,12 @@ pub struct Render {
     film: FilmSum,
     /// Whether the error that was asked for is reached.
     reached: bool,
-    statistics: Statistics,
+    statistics: RenderStatistics,
 }
 
 /// All passes and what they draw into: what a render at other settings makes anew.
 struct Passes {
-    source: Source,
+    source: PixelSource,
     direct: Direct,
     direct_sums: Accumulator,
     rough: PhotonMap,
@@ -88,7 +88,7 @@ struct Passes {
 }
 
 /// Where the points of a block come from.
-enum Source {
+enum PixelSource {
     Camera(CameraPoints),
     /// Those of the block in progress, once there is one.
     Traced(Option<PointTextures>),
@@ -128,10 +128,10 @@ impl Render {
 
         let start = Instant::now();
         let photons = Photons::new(gpu, [&all, &gathered], settings, || passes.gather.shrink())?;
-        let mut statistics = Statistics {
+        let mut statistics = RenderStatistics {
             scene: SceneCounts { triangles: scene.mesh.triangles.len(), lights: all.lights.count() },
             photons: photons.counts,
-            ..Statistics::default()
+            ..RenderStatistics::default()
         };
         statistics.seconds.photons = start.elapsed().as_secs_f64();
         statistics.gather.layer_size = settings.layers();
@@ -201,7 +201,8 @@ impl Render {
         if self.photons.number > 0 {
             self.photons.counts = PhotonCounts::default();
         }
-        self.statistics = Statistics { scene: self.statistics.scene, photons: self.photons.counts, ..Statistics::default() };
+        self.statistics =
+            RenderStatistics { scene: self.statistics.scene, photons: self.photons.counts, ..RenderStatistics::default() };
         self.statistics.gather.layer_size = self.settings.layers();
     }
 
@@ -276,7 +277,7 @@ impl Render {
         Some(self.film.missing(mine).first()?.start)
     }
 
-    pub fn statistics(&self) -> &Statistics {
+    pub fn statistics(&self) -> &RenderStatistics {
         &self.statistics
     }
 
@@ -339,12 +340,12 @@ impl Render {
         let start = Instant::now();
         let offset = sobol(index, self.settings.seed);
         let visible = match &mut self.passes.source {
-            Source::Camera(points) => {
+            PixelSource::Camera(points) => {
                 let mut visible = points.see(&self.geometry, &self.camera, offset.into());
                 visible.add_environment(&self.all.scene, &self.camera, self.settings.size, offset.into());
                 visible
             }
-            Source::Traced(points) => {
+            PixelSource::Traced(points) => {
                 let Prepared { scene, bvh, .. } = &*self.all;
                 let rays = EyeRays { scene, bvh, camera: &self.camera, size: self.settings.size, seed: self.settings.seed };
                 let visible = rays.see(offset.into(), index);
@@ -456,8 +457,8 @@ impl Passes {
     fn new(gpu: &Gpu, gathered: &Prepared, settings: &Settings) -> Result<Self> {
         let points = settings.size;
         let source = match settings.points {
-            PointSource::Camera => Source::Camera(CameraPoints::new(gpu, points)?),
-            PointSource::Traced => Source::Traced(None),
+            PointSource::Camera => PixelSource::Camera(CameraPoints::new(gpu, points)?),
+            PointSource::Traced => PixelSource::Traced(None),
         };
         let direct = Direct::new(gpu, settings.shadow_size, settings.seed)?;
         let direct_sums = Accumulator::new(gpu, points)?;
@@ -469,7 +470,7 @@ impl Passes {
     }
 }
 
-impl Source {
+impl PixelSource {
     /// The points of the block in progress.
     fn points<'a>(&'a self, visible: &GBuffer) -> Points<'a> {
         match self {

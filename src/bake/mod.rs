@@ -49,7 +49,7 @@ pub use plan::{Plan, RadianceCache, blocks_of, vertex_inset};
 
 /// Counts and times of a bake.
 #[derive(Clone, Debug, Default, Serialize)]
-pub struct Statistics {
+pub struct BakeStatistics {
     pub points: usize,
     /// Directions that are done, all rounds together, and in all.
     pub directions_done: u64,
@@ -150,9 +150,9 @@ impl Bake {
         self.schedule.next(&self.sums.rounds).is_none()
     }
 
-    pub fn statistics(&self) -> Statistics {
+    pub fn statistics(&self) -> BakeStatistics {
         let (directions_done, directions_total) = self.schedule.progress(&self.sums.rounds);
-        Statistics {
+        BakeStatistics {
             points: self.points.len(),
             directions_done,
             directions_total,

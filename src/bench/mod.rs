@@ -41,12 +41,12 @@ pub struct Bench {
     grid: PhotonGrid,
     photons: PhotonTexture,
     geometry: Geometry,
-    source: Source,
+    source: PointOrigin,
     /// The points in the order of their textures' texels; some texels have none.
     pixels: Vec<Option<GatherPoint>>,
 }
 
-enum Source {
+enum PointOrigin {
     Camera(CameraPoints, GBuffer),
     List(PointList),
 }
@@ -61,7 +61,7 @@ pub enum Where {
 
 /// How much to measure.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Plan {
+pub struct BenchPlan {
     /// Of each contestant in a round.
     pub directions: u32,
     pub rounds: u32,
@@ -136,9 +136,11 @@ impl Bench {
                 // Of what was read back, the count is enough from now on.
                 let (count, cut) = (visible.count, visible.cut);
                 let [position, normal, albedo, emission] = Default::default();
-                (Source::Camera(camera, GBuffer { position, normal, albedo, emission, count, cut }), pixels)
+                (PointOrigin::Camera(camera, GBuffer { position, normal, albedo, emission, count, cut }), pixels)
             }
-            Where::Points(points) => (Source::List(PointList::upload(gpu, &points)?), points.into_iter().map(Some).collect()),
+            Where::Points(points) => {
+                (PointOrigin::List(PointList::upload(gpu, &points)?), points.into_iter().map(Some).collect())
+            }
         };
         if pixels.iter().flatten().next().is_none() {
             return Err(Error::usage("there is no point to gather at: the camera sees no surface", "turn the camera"));
@@ -168,8 +170,8 @@ impl Bench {
 
     fn points(&self) -> Points<'_> {
         match &self.source {
-            Source::Camera(camera, visible) => camera.points(visible),
-            Source::List(list) => list.points(),
+            PointOrigin::Camera(camera, visible) => camera.points(visible),
+            PointOrigin::List(list) => list.points(),
         }
     }
 
@@ -177,7 +179,7 @@ impl Bench {
     ///
     /// # Errors
     /// As [`crate::gather::IrradianceGather::add`], and [`crate::Error::Gl`] when the device fails.
-    pub fn measure(&self, contestants: &[&Contestant], plan: Plan) -> Result<Vec<Row>> {
+    pub fn measure(&self, contestants: &[&Contestant], plan: BenchPlan) -> Result<Vec<Row>> {
         if plan.rounds == 0 || plan.directions == 0 {
             return Err(Error::usage("nothing is measured in 0 rounds or along 0 directions", "give 1 or more"));
         }

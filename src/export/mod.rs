@@ -12,7 +12,7 @@ use serde_json::Value;
 use crate::error::{Error, Result};
 use crate::file::{MOST_BYTES, read_file};
 use crate::image::{Channel, Image, WriteOptions, tone};
-use crate::scene::{Material, Mesh, Texture};
+use crate::scene::{ImageTexture, Material, Mesh};
 
 mod glb;
 mod npy;
@@ -38,7 +38,7 @@ pub struct PointValues<'a> {
 pub struct ExportMesh<'a> {
     pub mesh: &'a Mesh,
     pub materials: &'a [Material],
-    pub textures: &'a [Texture],
+    pub textures: &'a [ImageTexture],
 }
 
 /// A light map and its mesh.

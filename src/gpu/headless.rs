@@ -153,20 +153,15 @@ fn devices() -> Result<Vec<(DeviceInfo, Device)>> {
 
 fn egl(choice: DeviceChoice) -> Result<Created> {
     let devices = devices()?;
-    let wanted: Vec<_> = devices
-        .iter()
-        .filter(|(info, _)| match choice {
-            DeviceChoice::Auto => true,
-            DeviceChoice::Software => info.software,
-            DeviceChoice::Index(index) => info.index == index,
-        })
-        .collect();
+    let is_wanted = |info: &DeviceInfo| match choice {
+        DeviceChoice::Auto => true,
+        DeviceChoice::Software => info.software,
+        DeviceChoice::Index(index) => info.index == index,
+    };
     let mut failures = Vec::new();
-    for (info, device) in wanted {
-        match egl_on(device) {
-            Ok((context, functions, reset)) => {
-                return Ok((Platform::Egl { context, device: info.to_string() }, functions, reset));
-            }
+    for (info, device) in devices.iter().filter(|(info, _)| is_wanted(info)) {
+        match egl_on(info, device) {
+            Ok(created) => return Ok(created),
             Err(failure) => failures.push(format!("device {info}: {failure}")),
         }
     }
@@ -186,7 +181,7 @@ fn egl(choice: DeviceChoice) -> Result<Created> {
     ))
 }
 
-fn egl_on(device: &Device) -> Result<(PossiblyCurrentContext, glow::Context, ResetStatus), String> {
+fn egl_on(info: &DeviceInfo, device: &Device) -> Result<Created, String> {
     let text = |error: glutin::error::Error| error.to_string();
     // A surfaceless context needs a config that renders OpenGL, and none of the buffers of a window.
     let template = ConfigTemplateBuilder::new()
@@ -203,7 +198,7 @@ fn egl_on(device: &Device) -> Result<(PossiblyCurrentContext, glow::Context, Res
         .make_current_surfaceless()
         .map_err(text)?;
     let (functions, reset) = load_functions(&display);
-    Ok((context, functions, reset))
+    Ok((Platform::Egl { context, device: info.to_string() }, functions, reset))
 }
 
 /// Makes an OpenGL 3.3 core context, robust if the driver can: a robust context reports its loss. Others may stay stale for ever, or end

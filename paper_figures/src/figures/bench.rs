@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::draw::{Axis, Bar, Panel, percent, plot, whole};
 use crate::figure::{Figure, Result, Task};
-use crate::lab::{Bench, CONTESTANTS, FUSED, Plan, Row, Settings, Where, cornell, gpu};
+use crate::lab::{Bench, BenchPlan, CONTESTANTS, FUSED, Row, Settings, Where, cornell, gpu};
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -39,7 +39,7 @@ impl Figure for SideBySide {
         let size = scale.of(size, 64);
         let settings = Settings { size: [size; 2], ..Settings::default() };
         let bench = Bench::new(&gpu()?, cornell()?, &settings, Where::Camera)?;
-        let plan = Plan { directions: scale.of(directions, 4), rounds, stages: true, converged: scale.of(converged, 256) };
+        let plan = BenchPlan { directions: scale.of(directions, 4), rounds, stages: true, converged: scale.of(converged, 256) };
         let rows = bench.measure(&CONTESTANTS.iter().collect::<Vec<_>>(), plan)?;
         for row in &rows {
             eprintln!("  {}: {:.2} ms a sample", row.name, row.ms_per_sample);

@@ -155,17 +155,11 @@ impl Figure for PictureComparison {
             Some(false) => format!("both do <strong>not</strong> agree within {limit}"),
             None => format!("agreement within {limit} is not judged at this scale"),
         };
-        let row = |name: &str, relative_rmse, bias: Option<String>, flip: Option<String>| {
-            vec![name.to_owned(), percent(relative_rmse), bias.unwrap_or_default(), flip.unwrap_or_default()]
-        };
-        let numbers = table(
-            &["", "relative RMSE", "bias", "FLIP"],
-            [
-                row("Final gathering", error.relative_rmse, Some(percent(error.bias)), Some(format!("{:.3}", error.flip))),
-                row("Photon map seen directly", error.photon_map, None, None),
-                row("Direct light only", error.direct_only, None, None),
-            ],
-        );
+        let others = [("Photon map seen directly", error.photon_map), ("Direct light only", error.direct_only)];
+        let others = others.map(|(name, rmse)| vec![name.into(), percent(rmse), String::new(), String::new()]);
+        let first =
+            vec!["Final gathering".into(), percent(error.relative_rmse), percent(error.bias), format!("{:.3}", error.flip)];
+        let numbers = table(&["", "relative RMSE", "bias", "FLIP"], [first].into_iter().chain(others));
         let times = table(
             &["photons", "visible points", "direct light", "final gathering", "all"],
             [stages.into_iter().chain([stages.iter().sum()]).map(seconds).collect()],

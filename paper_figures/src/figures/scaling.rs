@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use crate::draw::{Axis, Curve, Panel, plot, short, whole};
 use crate::figure::{Figure, Result, Task};
 use crate::lab::{
-    Bench, CONTESTANTS, Contestant, FUSED, Gpu, LayerSize, Plan, Row, Scene, Settings, Where, cornell, crossing, gpu, hills,
+    Bench, BenchPlan, CONTESTANTS, Contestant, FUSED, Gpu, LayerSize, Row, Scene, Settings, Where, cornell, crossing, gpu, hills,
     plates, points_on,
 };
 
@@ -176,7 +176,7 @@ impl Series {
                 self.ended = Some("no contestant is left within the budget".into());
                 break;
             }
-            let plan = Plan { directions, rounds, stages: false, converged: 0 };
+            let plan = BenchPlan { directions, rounds, stages: false, converged: 0 };
             let measured = Bench::new(gpu, scene, &settings, points)
                 .and_then(|bench| Ok((bench.measure(&contestants, plan)?, bench.point_count(), bench.triangle_count())));
             let (rows, points, triangles) = match measured {

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::draw::{Axis, Bar, Curve, Panel, plot, short, short_percent};
 use crate::figure::{Figure, Result, Task};
-use crate::lab::{Bench, CONTESTANTS, Contestant, Cornell, Deviation, Plan, Settings, Where, crossing, gpu};
+use crate::lab::{Bench, BenchPlan, CONTESTANTS, Contestant, Cornell, Deviation, Settings, Where, crossing, gpu};
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -65,7 +65,7 @@ impl Figure for TimeToError {
         let size = scale.of(parameters.size, 64);
         let settings = Settings { size: [size; 2], ..Settings::default() };
         let contestants: Vec<_> = CONTESTANTS.iter().collect();
-        let plan = Plan { directions: scale.of(parameters.directions, 4), rounds, stages: false, converged: 0 };
+        let plan = BenchPlan { directions: scale.of(parameters.directions, 4), rounds, stages: false, converged: 0 };
         let times = Bench::new(&gpu, cornell.scene.clone(), &settings, Where::Camera)?.measure(&contestants, plan)?;
 
         let points = cornell.camera_points(scale.of(parameters.error_size, 16))?;

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-pub use finalgather::bench::{Bench, CONTESTANTS, Contestant, Deviation, FUSED, Plan, Row, Where};
+pub use finalgather::bench::{Bench, BenchPlan, CONTESTANTS, Contestant, Deviation, FUSED, Row, Where};
 pub use finalgather::points::GatherPoint;
 pub use finalgather::scene::Scene;
 pub use finalgather::settings::LayerSize;

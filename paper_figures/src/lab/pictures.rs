@@ -6,7 +6,7 @@ use finalgather::gpu::StageClock;
 use finalgather::image::Channel;
 pub use finalgather::image::compare::{Comparison, ErrorMap};
 use finalgather::image::compare::{Selection, ViewingConditions, compare, compare_as, mask_of};
-use finalgather::render::{Render, StageSeconds, Statistics};
+use finalgather::render::{Render, RenderStatistics, StageSeconds};
 use finalgather::scene::{Loaded, World};
 use serde::{Deserialize, Serialize};
 
@@ -26,7 +26,7 @@ pub struct Pictures {
 /// A picture and its error against path tracing.
 pub struct Rendered {
     pub picture: Image,
-    pub statistics: Statistics,
+    pub statistics: RenderStatistics,
     pub error: Comparison,
 }
 
@@ -49,7 +49,7 @@ pub struct Stages {
 }
 
 impl Stages {
-    pub fn of(Statistics { seconds, .. }: &Statistics) -> Self {
+    pub fn of(RenderStatistics { seconds, .. }: &RenderStatistics) -> Self {
         let StageSeconds { photons, visible_points, direct, gather, .. } = *seconds;
         Self { photons, visible_points, direct, gather }
     }
@@ -88,12 +88,12 @@ impl Pictures {
         Settings { size, directions, ..self.loaded.settings.clone() }
     }
 
-    pub fn render(&self, settings: &Settings) -> Result<(Image, Statistics)> {
+    pub fn render(&self, settings: &Settings) -> Result<(Image, RenderStatistics)> {
         self.render_in_steps(settings, |_, _| ())
     }
 
     /// After each step tells the number of directions done and the seconds of gathering so far.
-    pub fn render_in_steps(&self, settings: &Settings, mut tell: impl FnMut(u32, f64)) -> Result<(Image, Statistics)> {
+    pub fn render_in_steps(&self, settings: &Settings, mut tell: impl FnMut(u32, f64)) -> Result<(Image, RenderStatistics)> {
         let mut render = Render::new(&self.gpu, &self.loaded.world, settings)?;
         while !render.is_done() {
             render.step()?;

@@ -259,10 +259,15 @@ impl Plane {
 mod tests {
     use super::*;
 
+    /// What figure 1 declares.
+    fn declared<T: serde::de::DeserializeOwned>(name: &str) -> T {
+        let file: toml::Table = include_str!("../../figures/figure1.toml").parse().unwrap();
+        file["parameters"][name].clone().try_into().unwrap()
+    }
+
     fn figure() -> Slice {
-        let declared: toml::Table = include_str!("../../figures/figure1.toml").parse().unwrap();
-        let looks: Vec<Look> = declared["parameters"]["points"].clone().try_into().unwrap();
-        Slice::measure([0.82, 0.18], 22.5, 32, &looks).unwrap()
+        let looks: Vec<Look> = declared("points");
+        Slice::measure(declared("depths"), declared("elevation_degrees"), declared("layer_size"), &looks).unwrap()
     }
 
     #[test]

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::thread::available_parallelism;
 
 use clap::builder::{PossibleValue, PossibleValuesParser};
-use finalgather::bench::{Bench, CONTESTANTS, Contestant, FUSED, Plan, Row, Where};
+use finalgather::bench::{Bench, BenchPlan, CONTESTANTS, Contestant, FUSED, Row, Where};
 use finalgather::error::{Error, Result};
 use finalgather::scene::Loaded;
 use finalgather::settings::{LayerSize, Settings};
@@ -95,7 +95,7 @@ fn bench(args: &BenchArgs, progress: &ProgressLine) -> Result<()> {
     progress.stage("measuring");
     let asked = |contestant: &&Contestant| args.pipelines.is_empty() || args.pipelines.iter().any(|name| name == contestant.name);
     let contestants: Vec<_> = CONTESTANTS.iter().filter(asked).collect();
-    let plan = Plan { directions: args.directions, rounds: args.rounds, stages: true, converged: CONVERGED };
+    let plan = BenchPlan { directions: args.directions, rounds: args.rounds, stages: true, converged: CONVERGED };
     let rows = bench.measure(&contestants, plan)?;
     progress.clear();
 
