@@ -190,8 +190,8 @@ fn gathered_bounces_are_the_geometric_series() {
     let world = model.world();
     let points = points_on(&Prepared::without_glass(&world).unwrap().scene, 512);
     let settings = Settings { light_samples: 512, ..settings(along) };
-    let series = |gather_bounces: u32| (1..=bounces).map(|k| albedo.powi(k as i32)).sum::<f32>();
-    let mean = |gather_bounces: u32| {
+    let series = |bounces: u32| (1..=bounces).map(|k| albedo.powi(k as i32)).sum::<f32>();
+    let mean = |bounces: u32| {
         let plan =
             Plan { what: vec![Quantity::Irradiance], gather_bounces: bounces, radiance_cache: RadianceCache::Vertices, ..PLAN };
         let baked = bake(&gpu, &world, &points, &settings, &plan).0;
