@@ -311,21 +311,21 @@ fn peak(report: &Value) -> f64 {
 fn memory_is_bounded_by_what_is_said_before() {
     let folder = folder();
     // On a software driver, whose memory is the process's.
-    let within = |size: &str, memory: &str| {
-        let args = ["--size", size, "--directions", "16", "--gl-device", "sw", "-o", "a.exr", "--json", "--memory", memory];
-        render(&folder, &args)
+    let within = |size: &str, layers: &str, memory: &str| {
+        let args = ["--size", size, "--directions", "16", "--layer-size", layers, "--gl-device", "sw", "-o", "a.exr", "--json"];
+        render(&folder, &[&args[..], &["--memory", memory]].concat())
     };
-    for size in ["320", "640"] {
-        let needed = needed(&mut within(size, "1"));
+    for (size, layers) in [("320", "64"), ("640", "64"), ("320", "1024")] {
+        let needed = needed(&mut within(size, layers, "1"));
         assert!(!folder.path().join("a.exr").exists());
-        let peak = peak(&json(&mut within(size, &needed.to_string())));
+        let peak = peak(&json(&mut within(size, layers, &needed.to_string())));
         let ratio = needed as f64 / peak;
-        assert!((1.0..1.5).contains(&ratio), "{size}: {needed} MiB were said, and {peak:.1} taken");
+        assert!((1.0..1.5).contains(&ratio), "{size}, {layers}: {needed} MiB were said, and {peak:.1} taken");
         fs::remove_file(folder.path().join("a.exr")).unwrap();
     }
-    let said = refusal(&mut within("640", "250"), 2);
+    let said = refusal(&mut within("640", "64", "250"), 2);
     let (_, size) = said.split_once("--size ").unwrap_or_else(|| panic!("{said}"));
-    success(&mut within(size.split_once(' ').unwrap().0, "250"));
+    success(&mut within(size.split_once(' ').unwrap().0, "64", "250"));
 }
 
 /// On the CPU too, where the values of all points are.

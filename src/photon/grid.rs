@@ -44,9 +44,14 @@ impl PhotonGrid {
         Self { origin, cells, cell_size, sums: vec![[0.0; 4]; BINS * cells.element_product() as usize] }
     }
 
-    /// Bytes that [`Self::new`] takes at most, of a scene that is as wide as it is long.
+    /// Bytes that [`Self::new`] takes at most. A scene as wide as it is long takes so many.
     pub fn bytes(cells: u32) -> usize {
         BINS * (cells as usize + 2).pow(3) * size_of::<[f32; 4]>()
+    }
+
+    /// Bytes that [`Self::add_area`] takes meanwhile, where most triangles pass through one to four cells.
+    pub fn area_bytes(triangles: usize) -> usize {
+        triangles * (size_of::<Vec<CellArea>>() + 2 * 4 * size_of::<CellArea>())
     }
 
     /// The bin of the side that a ray along `direction` hits at `position` on a triangle.
