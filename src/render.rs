@@ -43,7 +43,7 @@ use self::merge::{FILM, film_of_part};
 pub use crate::memory::of_render as memory_of;
 pub use layers::{End, LayerTexel, Layers, Probe};
 pub use merge::{RenderMerge, blocks_of};
-pub use statistics::{GatherCounts, SceneCounts, StageSeconds, Statistics};
+pub use statistics::{GatherCounts, RenderStatistics, SceneCounts, StageSeconds};
 
 /// A render in progress.
 pub struct Render {
@@ -71,7 +71,7 @@ pub struct Render {
     film: FilmSum,
     /// Whether the error that was asked for is reached.
     reached: bool,
-    statistics: Statistics,
+    statistics: RenderStatistics,
 }
 
 /// All passes and what they draw into: what a render at other settings makes anew.
@@ -135,10 +135,10 @@ impl Render {
 
         let start = Instant::now();
         let photons = Photons::new(gpu, [&all, &gathered], settings, || passes.shrink())?;
-        let mut statistics = Statistics {
+        let mut statistics = RenderStatistics {
             scene: SceneCounts { triangles: scene.mesh.triangles.len(), lights: all.lights.count() },
             photons: photons.counts,
-            ..Statistics::default()
+            ..RenderStatistics::default()
         };
         statistics.seconds.photons = start.elapsed().as_secs_f64();
         statistics.gather.layer_size = settings.layers();
@@ -208,7 +208,8 @@ impl Render {
         if self.photons.number > 0 {
             self.photons.counts = PhotonCounts::default();
         }
-        self.statistics = Statistics { scene: self.statistics.scene, photons: self.photons.counts, ..Statistics::default() };
+        self.statistics =
+            RenderStatistics { scene: self.statistics.scene, photons: self.photons.counts, ..RenderStatistics::default() };
         self.statistics.gather.layer_size = self.settings.layers();
     }
 
@@ -283,7 +284,7 @@ impl Render {
         Some(self.film.missing(mine).first()?.start)
     }
 
-    pub fn statistics(&self) -> &Statistics {
+    pub fn statistics(&self) -> &RenderStatistics {
         &self.statistics
     }
 

@@ -5,7 +5,7 @@ use std::path::Path;
 use finalgather::gpu::StageClock;
 use finalgather::image::Channel;
 use finalgather::image::compare::{Comparison, ErrorMap, Selection, View, compare, compare_as, mask_of};
-use finalgather::render::Statistics;
+use finalgather::render::RenderStatistics;
 use finalgather::{Gpu, Image, Loaded, Render, Settings, World};
 
 use crate::cornell::in_repository;
@@ -53,7 +53,7 @@ impl Pictures {
         Ok(Render::new(&self.gpu, &self.loaded.world, settings)?)
     }
 
-    pub fn render(&self, settings: &Settings) -> Result<(Image, Statistics)> {
+    pub fn render(&self, settings: &Settings) -> Result<(Image, RenderStatistics)> {
         let mut render = self.start(settings)?;
         while !render.is_done() {
             render.step()?;

@@ -106,9 +106,4 @@ impl Merge {
     pub fn settings(&self) -> &Settings {
         &self.settings
     }
-
-    /// The renderer that all parts come from, as the driver calls it.
-    pub fn renderer(&self) -> &str {
-        self.job["gl"]["renderer"].as_str().unwrap_or_default()
-    }
 }

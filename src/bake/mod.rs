@@ -195,11 +195,6 @@ impl Bake {
         })
     }
 
-    /// The renderer, as the driver calls it.
-    pub fn renderer(&self) -> &str {
-        &self.gpu.info().renderer
-    }
-
     /// The complete blocks of all rounds that are needed to go on.
     pub fn save(&self) -> Part<'_> {
         let state = json!({ "stage": self.schedule.stage, "memory": self.plan.memory, "points": self.points.len() });

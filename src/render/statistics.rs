@@ -6,7 +6,7 @@ use crate::photon::PhotonCounts;
 
 /// Counts and times of a render. Times include the device's work.
 #[derive(Clone, Debug, Default, Serialize)]
-pub struct Statistics {
+pub struct RenderStatistics {
     pub scene: SceneCounts,
     pub seconds: StageSeconds,
     pub gather: GatherCounts,

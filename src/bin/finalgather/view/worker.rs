@@ -17,7 +17,7 @@ use finalgather::gpu::{Gpu, StageClock};
 use finalgather::image::{Image, WriteOptions};
 use finalgather::job::{DeviceRequest, SceneRequest, metadata};
 use finalgather::math::Aabb;
-use finalgather::render::{End, Layers, Probe, Render, Statistics};
+use finalgather::render::{End, Layers, Probe, Render, RenderStatistics};
 use finalgather::scene::{Camera, Loaded};
 use finalgather::settings::{LayerSize, Settings};
 use finalgather::shaders;
@@ -102,7 +102,7 @@ pub struct Picture {
 
 #[derive(Clone, Default)]
 pub struct Progress {
-    pub statistics: Statistics,
+    pub statistics: RenderStatistics,
     /// Of what.
     pub view: Option<View>,
     /// Whether nothing is left to do, and shown.
