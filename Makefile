@@ -3,7 +3,7 @@ SCENE ?= cornell
 CARGO ?= cargo
 TARGET_DIR := $(or $(CARGO_TARGET_DIR),target)
 
-.PHONY: help setup render test figures bench
+.PHONY: help setup render check test figures bench
 .DEFAULT_GOAL := help
 
 help: ## List the targets
@@ -16,6 +16,12 @@ render: setup ## Render scenes/$(SCENE).toml to out/ as PNG and EXR; SCENE=corne
 	$(CARGO) build --release --locked --package finalgather
 	mkdir -p out
 	$(TARGET_DIR)/release/finalgather render scenes/$(SCENE).toml -o out/$(SCENE).png -o out/$(SCENE).exr
+
+check: ## Check format, lints, unit tests, imports among modules and shaders: a minute, once dependencies are built
+	@scripts/setup.sh --tests
+	$(CARGO) fmt --check
+	$(CARGO) clippy --release --locked --lib --bins -- -D warnings
+	$(CARGO) test --release --locked --lib --bins --test layout --test gl_shaders
 
 test: ## Run all tests, those of the GL part also on a driver that offers no more than OpenGL 3.3
 	@scripts/setup.sh --tests

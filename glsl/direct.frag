@@ -4,13 +4,13 @@
 // The light's frame has its origin at the sample and z along the emitting normal. The map is a hemicube: the face across z, then the
 // upper halves of the faces across +x, -x, +y, -y, one above the other in one texture.
 
-#include "points.glsl"
+#include "include/points.glsl"
 
 uniform ivec2 first_texel;          // of the subset in the sums
 uniform sampler2D shadow_map;
 uniform mat4 to_light;              // world to the light's frame
 uniform vec3 intensity;             // radiance x area / probability of the sample
-uniform float clearance;            // as in layer.glsl, per unit of distance
+uniform float depth_bias;            // as in layer.glsl, per unit of distance
 
 layout(location = 0) out vec4 irradiance;
 
@@ -65,7 +65,7 @@ void main()
     if (plane.x > 0.0 && inverse * distance > 1.0) {
         vec2 centre = (texel + 0.5 - origin) / size * 2.0 - 1.0;
         vec3 occluder = (outward + centre.x * right + centre.y * up) / plane.x;
-        if (dot(rotation * point.surface_normal, occluder - place) > clearance * distance)
+        if (dot(rotation * point.surface_normal, occluder - place) > depth_bias * distance)
             discard;
     }
     irradiance = vec4(intensity * cosine_here * place.z * inversesqrt(squared) / squared, 1.0);

@@ -2,13 +2,13 @@
 // Sampling one layer, as in 2004: every point looks up the texel on its ray and overwrites its hit, unless the texel lies
 // behind the point (KILL). Layers come far to near, so the last to survive is the nearest hit. Mirrors src/gather/kill.rs.
 
-#include "points.glsl"
-#include "layer.glsl"
+#include "include/points.glsl"
+#include "include/layer.glsl"
 
 uniform sampler2D layer;
 uniform vec3 direction;
 uniform mat4 to_layer;              // unit space to texel x, texel y, window depth
-uniform float clearance;            // see Receiver
+uniform float depth_bias;            // see Receiver
 uniform vec3 metric;                // see Receiver
 
 layout(location = 0) out vec2 hit;  // distance along the direction; triangle, counted from 1
@@ -38,7 +38,7 @@ void main()
     if (cosine(point, direction) == 0.0)
         discard;
     float size = float(textureSize(layer, 0).y);
-    Receiver receiver = receiver(point.position, point.surface_normal, 1.0, to_layer, clearance, metric, ivec2(0), size);
+    Receiver receiver = receiver(point.position, point.surface_normal, 1.0, to_layer, depth_bias, metric, ivec2(0), size);
     vec4 surface = texelFetch(layer, receiver.texel, 0);
     Sample nearest = sample_surface(receiver, surface, receiver.offset);
 #ifdef FARTHEST
@@ -46,7 +46,7 @@ void main()
         nearest = sample_around(receiver);
     else
 #endif
-    if (nearest.id == 0.0 || nearest.above <= receiver.clearance) {
+    if (nearest.id == 0.0 || nearest.above <= receiver.depth_bias) {
         ivec2 step = step_beside_edge(receiver);
         vec4 beside = texelFetch(layer, receiver.texel + step, 0);
         if (step != ivec2(0) && !has_ended(receiver, beside, step))

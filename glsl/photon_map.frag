@@ -1,8 +1,8 @@
 #version 330 core
 // The photon map seen directly: the irradiance that it holds at each point. Mirrors src/photon_map.rs.
 
-#include "points.glsl"
-#include "photon_grid.glsl"
+#include "include/points.glsl"
+#include "include/photon_grid.glsl"
 
 uniform ivec2 first_texel;          // of the subset in the sums
 

@@ -1,7 +1,7 @@
 #version 330 core
 // Peeling into the layer store: as peel.frag, for the tiles of several directions at once. Mirrors src/gather/layer_store/peel.rs.
 
-#include "packed_surface.glsl"
+#include "include/packed_surface.glsl"
 
 flat in int surface_triangle;
 

@@ -3,7 +3,7 @@
 // once. The list is gone through once for every four slots: it is short, and to fetch is dearer than to compare.
 // Mirrors src/gather/layer_store/sort.rs.
 
-#include "packed_surface.glsl"
+#include "include/packed_surface.glsl"
 
 uniform usampler2D counts;
 uniform usampler2DArray lists;

@@ -1,8 +1,8 @@
 #version 330 core
 // The gather points that the camera sees. Mirrors src/points/camera.rs.
 
-#include "surface.glsl"
-#include "octahedral.glsl"
+#include "include/surface.glsl"
+#include "include/octahedral.glsl"
 
 in vec3 surface_position;
 in vec3 surface_normal;

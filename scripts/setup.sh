@@ -3,7 +3,7 @@
 # to install. Quick and silent when nothing is missing.
 #
 #   scripts/setup.sh            what `make render` needs
-#   scripts/setup.sh --tests    and what the tests need
+#   scripts/setup.sh --tests    and what the tests need; where the environment variable CI is set, an error if it cannot have all of it
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -25,7 +25,8 @@ elif [[ $(printf '%s\n' "$wanted" "${found%%-*}" | sort -V | head -n1) != "$want
     exit 1
 fi
 
-library() { PATH=$PATH:/sbin:/usr/sbin ldconfig -p 2>/dev/null | grep -qF "$1"; }
+# Without a pipe: grep ends at the first match, and ldconfig then fails at its next write.
+library() { [[ $(PATH=$PATH:/sbin:/usr/sbin ldconfig -p 2>/dev/null) == *"$1"* ]]; }
 # links COMPILER LANGUAGE HEADER
 links() {
     local program
@@ -65,27 +66,32 @@ if [[ $tests ]]; then
     library libXi.so.6 || missing libXi libxi6 libXi libxi
     library libxkbcommon-x11.so.0 || missing libxkbcommon-x11 libxkbcommon-x11-0 libxkbcommon-x11 libxkbcommon-x11
     library libwayland-egl.so.1 || missing libwayland-egl libwayland-egl1 libwayland-egl wayland
-    # Mesa 25.1 dropped OSMesa; where no package has it, the tests go without.
+    # Mesa 25.1 dropped OSMesa; where no package has it, tests of it are left out, and fail on CI.
     if command -v apt-get >/dev/null && ! library libOSMesa.so && { packaged libosmesa6 || ! lists_there; }; then
         missing libOSMesa libosmesa6 "" ""
     fi
-    # Engines that tests/cluster.rs runs; it says which it goes without.
+    # Engines that tests/cluster.rs runs.
     if command -v apt-get >/dev/null; then
         at_hand munged || missing munge munge "" ""
         at_hand slurmctld && at_hand slurmd && at_hand srun || missing Slurm "slurmctld slurmd slurm-client" "" ""
         python3 -c 'import ensurepip, venv' 2>/dev/null || missing "Python's venv" python3-venv "" ""
-        # For the validator of glTF; tests/common/khronos.rs says when tests go without.
+        # For the validator of glTF.
         command -v npm >/dev/null || missing npm "nodejs npm" "" ""
     fi
 fi
 
+# Tests leave out what is not installed and say so. On CI they fail, and so does this script.
+not_installed() {
+    [[ ${CI-} ]] && { echo "error: not installed: $1" >&2; exit 1; }
+    echo "warning: not installed: $1; tests that need this will say NOT TESTED" >&2
+}
 # Engines that are no system packages, in an environment of Python beside what Cargo builds.
 python_packages() {
     local folder=${CARGO_TARGET_DIR:-target}/python packages=(openjd-cli==0.8.0 kubernetes-validate==1.37.0)
     [[ -x $folder/bin/openjd && -x $folder/bin/kubernetes-validate ]] && return
     echo "installing ${packages[*]}" >&2
     python3 -m venv "$folder" && "$folder/bin/pip" install --quiet --retries 1 "${packages[@]}" ||
-        echo "warning: not installed; the tests of Open Job Description and of Kubernetes manifests will not run" >&2
+        not_installed "${packages[*]}"
 }
 # Khronos' validator of glTF, beside it.
 node_packages() {
@@ -93,10 +99,13 @@ node_packages() {
     grep -qsF "\"version\": \"$version\"" "$folder/node_modules/gltf-validator/package.json" && return
     echo "installing gltf-validator $version" >&2
     npm install --prefix "$folder" --silent --no-audit --no-fund --no-save "gltf-validator@$version" >&2 ||
-        echo "warning: not installed; glTF will not be validated" >&2
+        not_installed "gltf-validator $version"
 }
 finish() {
-    [[ $tests ]] && python_packages && node_packages
+    [[ $tests ]] || exit 0
+    python_packages
+    node_packages
+    library libOSMesa.so || [[ -z ${CI-} ]] || not_installed libOSMesa
     exit 0
 }
 

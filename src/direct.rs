@@ -13,7 +13,7 @@ use crate::error::Result;
 use crate::geometry::{Geometry, SurfacePass};
 use crate::gpu::{DepthTest, Format, Gpu, Program, Target, Uniform};
 use crate::math::frame;
-use crate::points::{Points, Sums};
+use crate::points::{Accumulator, Points};
 use crate::random::{Random, shuffled, sobol};
 use crate::scene::{LightPoint, Lights};
 use crate::shaders;
@@ -56,19 +56,19 @@ impl Direct {
     }
 
     /// Adds the irradiance from light sample `index` to `sums` (rgb).
-    pub fn add(&self, geometry: &Geometry, lights: &Lights, index: u64, points: Points, sums: &Sums) {
+    pub fn add(&self, geometry: &Geometry, lights: &Lights, index: u64, points: Points, sums: &Accumulator) {
         // In an order of their own: else blocks of one sample each, whose offsets in the pixel are of the same sequence, would see each part of the
         // pixel by its own part of the light.
         let light = lights.point_of_square(sobol(shuffled(index as u32, self.seed), self.seed));
         let turn = Random::new(self.seed, index).uniform();
         let to_light = self.shadow_map(geometry, &light, TAU * turn);
         // A texel of the map is 2/size wide at a distance of 1; see `Bundle::new` for the shares.
-        let clearance = 2.0 / self.map.size()[0] as f32 / 256.0 + 4e-6;
+        let depth_bias = 2.0 / self.map.size()[0] as f32 / 256.0 + 4e-6;
         let uniforms = [
             ("shadow_map", Uniform::Texture(self.map.color(0))),
             ("to_light", Uniform::Mat4(to_light)),
             ("intensity", Uniform::Vec3(light.radiance_area)),
-            ("clearance", Uniform::Float(clearance)),
+            ("depth_bias", Uniform::Float(depth_bias)),
         ];
         sums.add(points, &self.direct, &uniforms);
     }

@@ -1,8 +1,7 @@
-//! Global directions: points uniform on the sphere, each shared by all gather points (Szirmay-Kalos 1998, "Global ray-bundle
-//! tracing").
+//! Global directions: uniform on the sphere, each shared by all gather points (Szirmay-Kalos 1998, "Global ray-bundle tracing").
 //!
-//! [`Directions::get`] maps a point (u, v) of a sequence on the unit square to z = 1 - 2u, φ = 2πv, which keeps areas. Each
-//! direction also carries a random turn and shift of its projection plane, so that aliasing of the layers averages out.
+//! [`Directions::get`] maps a point (u, v) of a sequence on the unit square to z = 1 - 2u, φ = 2πv, which preserves area. Each direction also has a
+//! random rotation and shift of its projection plane, so that aliasing of the layers averages out.
 
 use std::f32::consts::TAU;
 
@@ -19,11 +18,11 @@ pub struct Directions {
 }
 
 /// One direction of a sequence.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Direction {
-    /// Unit vector from a gather point towards what it gathers.
+    /// Unit vector from a gather point towards the surfaces that it sees.
     pub vector: Vec3,
-    /// Turn of the projection plane in [0, 2π).
+    /// Rotation of the projection plane in [0, 2π).
     pub turn: f32,
     /// Shift of the projection plane in texels, each in [0, 1).
     pub shift: Vec2,
@@ -34,7 +33,7 @@ impl Directions {
         Self { sequence, seed, r2: Recurrence::new(seed) }
     }
 
-    /// Direction `index`. The same for any order and subset in which they are asked for.
+    /// Direction `index`. It does not depend on the directions that were asked for before.
     pub fn get(&self, index: u32) -> Direction {
         let mut random = Random::new(self.seed, u64::from(index));
         let [u, v] = match self.sequence {
@@ -62,8 +61,8 @@ mod tests {
 
     #[test]
     fn moments_are_those_of_the_uniform_sphere() {
-        // E[d] = 0 and E[d dᵀ] = I/3. With N independent directions a component of the mean has a standard error of 0.58/√N and
-        // one of the second moment less than 0.3/√N; five of them is a limit that chance does not reach.
+        // E[d] = 0 and E[d dᵀ] = I/3. With N independent directions, a component of the mean has a standard error of 0.58/√N, and one of the second
+        // moment less than 0.3/√N. Chance does not reach five standard errors.
         const N: u32 = 4096;
         let bound = 5.0 * 0.58 / (N as f32).sqrt();
         for sequence in SEQUENCES {
@@ -81,8 +80,7 @@ mod tests {
 
     #[test]
     fn low_discrepancy_sequences_fill_strata_evenly() {
-        // 1024 Sobol points have exactly one in each of 32 x 32 elementary squares; R2 leaves no 8 x 8 square more than two off
-        // its share of 16.
+        // 1024 Sobol points have exactly one in each of 32 x 32 elementary squares. R2 points have 16 ± 2 in each of 8 x 8 squares.
         let mut counts = vec![0; 1024];
         for i in 0..1024 {
             let [u, v] = sobol(i, 7);

@@ -1,4 +1,4 @@
-//! Files out: whole under their names, or not at all. Files in: no more than they may be.
+//! Writes files whole or not at all, and reads files up to a limit of length.
 
 use std::ffi::OsString;
 use std::fs::{self, File, Metadata, Permissions};
@@ -9,23 +9,23 @@ use tempfile::NamedTempFile;
 
 use crate::error::{Error, Result};
 
-/// The most that is read of any file.
+/// The most bytes of any file.
 pub(crate) const MOST_BYTES: u64 = 4 << 30;
 
-/// The most of a file whose statements say what else there is: scene files, material libraries, descriptions.
+/// The most bytes of a text file: scene files, material libraries, descriptions.
 pub(crate) const MOST_WORDS: u64 = 64 << 20;
 
-/// The whole of a file, if it has at most so many bytes.
+/// Reads a whole file. Fails if it has more than `most` bytes.
 pub(crate) fn read_file(path: &Path, most: u64) -> io::Result<Vec<u8>> {
     let refused = |kind, problem: String| Err(io::Error::new(kind, problem));
-    // Before it is opened, for a pipe would wait for its writer.
+    // Checked before opening, because opening a pipe waits for its writer.
     let about = fs::metadata(path)?;
     if !about.is_file() {
         return refused(ErrorKind::InvalidInput, "it is no regular file".into());
     }
     let mut bytes = Vec::new();
     bytes.try_reserve_exact(about.len().min(most) as usize)?;
-    // It may have grown since.
+    // The file may have grown since.
     File::open(path)?.take(most + 1).read_to_end(&mut bytes)?;
     match bytes.len() as u64 > most {
         true => refused(ErrorKind::FileTooLarge, format!("it has more than {most} bytes")),
@@ -33,13 +33,13 @@ pub(crate) fn read_file(path: &Path, most: u64) -> io::Result<Vec<u8>> {
     }
 }
 
-/// Whether a picture file can hold what its header says, of `unpacked` bytes: a byte of deflate stands for 1032 at most, one of the other codes in use for
-/// fewer. To be asked before there is memory for that.
+/// Whether a picture file can hold the `unpacked` bytes that its header states: a byte of deflate stands for at most 1032 bytes, and other codes
+/// pack less. Ask before reserving memory for them.
 pub(crate) fn can_hold(file: &[u8], unpacked: u64) -> bool {
     unpacked <= 2048 * file.len() as u64
 }
 
-/// Whether [`write_file`] to this path can be expected to work, for asking before the work whose result it is to hold.
+/// Checks before the work that [`write_file`] to this path should succeed.
 pub(crate) fn check_writable(path: &Path) -> Result<()> {
     let shown = path.display();
     if path.is_dir() {
@@ -62,17 +62,17 @@ pub(crate) fn check_writable(path: &Path) -> Result<()> {
     let new = Replacement::of(path).map_err(|error| refused(error, shown.to_string(), "give another name"))?;
     new.temporary().map(drop).map_err(|error| {
         let problem = format!("{}: no file can be made in this folder", folder_of(&new.place).display());
-        // Without the name that nobody gave.
+        // The kind alone, because the whole error names a temporary file that the user does not know.
         refused(error.kind().into(), problem, "give a path in a folder that can be written")
     })
 }
 
-/// The file is there with all of these bytes, or as it was before.
+/// Writes a file. On an error, the file stays as it was.
 pub(crate) fn write_file(path: &Path, bytes: &[u8]) -> Result<()> {
     write_by(path, |mut file| file.write_all(bytes))
 }
 
-/// The file is there with all that `fill` writes, or as it was before.
+/// As [`write_file`] with the bytes that `fill` writes.
 pub(crate) fn write_by(path: &Path, fill: impl FnOnce(&File) -> io::Result<()>) -> Result<()> {
     write_atomically(path, fill).map_err(|error| {
         let cure = match error.kind() {
@@ -87,23 +87,23 @@ pub(crate) fn write_by(path: &Path, fill: impl FnOnce(&File) -> io::Result<()>) 
 
 fn write_atomically(path: &Path, fill: impl FnOnce(&File) -> io::Result<()>) -> io::Result<()> {
     let new = Replacement::of(path)?;
-    // Dropping the temporary file removes it, so that every early return leaves nothing behind.
+    // Dropping the temporary file removes it, so an early return leaves nothing behind.
     let file = new.temporary()?;
-    // Through the file itself, whose errors do not speak of the temporary name.
+    // As a plain file, whose errors do not name the temporary path.
     fill(file.as_file())?;
     new.hand_over(file.as_file());
-    // A name that outlives a power cut must not outlive its content.
+    // After a power cut, the new name must not have old or no content.
     file.as_file().sync_all()?;
     file.persist(new.place)?;
     Ok(())
 }
 
-/// Where a file of this name is or will be, however it is spelled: its folder's own path, and a link is what it leads to.
+/// The canonical path of a file that need not exist: its folder's canonical path, with links of the file followed.
 ///
 /// # Errors
-/// When there is no such folder, or links lead to each other.
+/// If there is no such folder, or links form a cycle.
 pub fn place_of(path: &Path) -> io::Result<PathBuf> {
-    /// As many as Linux follows.
+    /// The most links, as in Linux.
     const LINKS: u32 = 40;
     let mut place = path.to_owned();
     for _ in 0..LINKS {
@@ -117,16 +117,15 @@ pub fn place_of(path: &Path) -> io::Result<PathBuf> {
     Err(io::Error::other("its links lead to each other"))
 }
 
-/// A file that takes the place of one, or of nothing.
+/// A new file that may replace an existing one.
 struct Replacement {
     place: PathBuf,
-    /// Of the file that is there.
+    /// Metadata of the existing file.
     about: Option<Metadata>,
 }
 
 impl Replacement {
-    /// # Errors
-    /// When there is something that is no file, or not to be written: what takes its place would do away with it. Or that cannot be told.
+    /// Fails if `path` is no regular file, is read-only, or cannot be examined: replacing would remove it.
     fn of(path: &Path) -> io::Result<Self> {
         let place = place_of(path)?;
         match fs::metadata(path) {
@@ -138,13 +137,12 @@ impl Replacement {
         }
     }
 
-    /// In the same folder, because a file can be renamed in one step only within its file system. Whom it is kept from is kept from it from the
-    /// beginning.
+    /// A temporary file, in the same folder because an atomic rename needs one file system. It has the permissions of the file that it replaces.
     fn temporary(&self) -> io::Result<NamedTempFile> {
         let prefix = temporary_prefix(&self.place);
         let mut builder = tempfile::Builder::new();
         builder.prefix(&prefix).rand_bytes(RANDOM).suffix(SUFFIX);
-        // As for any new file, the umask decides; tempfile's own default is for secrets.
+        // A new file has the permissions that the umask allows. The default of tempfile is for secrets.
         #[cfg(unix)]
         let new = <Permissions as std::os::unix::fs::PermissionsExt>::from_mode(0o666);
         #[cfg(unix)]
@@ -152,7 +150,7 @@ impl Replacement {
         builder.tempfile_in(folder_of(&self.place))
     }
 
-    /// Gives it the group and the permissions of the file that is there, as far as the system lets it.
+    /// Gives the new file the group and permissions of the existing one, as far as the system allows.
     fn hand_over(&self, file: &File) {
         let Some(about) = &self.about else { return };
         #[cfg(unix)]
@@ -161,11 +159,12 @@ impl Replacement {
     }
 }
 
-/// Of a temporary file's name: random letters, and what stands after them.
+/// Number of random letters in a temporary file's name.
 const RANDOM: usize = 6;
+/// End of a temporary file's name.
 const SUFFIX: &str = ".part";
 
-/// Names the file that it is to be.
+/// Start of a temporary file's name; it contains the name of the file to write.
 fn temporary_prefix(path: &Path) -> OsString {
     let mut prefix = OsString::from(".finalgather-");
     prefix.push(path.file_name().unwrap_or_default());
@@ -173,17 +172,17 @@ fn temporary_prefix(path: &Path) -> OsString {
     prefix
 }
 
-/// Keeps other runs from writing a file, by a lock on one beside it that is there for as long. A lock is the system's, and ends with the process.
+/// Keeps other runs from writing a file, by a system lock on a file beside it. The lock ends with the process.
 pub struct Lock {
     path: PathBuf,
     _held: File,
 }
 
 impl Lock {
-    /// Takes it, and removes what runs that were killed have left of the file unfinished.
+    /// Takes the lock, and removes temporary files of the file that killed runs have left.
     ///
     /// # Errors
-    /// [`ErrorKind::WouldBlock`] when another run has it; others where there are no locks.
+    /// [`ErrorKind::WouldBlock`] if another run has the lock; others if the file system has no locks.
     pub fn take(path: &Path) -> io::Result<Self> {
         let path = &place_of(path)?;
         let mut name = path.clone().into_os_string();
@@ -194,12 +193,12 @@ impl Lock {
             if let Err(error) = held.try_lock() {
                 let error = io::Error::from(error);
                 if error.kind() != ErrorKind::WouldBlock {
-                    // Where there are no locks it would stay for ever.
+                    // Without locks, no run would remove it.
                     let _ = fs::remove_file(&name);
                 }
                 return Err(error);
             }
-            // Unless a run that just ended has removed the file that was opened.
+            // A run that just ended may have removed the file after it was opened here. Then try again.
             if is_at(&held, &name) {
                 remove_temporaries(path);
                 return Ok(Self { path: name, _held: held });
@@ -214,7 +213,7 @@ impl Lock {
 
 impl Drop for Lock {
     fn drop(&mut self) {
-        // One that stays does no harm.
+        // A lock file that stays does no harm.
         let _ = fs::remove_file(&self.path);
     }
 }
@@ -231,7 +230,7 @@ fn is_at(_: &File, path: &Path) -> bool {
     path.exists()
 }
 
-/// Those of this file. None is in use, for the lock is held.
+/// Removes temporary files of this file. None is in use, because the lock is held.
 fn remove_temporaries(path: &Path) {
     let prefix = temporary_prefix(path);
     for entry in fs::read_dir(folder_of(path)).into_iter().flatten().flatten() {
@@ -244,7 +243,7 @@ fn remove_temporaries(path: &Path) {
     }
 }
 
-/// The folder that a file is in.
+/// The folder of a file.
 pub(crate) fn folder_of(path: &Path) -> &Path {
     path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }

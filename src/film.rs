@@ -1,21 +1,20 @@
-//! The picture as sums over blocks of directions, and the mean that they make.
+//! The film: sums over blocks of directions at each pixel, and the picture that their means make.
 //!
-//! Blocks differ in sub-pixel offset, so a pixel sums radiance and not irradiance: over the blocks b of n directions each,
-//! Indirect = share of directions with a point × Σ albedo (Σ L w) / Σ w, and every other quantity is Σ n value / Σ n. Films add up pixel by
-//! pixel, as [`PairwiseSum`] has it.
+//! Each block has its own sub-pixel offset, so a pixel sums radiance and not irradiance. Over all blocks, each of n directions,
+//! Indirect = fraction of directions with a point × Σ albedo (Σ L w) / Σ w. Other quantities are Σ n value / Σ n. [`PairwiseSum`] adds films.
 
 use std::f32::consts::PI;
 
-use bytemuck::{Pod, Zeroable};
+use bytemuck::{Pod, Zeroable, cast_slice, cast_slice_mut};
 use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 
 use crate::blocks::{PairwiseSum, Planes, Sum};
 use crate::image::{Channel, Image};
-use crate::points::Visible;
+use crate::points::GBuffer;
 use crate::scene::UnitSpace;
 
-/// Sums of one or more blocks.
+/// The sums of one or more blocks.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Film {
     size: [usize; 2],
@@ -24,13 +23,13 @@ pub struct Film {
     pixels: Vec<Pixel>,
 }
 
-/// What one pixel sums, weighted as the module says.
+/// The sums of one pixel, weighted as the module's documentation says.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 struct Pixel {
     indirect: Vec3,
     weight: f32,
-    /// Directions of the blocks with a point: a path may end without, seen in a mirror.
+    /// Directions of blocks in which the pixel has a point. A path of mirrors may end without one.
     gathered: f32,
     direct: Vec3,
     caustics: Vec3,
@@ -59,17 +58,17 @@ impl Film {
         size_of::<Pixel>() * pixels
     }
 
-    /// The sum of nothing.
+    /// A film of no blocks.
     pub fn empty(size: [u32; 2]) -> Self {
         let [width, height] = size.map(|side| side as usize);
         Self { size: [width, height], directions: 0, pixels: vec![Pixel::default(); width * height] }
     }
 
-    /// The sums of one block of `directions`. `direct` is the irradiance summed over `light_samples`, `photon_map` the irradiance of the
-    /// rough solution, `caustics` that of mirrors and glass, `gathered` what the gather summed.
+    /// The sums of one block of `directions`. `direct` is the irradiance summed over `light_samples`, `photon_map` the irradiance of the photon
+    /// map, `caustics` that of caustics, and `gathered` the sums of the gather.
     pub fn of_block(
         size: [u32; 2],
-        visible: &Visible,
+        g_buffer: &GBuffer,
         (direct, light_samples): (&[Vec4], u32),
         photon_map: &[Vec4],
         caustics: &[Vec3],
@@ -80,30 +79,30 @@ impl Film {
         let pixel = |i: usize| {
             // The GL side counts rows from the bottom.
             let i = (height - 1 - i / width) * width + i % width;
-            let emission = n * visible.emission[i].truncate();
-            if visible.emission[i].w == 0.0 {
+            let emission = n * g_buffer.emission[i].truncate();
+            if g_buffer.emission[i].w == 0.0 {
                 return Pixel { emission, ..Pixel::default() };
             }
-            let albedo = visible.albedo[i].truncate();
+            let albedo = g_buffer.albedo[i].truncate();
             Pixel {
                 indirect: albedo * gathered[i].truncate(),
                 weight: gathered[i].w,
-                gathered: if visible.normal[i].truncate() == Vec3::ZERO { 0.0 } else { n },
+                gathered: if g_buffer.normal[i].truncate() == Vec3::ZERO { 0.0 } else { n },
                 direct: n * albedo * direct[i].truncate() / (PI * light_samples as f32),
                 caustics: n * albedo * caustics[i] / PI,
                 photon_map: n * albedo * photon_map[i].truncate() / PI,
                 coverage: n,
                 emission,
-                depth: n * visible.emission[i].w,
+                depth: n * g_buffer.emission[i].w,
                 albedo: n * albedo,
-                normal: n * visible.normal[i].truncate(),
-                position: n * visible.position[i].truncate(),
+                normal: n * g_buffer.normal[i].truncate(),
+                position: n * g_buffer.position[i].truncate(),
             }
         };
         Self { size: [width, height], directions, pixels: (0..width * height).into_par_iter().map(pixel).collect() }
     }
 
-    /// Of the floats of [`Planes::planes`]; `None` where they are not as many as `size` has.
+    /// The inverse of [`Planes::planes`]; `None` if the number of floats does not fit `size`.
     pub fn of_planes(size: [u32; 2], directions: u32, planes: &[&[f32]]) -> Option<Self> {
         let [pixels] = planes else { return None };
         let [width, height] = size.map(|side| side as usize);
@@ -111,16 +110,16 @@ impl Film {
         (pixels.len() == width * height).then_some(Self { size: [width, height], directions, pixels })
     }
 
-    /// Radiance of a pixel without what it emits itself: that is exact but for anti-aliasing, and would drown the rest.
+    /// Radiance of a pixel without emission. Emission has no error except at edges, and would hide the error of the rest.
     fn reflected(&self, pixel: usize) -> Vec3 {
         let p = &self.pixels[pixel];
         let total = self.directions.max(1) as f32;
         (p.direct + p.caustics) / total + p.indirect(total)
     }
 
-    /// The mean: `R G B` radiance = `Emission` + `Direct` + `Indirect` + `Caustics`, of which what lies beyond all surfaces is emission; `A` coverage by surfaces, `PhotonMap` the radiance
-    /// of the rough solution without emission, `Albedo`, and the world-space normal `N`, position `P`
-    /// and distance along the view axis `Z`, these three averaged over the covered part of the pixel.
+    /// The means, as channels: `R G B` radiance = `Emission` (with the environment) + `Direct` + `Indirect` + `Caustics`; `A` coverage by
+    /// surfaces; `PhotonMap` the radiance of the photon map without emission; `Albedo`; and averaged over the covered part of the pixel, in world
+    /// space, the normal `N`, the position `P` and the distance along the view axis `Z`.
     pub fn image(&self, space: &UnitSpace) -> Image {
         let total = self.directions.max(1) as f32;
         let indirect = |p: &Pixel| p.indirect(total);
@@ -156,35 +155,22 @@ impl Film {
 impl Sum for Film {
     fn add(&mut self, later: &Self) {
         self.directions += later.directions;
-        self.pixels.par_iter_mut().zip(&later.pixels).for_each(|(a, b)| {
-            a.indirect += b.indirect;
-            a.weight += b.weight;
-            a.gathered += b.gathered;
-            a.direct += b.direct;
-            a.caustics += b.caustics;
-            a.photon_map += b.photon_map;
-            a.coverage += b.coverage;
-            a.emission += b.emission;
-            a.depth += b.depth;
-            a.albedo += b.albedo;
-            a.normal += b.normal;
-            a.position += b.position;
-        });
+        let (sums, more): (&mut [f32], &[f32]) = (cast_slice_mut(&mut self.pixels), cast_slice(&later.pixels));
+        sums.par_iter_mut().zip(more).for_each(|(sum, value)| *sum += value);
     }
 }
 
 impl Planes for Film {
     fn planes(&self) -> Vec<&[f32]> {
-        vec![bytemuck::cast_slice(&self.pixels)]
+        vec![cast_slice(&self.pixels)]
     }
 }
 
-/// All blocks so far.
+/// The films of all blocks so far.
 pub type FilmSum = PairwiseSum<Film>;
 
 impl FilmSum {
-    /// The mean of all blocks, as that of one film, black before the first; from two blocks on with the standard error of the
-    /// mean as `Error`.
+    /// The picture of all blocks, black before the first. From two blocks on it has the channel `Error`, the standard error of the mean.
     pub fn image(&self, size: [u32; 2], space: &UnitSpace) -> Image {
         let mut image = self.total().unwrap_or_else(|| Film::empty(size)).image(space);
         let Some((earlier, later)) = self.halves() else { return image };
@@ -196,8 +182,8 @@ impl FilmSum {
         image
     }
 
-    /// Standard error of the mean of reflected radiance, root mean square over the pixels, as a share of the picture's mean; `None` before
-    /// there are two blocks, or of a black picture. Of two runs of consecutive directions, which low-discrepancy sequences spread as evenly as the whole.
+    /// Standard error of the mean of reflected radiance, root mean square over the pixels, relative to the picture's mean. `None` for fewer than two
+    /// blocks or a black picture. It follows from two runs of consecutive directions; low-discrepancy sequences spread each as evenly as the whole.
     pub fn error(&self) -> Option<f64> {
         let (earlier, later) = self.halves()?;
         let (mut squares, mut sum) = (0.0, 0.0);
@@ -210,8 +196,8 @@ impl FilmSum {
     }
 }
 
-/// Standard error of the reflected radiance of a pixel. Parts of n and m directions with independent errors that differ by δ leave the whole
-/// with an error of δ √(n m) / (n + m); with low-discrepancy directions it is less, since errors of the parts then cancel in part.
+/// Standard error of the reflected radiance of a pixel. If parts of n and m directions have independent errors and differ by δ, the error of the
+/// whole is δ √(n m) / (n + m). Low-discrepancy directions have less, because errors of the parts then cancel in part.
 fn standard_error(a: &Film, b: &Film, pixel: usize) -> Vec3 {
     let (n, m) = (a.directions as f32, b.directions as f32);
     (a.reflected(pixel) - b.reflected(pixel)).abs() * (n * m).sqrt() / (n + m)

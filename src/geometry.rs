@@ -7,11 +7,9 @@ use bytemuck::{Pod, cast_slice};
 use glam::{DVec3, DVec4, Mat4, Vec3};
 
 use crate::error::{Error, Result};
-use crate::gpu::{
-    Blend, DepthTest, Draw, Filter, Format, Geometry as Shape, Gpu, Program, Target, Texture, Uniform, VertexArray, Wrap,
-};
+use crate::gpu::{Blend, DepthTest, Draw, Filter, Format, Gpu, Program, Shape, Target, Texture, Uniform, VertexArray, Wrap};
 use crate::math::dominant_axis;
-use crate::scene::{Material, Mesh, Scene, Texture as Image};
+use crate::scene::{ImageTexture, Material, Mesh, Scene};
 
 /// Texels in a row of the tables, within the least that 3.3 promises for textures. Four make an entry.
 const TABLE_WIDTH: usize = 1024;
@@ -64,7 +62,7 @@ impl Geometry {
         let (texels, first_rows) = upload_texels(gpu, &scene.textures)?;
         let entry = |material: &Material| {
             let texture = material.albedo_texture.map_or([0.0; 4], |texture| {
-                let Image { width, height, .. } = scene.textures[texture];
+                let ImageTexture { width, height, .. } = scene.textures[texture];
                 [width as f32, height as f32, first_rows[texture] as f32, 0.0]
             });
             let textured = f32::from(material.albedo_texture.is_some());
@@ -197,9 +195,9 @@ pub(crate) fn upload_table<T: Pod + Default>(gpu: &Gpu, format: Format, mut texe
 }
 
 /// All textures in one, and the row at which each begins: no wider than needed to stay within the device's limit, for each begins a row.
-fn upload_texels(gpu: &Gpu, textures: &[Image]) -> Result<(Texture, Vec<usize>)> {
+fn upload_texels(gpu: &Gpu, textures: &[ImageTexture]) -> Result<(Texture, Vec<usize>)> {
     let limit = gpu.info().limits.max_texture_size as usize;
-    let rows_of = |texture: &Image, width: usize| texture.texels.len().div_ceil(width);
+    let rows_of = |texture: &ImageTexture, width: usize| texture.texels.len().div_ceil(width);
     let rows = |width: usize| textures.iter().map(|texture| rows_of(texture, width)).sum::<usize>().max(1);
     let widths = (10..=limit.ilog2()).map(|power| 1usize << power);
     let Some(width) =

@@ -1,5 +1,5 @@
-//! Real spherical harmonics: orthonormal over the sphere, without the Condon-Shortley phase, coefficient l(l+1)+m of band l and -l ≤ m ≤ l, in
-//! the axes of the scene (Y₁ is √(3/4π) (y, z, x)). Order n means n bands, n² coefficients. The twin of `glsl/include/harmonics.glsl`.
+//! Real spherical harmonics: orthonormal over the sphere, without the Condon-Shortley phase, in the axes of the scene (Y₁ is √(3/4π) (y, z, x)).
+//! Band l has the coefficients l(l+1)+m for -l ≤ m ≤ l. Order n has n bands and n² coefficients. The twin of `glsl/include/harmonics.glsl`.
 
 use std::f32::consts::PI;
 
@@ -42,7 +42,7 @@ pub fn basis(direction: Vec3) -> [f32; MOST] {
     ]
 }
 
-/// Coefficients of max(n·d, 0) / π: the transfer of a diffuse surface of albedo 1 that nothing shadows.
+/// Coefficients of max(n·d, 0) / π, the transfer of an unshadowed diffuse surface of albedo 1.
 pub fn cosine_lobe(normal: Vec3) -> [f32; MOST] {
     // Ramamoorthi and Hanrahan 2001, "An efficient representation for irradiance environment maps", over π.
     let bands = [1.0, 2.0 / 3.0, 0.25, 0.0, -1.0 / 24.0];
@@ -53,11 +53,11 @@ pub fn cosine_lobe(normal: Vec3) -> [f32; MOST] {
     lobe
 }
 
-/// Coefficients of a function over the sphere, by a rule of so many rings: exact for what is smooth beside a ring.
+/// Coefficients of a function over the sphere, by quadrature with `rings` rings. The function should be smooth at the width of a ring.
 pub fn project(rings: usize, function: impl Fn(Vec3) -> Vec3) -> [Vec3; MOST] {
     let mut coefficients = [[0.0f64; 3]; MOST];
     for ring in 0..rings {
-        // Rings of equal solid angle, as many points in each.
+        // Rings have equal solid angles and equal numbers of points.
         let z = (2 * ring + 1) as f32 / rings as f32 - 1.0;
         let radius = (1.0 - z * z).max(0.0).sqrt();
         for step in 0..2 * rings {
@@ -83,7 +83,7 @@ mod tests {
             let row = project(200, |direction| Vec3::splat(basis(direction)[k]));
             for (j, value) in row.iter().enumerate() {
                 let expected = f32::from(u8::from(j == k));
-                // The midpoint rule in z: of polynomials of degree 8 with 200 rings it is off by some 1e-3.
+                // The error of the midpoint rule in z is about 1e-3 for polynomials of degree 8 and 200 rings.
                 assert!((value.x - expected).abs() < 2e-3, "<{j}, {k}> = {}", value.x);
             }
         }

@@ -1,10 +1,10 @@
-//! Small geometry that several stages share.
+//! Geometry helpers of several stages.
 
 use std::f32::consts::TAU;
 
 use glam::{Mat3, Vec3};
 
-/// An axis-aligned box. [`Aabb::EMPTY`] holds no point, and any box joined with it stays as it is.
+/// An axis-aligned box. [`Aabb::EMPTY`] contains no point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Aabb {
     pub min: Vec3,
@@ -28,7 +28,7 @@ impl Aabb {
         self.max - self.min
     }
 
-    /// Length from corner to corner: the diameter of the sphere around the box.
+    /// Length of the diagonal, the diameter of the sphere around the box.
     pub fn diagonal(&self) -> f32 {
         self.extent().length()
     }
@@ -40,19 +40,19 @@ pub fn frame(z: Vec3) -> Mat3 {
     Mat3::from_cols(x, y, z)
 }
 
-/// The axis of a vector's largest component by magnitude; the first of equals.
+/// The axis of a vector's largest component by magnitude. Of equal components, the first.
 pub fn dominant_axis(v: Vec3) -> usize {
     v.abs().max_position()
 }
 
-/// Maps a uniform point of the unit square to a direction with density cos θ / π about the unit vector `normal` (Malley's method).
+/// Maps a uniform point (u, v) of the unit square to a direction with density cos θ / π about the unit vector `normal` (Malley's method).
 pub fn cosine_direction(normal: Vec3, u: f32, v: f32) -> Vec3 {
     let radius = u.sqrt();
     let (sin, cos) = (TAU * v).sin_cos();
     frame(normal) * Vec3::new(radius * cos, radius * sin, (1.0 - u).sqrt())
 }
 
-/// Of texels with their centres at (i + 0.5) / `size`, repeated, the two on either side of a coordinate, and the weight of the second.
+/// Returns the two texels on either side of a coordinate, and the weight of the second. Texel centres lie at (i + 0.5) / `size`, repeated.
 pub fn neighbours(coordinate: f32, size: usize) -> (usize, usize, f32) {
     let position = (coordinate - coordinate.floor()) * size as f32 - 0.5;
     let first = position.floor();

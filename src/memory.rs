@@ -10,7 +10,7 @@ use crate::film::{Film, FilmSum};
 use crate::gather::LayerStore;
 use crate::geometry::Geometry;
 use crate::photon::{PhotonGrid, PhotonTexture};
-use crate::points::{CameraPoints, GatherPoint, Sums, TracedPoints, Visible};
+use crate::points::{Accumulator, CameraPoints, GBuffer, GatherPoint, PointTextures};
 use crate::scene::{Environment, Scene, Triangle};
 use crate::settings::{Pipeline, PointSource, Settings};
 
@@ -37,13 +37,13 @@ pub fn of_render(scene: &Scene, settings: &Settings, blocks: u32, shard: bool) -
     let size = settings.size;
     let pixels: usize = size.map(|side| side as usize).iter().product();
     let texels = |count: usize| count * size_of::<Vec4>() * pixels;
-    // Sums of the gather, of direct light, and of the photon map.
-    let gl = CameraPoints::bytes(size) + Sums::bytes(size, 3);
+    // Accumulator of the gather, of direct light, and of the photon map.
+    let gl = CameraPoints::bytes(size) + Accumulator::bytes(size, 3);
     // The photon map; at the end of a block the gather's sums as read and in the order of pixels, and direct light; caustics.
-    let block = Visible::bytes(pixels) + texels(4) + size_of::<Vec3>() * pixels;
+    let block = GBuffer::bytes(pixels) + texels(4) + size_of::<Vec3>() * pixels;
     let rays = match (settings.pipeline, settings.points) {
         (Pipeline::Raycast, _) | (_, PointSource::Traced) => {
-            size_of::<Option<GatherPoint>>() * pixels + TracedPoints::bytes(size)
+            size_of::<Option<GatherPoint>>() * pixels + PointTextures::bytes(size)
         }
         _ => 0,
     };

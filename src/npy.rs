@@ -1,7 +1,6 @@
-//! Arrays as NumPy saves them (`.npy`), in and out.
+//! Reads and writes NumPy's arrays (`.npy`).
 //!
-//! Own code: the crate for it, `npyz`, takes a dozen others to read one line of header, and reserves whatever length that line
-//! claims.
+//! The crate `npyz` is not used: it needs a dozen crates to read one header line, and reserves any length that the line states.
 
 use std::path::Path;
 
@@ -9,16 +8,16 @@ use crate::error::{Error, Result};
 
 const MAGIC: &[u8] = b"\x93NUMPY";
 
-/// An array of floats that stay in the bytes of their file.
+/// An array of floats. It borrows the bytes of its file.
 pub struct Array<'a> {
     pub shape: Vec<usize>,
-    /// Items from one index to the next, a dimension each.
+    /// For each dimension, the number of items from one index to the next.
     strides: Vec<usize>,
     item: Item,
     data: &'a [u8],
 }
 
-/// How a number is stored.
+/// The type of a number, with its decoder.
 #[derive(Clone, Copy)]
 enum Item {
     F4(fn([u8; 4]) -> f32),
@@ -35,12 +34,12 @@ impl Item {
 }
 
 impl<'a> Array<'a> {
-    /// `path` is where `bytes` came from.
+    /// Parses the `bytes` of the file at `path`.
     pub fn parse(path: &Path, bytes: &'a [u8]) -> Result<Self> {
         let refused = |problem: String| Error::input(path, None, problem, "save it again by numpy.save, as float32 or float64");
         let garbled = || refused("this is not a NumPy array with a header of version 1 to 3".into());
         let rest = bytes.strip_prefix(MAGIC).ok_or_else(garbled)?;
-        // The version, then the header's length in two bytes, since version 2 in four.
+        // The version, then the header's length, in two bytes for version 1 and in four for later versions.
         let (length, rest) = match *rest {
             [1, _, a, b, ref rest @ ..] => (usize::from(u16::from_le_bytes([a, b])), rest),
             [2 | 3, _, a, b, c, d, ref rest @ ..] => (u32::from_le_bytes([a, b, c, d]) as usize, rest),
@@ -63,7 +62,7 @@ impl<'a> Array<'a> {
         let shape: Result<Vec<usize>, _> = shape.split(',').filter(|side| !side.is_empty()).map(str::parse).collect();
         let shape = shape.map_err(|_| garbled())?;
 
-        // Also of an empty array, whose other sides may be any, the strides must be numbers.
+        // An empty array may have other sides of any length. Their strides must not overflow.
         let least = shape.iter().try_fold(item.size(), |size, &side| size.checked_mul(side.max(1)));
         if least.is_none() || data.len() != item.size() * shape.iter().product::<usize>() {
             return Err(refused(format!(
@@ -90,12 +89,12 @@ impl<'a> Array<'a> {
     }
 }
 
-/// A file of 32-bit floats, the last index running fastest.
+/// Encodes 32-bit floats, with the last index running fastest.
 pub fn encode(shape: &[usize], numbers: impl Iterator<Item = f32>) -> Vec<u8> {
-    // One side alone needs its comma to be a tuple.
+    // In Python, a tuple of one number needs a comma.
     let shape: String = shape.iter().map(|side| format!("{side}, ")).collect();
     let mut header = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({shape}), }}");
-    // Numbers begin at a multiple of 64 bytes, for mapping into memory.
+    // Numbers begin at a multiple of 64 bytes, so that the file can be mapped into memory.
     let start = (MAGIC.len() + 4 + header.len() + 1).next_multiple_of(64);
     header.extend(std::iter::repeat_n(' ', start - MAGIC.len() - 4 - header.len() - 1));
     header.push('\n');

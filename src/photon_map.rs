@@ -6,13 +6,13 @@ use glam::Vec4;
 use crate::error::Result;
 use crate::gpu::{Gpu, Program};
 use crate::photon::PhotonTexture;
-use crate::points::{Points, Sums};
+use crate::points::{Accumulator, Points};
 use crate::shaders;
 
 /// Looks the photon map up at points.
 pub struct PhotonMap {
     program: Program,
-    irradiance: Sums,
+    irradiance: Accumulator,
 }
 
 impl PhotonMap {
@@ -21,7 +21,7 @@ impl PhotonMap {
     /// # Errors
     /// When the size is beyond the device's limits.
     pub fn new(gpu: &Gpu, points: [u32; 2]) -> Result<Self> {
-        Ok(Self { program: Program::new(gpu, &shaders::PHOTON_MAP)?, irradiance: Sums::new(gpu, points)? })
+        Ok(Self { program: Program::new(gpu, &shaders::PHOTON_MAP)?, irradiance: Accumulator::new(gpu, points)? })
     }
 
     /// Irradiance at each point (rgb), row by row from the bottom; where there is no point, of no meaning.

@@ -1,27 +1,27 @@
-//! What can be asked of a gather point, and how its values are named: a column for each number, as in EXR.
+//! The quantities of a gather point, and the names of their columns: one for each number, as in EXR.
 
 use serde::{Deserialize, Serialize};
 
 use crate::harmonics::MAX_ORDER;
 
-/// An integral over the hemisphere of a point with unit normal n. w is the cosine max(n·d, 0), and means are over it.
+/// An integral over the hemisphere of a point with unit normal n. w is the cosine max(n·d, 0), and means are weighted by it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Quantity {
-    /// ∫ L w dd, in all (`Irradiance`), from lights and environment themselves (`IrradianceDirect`) and by way of surfaces (`IrradianceIndirect`); RGB.
+    /// ∫ L w dd: total (`Irradiance`), from lights and environment (`IrradianceDirect`), from other surfaces (`IrradianceIndirect`). RGB.
     Irradiance,
-    /// `AO`: mean of what meets no surface within a distance, 1 where all is open.
+    /// `AO`: fraction of directions that meet no surface within a distance, 1 where all are open.
     Ao,
-    /// `BentNormal`: unit vector along the mean of the directions that `ao` counts as open, weighed by w; n where none are. XYZ.
+    /// `BentNormal`: unit vector along the mean of the directions that `AO` counts as open, weighted by w; n if there are none. XYZ.
     BentNormal,
-    /// `Sky`: mean of what leaves the scene.
+    /// `Sky`: fraction of directions that leave the scene.
     Sky,
-    /// `SH`: ∫ L Y dd over the hemisphere of the surface, lights and all, for each basis function Y of [`crate::harmonics`]; RGB.
+    /// `SH`: ∫ L Y dd over the hemisphere of the surface, with light from lights, for each basis function Y of [`crate::harmonics`]. RGB.
     Sh,
-    /// `PRT`: ∫ (V w + reflected) Y dd / π, where V is what leaves the scene: radiosity of the point, over its albedo, under an environment of
-    /// radiance Y. Reflected is what other surfaces send back of it, by their albedo; RGB.
+    /// `PRT`: ∫ (V w + R) Y dd / π with V = 1 for directions that leave the scene, and R the light that other surfaces reflect by their albedo. It is
+    /// the point's radiosity over its albedo under an environment of radiance Y. RGB.
     Prt,
-    /// `PRTUnshadowed`: ∫ w Y dd / π, as if there were no other surface; RGB, all alike.
+    /// `PRTUnshadowed`: ∫ w Y dd / π, without other surfaces. RGB, all three equal.
     PrtUnshadowed,
 }
 
@@ -32,7 +32,7 @@ impl Quantity {
     /// Names of its columns, with `order` bands of spherical harmonics.
     ///
     /// # Panics
-    /// When `order` is beyond [`MAX_ORDER`].
+    /// If `order` exceeds [`MAX_ORDER`].
     pub fn columns(self, order: usize) -> Vec<String> {
         assert!(order <= MAX_ORDER, "order {order}");
         let of = |name: &str, parts: [&str; 3]| parts.map(|part| format!("{name}.{part}")).to_vec();

@@ -1,14 +1,13 @@
-//! Numbers that look random and depend on nothing but a seed and an index, so that work may be split in any way.
+//! Pseudo-random and low-discrepancy numbers. They depend on a seed and an index alone, so work can be split in any way.
 
-/// A stream of independent uniform numbers (SplitMix64; Steele, Lea, Flood 2014, "Fast splittable pseudorandom number
-/// generators").
+/// A stream of independent uniform numbers (SplitMix64; Steele, Lea, Flood 2014, "Fast splittable pseudorandom number generators").
 #[derive(Clone, Debug)]
 pub struct Random {
     state: u64,
 }
 
 impl Random {
-    /// The stream of `index` under `seed`; streams of different indices are unrelated.
+    /// The stream of `index` under `seed`. Streams of different indices are independent.
     pub fn new(seed: u64, index: u64) -> Self {
         Self { state: mix(seed ^ mix(index.wrapping_add(0x9e37_79b9_7f4a_7c15))) }
     }
@@ -24,8 +23,8 @@ impl Random {
     }
 }
 
-/// An additive recurrence: point i is the fractional part of (offset + i α), a low-discrepancy sequence in `D` dimensions with
-/// the generalised golden ratios as α (Roberts 2018, "The unreasonable effectiveness of quasirandom sequences"). D = 2 is R2.
+/// An additive recurrence, a low-discrepancy sequence in `D` dimensions: point i is the fractional part of offset + i α, with the generalised
+/// golden ratios as α (Roberts 2018, "The unreasonable effectiveness of quasirandom sequences"). D = 2 is R2.
 #[derive(Clone, Debug)]
 pub struct Recurrence<const D: usize> {
     alpha: [u64; D],
@@ -41,7 +40,7 @@ impl<const D: usize> Recurrence<D> {
             root = (1.0 + root).powf(1.0 / (D as f64 + 1.0));
         }
         let mut random = Random::new(seed, 0);
-        // 64-bit fixed point wraps by itself and is as exact for the billionth point as for the first.
+        // 64-bit fixed point wraps around by itself. It is as exact for the billionth point as for the first.
         let alpha = std::array::from_fn(|k| (root.powi(-(k as i32) - 1) * 2f64.powi(64)) as u64);
         Self { alpha, offset: std::array::from_fn(|_| random.bits()) }
     }
@@ -52,11 +51,9 @@ impl<const D: usize> Recurrence<D> {
     }
 }
 
-/// Point `index` of the first two Sobol dimensions, each with its own Owen scrambling (the hash of Burley 2020, "Practical
-/// hash-based Owen scrambling").
+/// Point `index` of the first two Sobol dimensions, each Owen-scrambled (the hash of Burley 2020, "Practical hash-based Owen scrambling").
 pub fn sobol(index: u32, seed: u64) -> [f32; 2] {
-    // The first dimension reverses the bits. The second has the direction numbers of the polynomial x + 1: each column is the
-    // one before, xor-ed with itself shifted by one.
+    // The first dimension reverses the bits. The second has the direction numbers of x + 1: a column is the previous one xor itself shifted by 1.
     let mut second = 0u32;
     let mut column = 1u32 << 31;
     for bit in 0..32 {
@@ -66,18 +63,17 @@ pub fn sobol(index: u32, seed: u64) -> [f32; 2] {
         column ^= column >> 1;
     }
     let keys = mix(seed ^ 0x0b5e_55ed);
-    // The hash works on reversed bits; the first dimension is the index reversed, so there the two reversals cancel.
+    // The hash works on reversed bits. The first dimension is the reversed index, so there the two reversals cancel.
     let scramble = |reversed: u32, key: u32| unit(u64::from(owen_hash(reversed, key).reverse_bits()) << 32);
     [scramble(index, keys as u32), scramble(second.reverse_bits(), (keys >> 32) as u32)]
 }
 
-/// `index` in another order: a permutation of every aligned run of a power of two, onto another such run (Burley 2020), so that these stay as even as they
-/// are, and two sequences do not go together.
+/// Shuffles indices (Burley 2020). Aligned runs of a power of two map to such runs, so sequences stay even, but two of them do not correlate.
 pub fn shuffled(index: u32, seed: u64) -> u32 {
     owen_hash(index.reverse_bits(), mix(seed ^ 0x5f1e) as u32).reverse_bits()
 }
 
-/// Laine and Karras's permutation: scrambles each bit by the bits below it.
+/// The permutation of Laine and Karras, which scrambles each bit by the bits below it.
 fn owen_hash(mut x: u32, key: u32) -> u32 {
     x = x.wrapping_add(key);
     x ^= x.wrapping_mul(0x6c50_b47c);
@@ -86,10 +82,10 @@ fn owen_hash(mut x: u32, key: u32) -> u32 {
     x ^ x.wrapping_mul(0x8d22_f6e6)
 }
 
-/// Slots that are chosen with probabilities in proportion to weights.
+/// A discrete distribution: slots with probabilities in proportion to weights.
 #[derive(Clone, Debug)]
 pub struct Distribution {
-    /// Probability of the slots up to and with each.
+    /// For each slot, the probability of it and all slots before it.
     cumulative: Vec<f32>,
 }
 
@@ -104,7 +100,7 @@ impl Distribution {
         Self { cumulative: weights.into_iter().map(add).collect() }
     }
 
-    /// The slot that a uniform number picks, what it has left, uniform too, and the slot's probability.
+    /// Picks a slot by a uniform number. Returns the slot, a new uniform number from the rest of the given one, and the slot's probability.
     pub fn pick(&self, number: f32) -> (usize, f32, f32) {
         let slot = self.cumulative.partition_point(|&sum| sum <= number).min(self.cumulative.len() - 1);
         let before = if slot == 0 { 0.0 } else { self.cumulative[slot - 1] };
@@ -113,12 +109,12 @@ impl Distribution {
     }
 }
 
-/// The upper 24 bits as a number in [0, 1); all of them are representable in an f32.
+/// The upper 24 bits as a number in [0, 1). An f32 holds 24 bits exactly.
 fn unit(bits: u64) -> f32 {
     (bits >> 40) as f32 / (1u64 << 24) as f32
 }
 
-/// A bijection of 64-bit integers in which every input bit changes every output bit with probability near 1/2.
+/// A bijection of 64-bit integers. Every input bit changes every output bit with probability near 1/2.
 fn mix(mut z: u64) -> u64 {
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
@@ -135,7 +131,7 @@ mod tests {
             let mut found: Vec<u32> = (run..run + 64).map(|index| shuffled(index, seed)).collect();
             found.sort_unstable();
             assert!(found[0].is_multiple_of(64) && found.windows(2).all(|pair| pair[1] == pair[0] + 1), "{found:?}");
-            // Points of the two lie in the same halves as often as not.
+            // Points of the two sequences lie in the same half about half of the time.
             let half = |index| sobol(index, seed)[0] < 0.5;
             let other = |index| sobol(index, seed ^ 0xd1ec7)[0] < 0.5;
             let together = |order: &dyn Fn(u32) -> u32| (0..1024).filter(|&i| half(i) == other(order(i))).count();

@@ -17,6 +17,7 @@ use crate::points::GatherPoint;
 use crate::scene::{Bvh, Hit, RAY_OFFSET, Scene};
 
 /// Casts gather rays through one scene.
+#[derive(Clone, Copy)]
 pub struct Reference<'a> {
     scene: &'a Scene,
     bvh: &'a Bvh,

@@ -25,18 +25,18 @@ use crate::direct::Direct;
 use crate::direction::{Direction, Directions};
 use crate::error::{Error, Result};
 use crate::film::{Film, FilmSum};
-use crate::gather::{FusedGather, Gather, KillGather, RayGather, Work};
+use crate::gather::{GatherInputs, IrradianceGather};
 use crate::geometry::Geometry;
 use crate::gpu::Gpu;
 use crate::image::Image;
 use crate::photon::{CausticMap, PhotonCounts};
 use crate::photon_map::PhotonMap;
-use crate::points::{CameraPoints, EyeRays, GatherPoint, Interleave, Points, Sums, TracedPoints, Visible};
+use crate::points::{Accumulator, CameraPoints, EyeRays, GBuffer, GatherPoint, Interleave, PointTextures, Points};
 use crate::prepared::{Photons, Prepared};
 use crate::random::sobol;
 use crate::reference::Reference;
-use crate::scene::{Camera, Scene, World};
-use crate::settings::{DIRECTIONS_PER_PHOTON_MAP, Estimator, Pipeline, PointSource, Settings};
+use crate::scene::{Camera, World};
+use crate::settings::{DIRECTIONS_PER_PHOTON_MAP, Estimator, PointSource, Settings};
 
 use self::merge::{FILM, film_of_part};
 
@@ -76,35 +76,28 @@ pub struct Render {
 
 /// All passes and what they draw into: what a render at other settings makes anew.
 struct Passes {
-    source: Source,
+    source: PixelSource,
     direct: Direct,
-    direct_sums: Sums,
+    direct_sums: Accumulator,
     rough: PhotonMap,
     interleave: Interleave,
-    method: Method,
+    /// Of the block in progress.
+    gather: IrradianceGather,
     /// Of the layer view, once there is one.
     shown: Option<layers::Apart>,
 }
 
 /// Where the points of a block come from.
-enum Source {
+enum PixelSource {
     Camera(CameraPoints),
     /// Those of the block in progress, once there is one.
-    Traced(Option<TracedPoints>),
-}
-
-/// Who gathers, and the sums of the block in progress.
-enum Method {
-    /// On the GL side.
-    Gl { gather: Box<dyn Gather>, sums: Sums },
-    /// [`Pipeline::Raycast`]; points and sums row by row from the bottom, as the GL side has them.
-    Rays { points: Vec<Option<GatherPoint>>, sums: Vec<Vec4> },
+    Traced(Option<PointTextures>),
 }
 
 /// A run of consecutive directions with one sub-pixel offset.
 struct Block {
     index: u32,
-    visible: Visible,
+    visible: GBuffer,
     /// Irradiance of the photon map at the visible points.
     rough: Vec<Vec4>,
     /// Irradiance of the caustics there.
@@ -131,10 +124,10 @@ impl Render {
             false => Rc::new(Geometry::upload(gpu, &gathered.scene)?),
         };
         let (scene, camera) = (&all.scene, all.scene.camera(settings.size));
-        let mut passes = Passes::new(gpu, &gathered.scene, settings)?;
+        let mut passes = Passes::new(gpu, &gathered, settings)?;
 
         let start = Instant::now();
-        let photons = Photons::new(gpu, [&all, &gathered], settings, || passes.shrink())?;
+        let photons = Photons::new(gpu, [&all, &gathered], settings, || passes.gather.shrink())?;
         let mut statistics = RenderStatistics {
             scene: SceneCounts { triangles: scene.mesh.triangles.len(), lights: all.lights.count() },
             photons: photons.counts,
@@ -179,7 +172,7 @@ impl Render {
         let passes =
             |of: &Settings| (of.size, of.points, of.layers(), of.pipeline, of.interleave, of.stop_fraction, of.shadow_size);
         if passes(settings) != passes(&self.settings) {
-            self.passes = Passes::new(&self.gpu, &self.gathered.scene, settings)?;
+            self.passes = Passes::new(&self.gpu, &self.gathered, settings)?;
         }
         self.directions = Directions::new(settings.sequence, settings.seed);
         self.settings = settings.clone();
@@ -193,7 +186,7 @@ impl Render {
     /// # Errors
     /// When one does not compile; then nothing has changed.
     pub fn reload(&mut self) -> Result<()> {
-        self.passes = Passes::new(&self.gpu, &self.gathered.scene, &self.settings)?;
+        self.passes = Passes::new(&self.gpu, &self.gathered, &self.settings)?;
         self.forget();
         Ok(())
     }
@@ -301,7 +294,7 @@ impl Render {
         self.gather_some().or_else(|error| {
             // What a device did that failed is gone, or not to be trusted.
             self.done = before;
-            if self.gpu.goes_on(&error) && self.passes.shrink() { Ok(()) } else { Err(error) }
+            if self.gpu.goes_on(&error) && self.passes.gather.shrink() { Ok(()) } else { Err(error) }
         })
     }
 
@@ -347,16 +340,17 @@ impl Render {
         let start = Instant::now();
         let offset = sobol(index, self.settings.seed);
         let visible = match &mut self.passes.source {
-            Source::Camera(points) => {
+            PixelSource::Camera(points) => {
                 let mut visible = points.see(&self.geometry, &self.camera, offset.into());
-                visible.see_beyond(&self.all.scene, &self.camera, self.settings.size, offset.into());
+                visible.add_environment(&self.all.scene, &self.camera, self.settings.size, offset.into());
                 visible
             }
-            Source::Traced(points) => {
+            PixelSource::Traced(points) => {
                 let Prepared { scene, bvh, .. } = &*self.all;
                 let rays = EyeRays { scene, bvh, camera: &self.camera, size: self.settings.size, seed: self.settings.seed };
                 let visible = rays.see(offset.into(), index);
-                *points = Some(TracedPoints::upload(&self.gpu, self.settings.size, &visible)?);
+                let GBuffer { position, normal, count, .. } = &visible;
+                *points = Some(PointTextures::upload(&self.gpu, self.settings.size, position, normal, *count)?);
                 visible
             }
         };
@@ -378,13 +372,7 @@ impl Render {
         let caustics = self.caustics(index, &visible);
         self.statistics.seconds.caustics += start.elapsed().as_secs_f64();
 
-        match &mut self.passes.method {
-            Method::Gl { sums, .. } => sums.clear(),
-            Method::Rays { points, sums } => {
-                *points = visible.pixels();
-                *sums = vec![Vec4::ZERO; points.len()];
-            }
-        }
+        self.passes.gather.begin(points);
         self.statistics.gather.points = visible.count;
         self.statistics.gather.cut += u64::from(visible.cut);
         let mut left: Vec<u32> = directions.rev().collect();
@@ -394,7 +382,7 @@ impl Render {
     }
 
     /// Irradiance at the points of a block by way of mirrors and glass, from photons of its own.
-    fn caustics(&self, block: u32, visible: &Visible) -> Vec<Vec3> {
+    fn caustics(&self, block: u32, visible: &GBuffer) -> Vec<Vec3> {
         if !self.all.scene.is_specular() {
             return vec![Vec3::ZERO; visible.normal.len()];
         }
@@ -407,10 +395,7 @@ impl Render {
 
     fn gather_directions(&mut self, block: &mut Block) -> Result<()> {
         let start = Instant::now();
-        let batch = match &self.passes.method {
-            Method::Gl { gather, .. } => gather.batch(),
-            Method::Rays { .. } => 1,
-        };
+        let batch = self.passes.gather.batch();
         let subset_of = |&direction: &u32| self.passes.interleave.subset(direction, block.index);
         let Some(subset) = block.left.last().map(subset_of) else { return Ok(()) };
         let numbers: Vec<u32> =
@@ -423,24 +408,10 @@ impl Render {
         };
         let directions: Vec<Direction> = numbers.iter().map(turned).collect();
         let points = self.passes.source.points(&block.visible).only(subset);
-        let layers = match &mut self.passes.method {
-            Method::Gl { gather, sums } => {
-                let (scene, geometry) = (&self.gathered.scene, &*self.gathered_geometry);
-                gather.add(Work { scene, geometry, photons: &self.photons.texture, points, sums }, &directions)?
-            }
-            Method::Rays { points, sums } => {
-                let rays = Reference::new(&self.gathered.scene, &self.gathered.bvh, &self.photons.grid);
-                let interleave = self.passes.interleave;
-                let cast = |(i, (point, sum)): (usize, (&Option<GatherPoint>, &mut Vec4))| match point {
-                    Some(point) if interleave.subset_of(i) == subset => {
-                        directions.iter().for_each(|direction| *sum += rays.sample(point, direction.vector).as_vec4());
-                    }
-                    _ => {}
-                };
-                points.par_iter().zip(sums).enumerate().for_each(cast);
-                0
-            }
-        };
+        let Prepared { scene, bvh, .. } = &*self.gathered;
+        let oracle = Reference::new(scene, bvh, &self.photons.grid);
+        let (geometry, photons) = (&*self.gathered_geometry, &self.photons.texture);
+        let layers = self.passes.gather.add(GatherInputs { scene, geometry, photons, oracle, points }, &directions)?;
         self.statistics.seconds.gather += self.finish("final gathering", start)?;
         block.left.truncate(block.left.len() - numbers.len());
         block.taken[subset.index()] += numbers.len() as u32;
@@ -450,14 +421,10 @@ impl Render {
     }
 
     fn film_of(&self, block: &Block) -> Film {
-        let mut gathered = match &self.passes.method {
-            Method::Gl { sums, .. } => self.passes.interleave.in_order(sums.read()),
-            Method::Rays { sums, .. } => sums.clone(),
-        };
+        let mut gathered = self.passes.gather.read();
         if self.settings.estimator == Estimator::Plain {
             // The weights' expected sum in place of their own: over the sphere, the mean of max(n·d, 0) is 1/4, that of |n·d| 1/2.
-            let both_ends = matches!(&self.passes.method, Method::Gl { gather, .. } if gather.both_ends());
-            let mean = if both_ends { 0.5 } else { 0.25 };
+            let mean = if self.passes.gather.both_ends() { 0.5 } else { 0.25 };
             let taken = |pixel| block.taken[self.passes.interleave.subset_of(pixel).index()];
             gathered.iter_mut().enumerate().for_each(|(pixel, sum)| sum.w = mean * taken(pixel) as f32);
         }
@@ -486,42 +453,26 @@ impl Render {
 }
 
 impl Passes {
-    fn new(gpu: &Gpu, scene: &Scene, settings: &Settings) -> Result<Self> {
+    /// `gathered` is what gather rays see.
+    fn new(gpu: &Gpu, gathered: &Prepared, settings: &Settings) -> Result<Self> {
         let points = settings.size;
         let source = match settings.points {
-            PointSource::Camera => Source::Camera(CameraPoints::new(gpu, points)?),
-            PointSource::Traced => Source::Traced(None),
+            PointSource::Camera => PixelSource::Camera(CameraPoints::new(gpu, points)?),
+            PointSource::Traced => PixelSource::Traced(None),
         };
         let direct = Direct::new(gpu, settings.shadow_size, settings.seed)?;
-        let direct_sums = Sums::new(gpu, points)?;
+        let direct_sums = Accumulator::new(gpu, points)?;
         let rough = PhotonMap::new(gpu, points)?;
         let interleave = Interleave::new(settings.interleave, points, settings.seed);
-        let sums = || Sums::new(gpu, interleave.sums_size());
-        // Sums first: what gathers makes do with the memory that is left.
-        let gl = |sums, gather: Box<dyn Gather>| Method::Gl { gather, sums };
-        let (layers, tile, stop) = (settings.layers(), interleave.tile(), settings.stop_fraction);
-        let method = match settings.pipeline {
-            Pipeline::Kill => gl(sums()?, Box::new(KillGather::new(gpu, layers, tile, stop)?)),
-            Pipeline::EarlyKill => gl(sums()?, Box::new(KillGather::early(gpu, layers, tile, stop)?)),
-            Pipeline::Fused => gl(sums()?, Box::new(FusedGather::new(gpu, layers)?)),
-            Pipeline::RaycastGl => gl(sums()?, Box::new(RayGather::new(gpu, scene)?)),
-            Pipeline::Raycast => Method::Rays { points: Vec::new(), sums: Vec::new() },
-        };
-        Ok(Self { source, direct, direct_sums, rough, interleave, method, shown: None })
-    }
-
-    /// Gives memory back that gathering can do without, if any.
-    fn shrink(&mut self) -> bool {
-        match &mut self.method {
-            Method::Gl { gather, .. } => gather.shrink(),
-            Method::Rays { .. } => false,
-        }
+        // It makes do with the memory that is left.
+        let gather = IrradianceGather::new(gpu, settings, &gathered.scene, &gathered.bvh, interleave)?;
+        Ok(Self { source, direct, direct_sums, rough, interleave, gather, shown: None })
     }
 }
 
-impl Source {
+impl PixelSource {
     /// The points of the block in progress.
-    fn points<'a>(&'a self, visible: &Visible) -> Points<'a> {
+    fn points<'a>(&'a self, visible: &GBuffer) -> Points<'a> {
         match self {
             Self::Camera(points) => points.points(visible),
             Self::Traced(points) => points.as_ref().expect("a block begins with its points").points(),

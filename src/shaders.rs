@@ -1,102 +1,190 @@
-//! Every shader program of the crate, from the sources in `glsl/`. Tests compile all of [`ALL`] and [`WITH_IMAGES`].
+//! Every shader program of the crate, from the sources in `glsl/`. [`variants`] lists all of them: those that have a name here, and each pair of a
+//! [`Finder`] and a [`Consumer`].
 
 use std::fs;
 use std::path::Path;
+use std::sync::LazyLock;
 
 use crate::gpu::{ShaderSource, replace_shader_text};
+use crate::harmonics::MAX_ORDER;
 
-const INCLUDES: &[(&str, &str)] = &[
-    ("surface.glsl", include_str!("../glsl/include/surface.glsl")),
-    ("octahedral.glsl", include_str!("../glsl/include/octahedral.glsl")),
-    ("points.glsl", include_str!("../glsl/include/points.glsl")),
-    ("layer.glsl", include_str!("../glsl/include/layer.glsl")),
-    ("packed_surface.glsl", include_str!("../glsl/include/packed_surface.glsl")),
-    ("layer_store.glsl", include_str!("../glsl/include/layer_store.glsl")),
-    ("photon_grid.glsl", include_str!("../glsl/include/photon_grid.glsl")),
-    ("albedo.glsl", include_str!("../glsl/include/albedo.glsl")),
-    ("found.glsl", include_str!("../glsl/include/found.glsl")),
-    ("carriers.glsl", include_str!("../glsl/include/carriers.glsl")),
-    ("harmonics.glsl", include_str!("../glsl/include/harmonics.glsl")),
-    ("hits.glsl", include_str!("../glsl/include/hits.glsl")),
-    ("radiance.glsl", include_str!("../glsl/include/radiance.glsl")),
-    ("bvh.glsl", include_str!("../glsl/include/bvh.glsl")),
+macro_rules! includes {
+    ($($name:literal)*) => { &[$(($name, include_str!(concat!("../glsl/", $name)))),*] };
+}
+
+const INCLUDES: &[(&str, &str)] = includes![
+    "consumer/harmonics.glsl" "consumer/hemisphere.glsl" "consumer/irradiance.glsl" "consumer/record.glsl"
+    "finder/layers.glsl" "finder/rays.glsl" "finder/stored.glsl"
+    "include/albedo.glsl" "include/bvh.glsl" "include/harmonics.glsl" "include/hits.glsl" "include/layer.glsl" "include/layer_store.glsl"
+    "include/octahedral.glsl" "include/packed_surface.glsl" "include/photon_grid.glsl" "include/points.glsl" "include/radiance.glsl"
+    "include/surface.glsl" "include/vertex_cache.glsl"
 ];
 
-/// Most directions that a shader takes at once, as its define says.
-pub const BATCH: usize = 8;
-
-macro_rules! shader {
-    ($vertex:literal, $fragment:literal $(, $define:literal)*) => {
-        ShaderSource {
+macro_rules! shaders {
+    ($($name:ident: $vertex:literal, $fragment:literal $(, $define:literal)*;)*) => {
+        $(pub static $name: LazyLock<ShaderSource> = LazyLock::new(|| ShaderSource {
             name: $fragment,
             vertex: include_str!(concat!("../glsl/", $vertex, ".vert")),
             fragment: include_str!(concat!("../glsl/", $fragment, ".frag")),
-            defines: &[$($define),*],
+            defines: vec![$($define.to_owned()),*],
             includes: INCLUDES,
-        }
+        });)*
+
+        static NAMED: &[&LazyLock<ShaderSource>] = &[$(&$name),*];
     };
 }
 
-pub static VISIBLE_POINTS: ShaderSource = shader!("surface", "visible_points");
-pub static SHADOW: ShaderSource = shader!("surface", "shadow");
-pub static DIRECT: ShaderSource = shader!("fullscreen", "direct");
-pub static PHOTON_MAP: ShaderSource = shader!("fullscreen", "photon_map");
-pub static PEEL: ShaderSource = shader!("surface", "peel");
-pub static KILL: ShaderSource = shader!("fullscreen", "kill");
-pub static KILL_FARTHEST: ShaderSource = shader!("fullscreen", "kill", "FARTHEST");
-pub static KILL_FARTHEST_EARLY: ShaderSource = shader!("fullscreen", "kill", "FARTHEST", "EARLY");
-pub static REJECT: ShaderSource = shader!("fullscreen", "reject");
-pub static STORE_PEEL: ShaderSource = shader!("surface", "store_peel", "BATCH 8");
-pub static STORE_PEEL_FARTHEST: ShaderSource = shader!("surface", "store_peel", "BATCH 8", "FARTHEST");
-pub static STORE_APPEND: ShaderSource = shader!("surface", "store_append", "BATCH 8");
-pub static STORE_SORT: ShaderSource = shader!("fullscreen", "store_sort");
-pub static FUSED: ShaderSource = shader!("fullscreen", "fused", "BATCH 8");
-pub static FUSED_TEXTURED: ShaderSource = shader!("fullscreen", "fused", "BATCH 8", "TEXTURED");
-pub static FUSED_FIND: ShaderSource = shader!("fullscreen", "fused", "BATCH 8", "FIND");
-pub static ACCUMULATE: ShaderSource = shader!("fullscreen", "accumulate");
-pub static ACCUMULATE_TEXTURED: ShaderSource = shader!("fullscreen", "accumulate", "TEXTURED");
-pub static RAYS: ShaderSource = shader!("fullscreen", "rays", "BATCH 8");
-pub static RAYS_TEXTURED: ShaderSource = shader!("fullscreen", "rays", "BATCH 8", "TEXTURED");
-pub static RAYS_FIND: ShaderSource = shader!("fullscreen", "rays", "BATCH 8", "FIND");
+shaders! {
+    VISIBLE_POINTS: "surface", "visible_points";
+    SHADOW: "surface", "shadow";
+    DIRECT: "fullscreen", "direct";
+    PHOTON_MAP: "fullscreen", "photon_map";
+    PEEL: "surface", "peel";
+    KILL: "fullscreen", "kill";
+    KILL_FARTHEST: "fullscreen", "kill", "FARTHEST";
+    KILL_FARTHEST_EARLY: "fullscreen", "kill", "FARTHEST", "EARLY";
+    REJECT: "fullscreen", "reject";
+    STORE_PEEL: "surface", "store_peel", "BATCH 8";
+    STORE_PEEL_FARTHEST: "surface", "store_peel", "BATCH 8", "FARTHEST";
+    STORE_APPEND: "surface", "store_append", "BATCH 8";
+    STORE_SORT: "fullscreen", "store_sort";
+}
 
-pub static HEMISPHERE: ShaderSource = shader!("fullscreen", "hemisphere", "BATCH 8");
-pub static HARMONICS: ShaderSource = shader!("fullscreen", "harmonics", "BATCH 8");
+const GATHER: &str = include_str!("../glsl/gather.frag");
 
-/// All of the above that every device can run.
-pub static ALL: [&ShaderSource; 21] = [
-    &VISIBLE_POINTS,
-    &SHADOW,
-    &DIRECT,
-    &PHOTON_MAP,
-    &PEEL,
-    &KILL,
-    &KILL_FARTHEST,
-    &KILL_FARTHEST_EARLY,
-    &REJECT,
-    &STORE_PEEL,
-    &STORE_PEEL_FARTHEST,
-    &FUSED,
-    &FUSED_TEXTURED,
-    &FUSED_FIND,
-    &ACCUMULATE,
-    &ACCUMULATE_TEXTURED,
-    &RAYS,
-    &RAYS_TEXTURED,
-    &RAYS_FIND,
-    &HEMISPHERE,
-    &HARMONICS,
-];
+/// Most directions that a shader takes at once, as its define says.
+pub const BATCH: usize = 8;
+/// Outputs of four floats that a shader has at most: OpenGL 3.3 promises no more.
+pub const TARGETS: usize = 8;
 
-/// Those for devices on which shaders write to images.
-pub static WITH_IMAGES: [&ShaderSource; 2] = [&STORE_APPEND, &STORE_SORT];
+/// How `glsl/gather.frag` finds a hit: a file of `glsl/finder/`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Finder {
+    Layers,
+    Rays,
+    Stored,
+}
+
+/// What `glsl/gather.frag` does with hits: a file of `glsl/consumer/`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Consumer {
+    Irradiance(HitRadiance),
+    /// `None`: surfaces are black.
+    Hemisphere(Option<HitRadiance>),
+    IncidentHarmonics(HitRadiance, HarmonicsPass),
+    /// `None`: surfaces are black. Else their transfer is that of the vertex cache.
+    TransferHarmonics(Option<Albedo>, HarmonicsPass),
+    Record,
+}
+
+/// Whether the scene has albedo textures.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Albedo {
+    Plain,
+    Textured,
+}
+
+impl Albedo {
+    pub fn of(textured: bool) -> Self {
+        if textured { Self::Textured } else { Self::Plain }
+    }
+}
+
+/// What the radiance of a hit comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum HitRadiance {
+    Photons(Albedo),
+    VertexCache(Albedo),
+}
+
+/// One of the passes that it takes to write all coefficients of so many bands.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct HarmonicsPass {
+    order: usize,
+    pass: usize,
+}
+
+impl HarmonicsPass {
+    /// Outputs of all passes together: rgb triples in a row.
+    pub fn targets(order: usize) -> usize {
+        (3 * order * order).div_ceil(4)
+    }
+
+    /// Outputs of this pass.
+    pub fn outputs(self) -> usize {
+        (Self::targets(self.order) - TARGETS * self.pass).min(TARGETS)
+    }
+
+    /// All passes for bands 0 to `order` - 1.
+    ///
+    /// # Panics
+    /// When there are no shaders for so many.
+    pub fn all(order: usize) -> impl Iterator<Item = Self> {
+        assert!((1..=MAX_ORDER).contains(&order), "{order} bands");
+        (0..Self::targets(order).div_ceil(TARGETS)).map(move |pass| Self { order, pass })
+    }
+}
+
+impl Consumer {
+    fn all() -> Vec<Self> {
+        let albedo = [Albedo::Plain, Albedo::Textured];
+        let radiance = [albedo.map(HitRadiance::Photons), albedo.map(HitRadiance::VertexCache)].concat();
+        let mut all = vec![Self::Record, Self::Hemisphere(None)];
+        all.extend(radiance.iter().flat_map(|&radiance| [Self::Irradiance(radiance), Self::Hemisphere(Some(radiance))]));
+        for pass in (1..=MAX_ORDER).flat_map(HarmonicsPass::all) {
+            all.extend(radiance.iter().map(|&radiance| Self::IncidentHarmonics(radiance, pass)));
+            all.extend([None, Some(Albedo::Plain), Some(Albedo::Textured)].map(|albedo| Self::TransferHarmonics(albedo, pass)));
+        }
+        all
+    }
+
+    fn defines(self) -> Vec<String> {
+        let (file, radiance, pass) = match self {
+            Self::Irradiance(radiance) => ("irradiance", Some(radiance), None),
+            Self::Hemisphere(radiance) => ("hemisphere", radiance, None),
+            Self::IncidentHarmonics(radiance, pass) => ("harmonics", Some(radiance), Some(pass)),
+            Self::TransferHarmonics(albedo, pass) => ("harmonics", albedo.map(HitRadiance::VertexCache), Some(pass)),
+            Self::Record => ("record", None, None),
+        };
+        let albedo = radiance.map(|(HitRadiance::Photons(albedo) | HitRadiance::VertexCache(albedo))| albedo);
+        let flags = [
+            (radiance.is_some(), "RADIANCE"),
+            (matches!(radiance, Some(HitRadiance::VertexCache(_))), "VERTEX_CACHE"),
+            (albedo == Some(Albedo::Textured), "TEXTURED"),
+            (matches!(self, Self::TransferHarmonics(..)), "TRANSFER"),
+        ];
+        let flags = flags.into_iter().filter(|(set, _)| *set).map(|(_, name)| name.to_owned());
+        let pass = pass.map(|HarmonicsPass { order, pass }| [format!("ORDER {order}"), format!("PASS {pass}")]);
+        [format!("CONSUMER {file}")].into_iter().chain(flags).chain(pass.into_iter().flatten()).collect()
+    }
+}
+
+/// The variant of `glsl/gather.frag` for a finder and a consumer.
+pub fn gather(finder: Finder, consumer: Consumer) -> ShaderSource {
+    let file = match finder {
+        Finder::Layers => "layers",
+        Finder::Rays => "rays",
+        Finder::Stored => "stored",
+    };
+    let mut defines = consumer.defines();
+    defines.extend([format!("BATCH {BATCH}"), format!("FINDER {file}")]);
+    ShaderSource { name: "gather", fragment: GATHER, defines, ..DIRECT.clone() }
+}
+
+/// All programs there are.
+pub fn variants() -> Vec<ShaderSource> {
+    let finders = [Finder::Layers, Finder::Rays, Finder::Stored];
+    let pairs = finders.into_iter().flat_map(|finder| Consumer::all().into_iter().map(move |consumer| gather(finder, consumer)));
+    NAMED.iter().map(|&source| ShaderSource::clone(source)).chain(pairs).collect()
+}
 
 /// Reads the files of a folder laid out as `glsl/`, as far as it has them, in place of what is embedded: for work on shaders. Programs made
 /// from now on are of these.
 pub fn reload(folder: &Path) {
-    let vertex = [("surface", VISIBLE_POINTS.vertex), ("fullscreen", DIRECT.vertex)];
-    let vertex = vertex.map(|(name, text)| (format!("{name}.vert"), text));
-    let fragments = ALL.iter().chain(&WITH_IMAGES).map(|source| (format!("{}.frag", source.name), source.fragment));
-    let includes = INCLUDES.iter().map(|&(name, text)| (format!("include/{name}"), text));
+    let vertex = [("surface.vert".to_owned(), VISIBLE_POINTS.vertex), ("fullscreen.vert".to_owned(), DIRECT.vertex)];
+    let fragments = NAMED.iter().map(|source| (source.name, source.fragment)).chain([("gather", GATHER)]);
+    let fragments = fragments.map(|(name, text)| (format!("{name}.frag"), text));
+    let includes = INCLUDES.iter().map(|&(name, text)| (name.to_owned(), text));
     for (path, embedded) in vertex.into_iter().chain(fragments).chain(includes) {
         replace_shader_text(embedded, fs::read_to_string(folder.join(path)).ok());
     }

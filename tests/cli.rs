@@ -1,64 +1,26 @@
-//! The command-line tool from outside: exit codes, what is said where, and which files there are afterwards.
+//! The command-line tool: exit codes, what it says on which stream, and which files it leaves.
 #![cfg(unix)]
+
+mod common;
 
 use std::fs::{self, Permissions};
 use std::os::unix::fs::{FileTypeExt, PermissionsExt, symlink};
-use std::path::{Path, PathBuf};
-use std::process::{Command, Output, Stdio};
+use std::process::{Command, Stdio};
 use std::thread::sleep;
 use std::time::Duration;
 
+use common::tool::{bytes, folder, json, names_in, refusal, scene, signal, stderr, success, text, tool};
 use finalgather::image::{Channel, Image, WriteOptions};
 use serde_json::Value;
 use tempfile::TempDir;
 
 const SMALL: [&str; 8] = ["--size", "32", "--directions", "16", "--layer-size", "64", "--photons", "1e4"];
 
-fn scene() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/cornell.toml")
-}
-
-fn tool(folder: &TempDir) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_finalgather"));
-    command.current_dir(folder);
-    command
-}
-
 /// A small render with these further arguments, in `folder`.
 fn small_render(folder: &TempDir, args: &[&str]) -> Command {
     let mut command = tool(folder);
-    command.arg("render").arg(scene()).args(SMALL).args(args);
+    command.arg("render").arg(scene("cornell.toml")).args(SMALL).args(args);
     command
-}
-
-/// What it said on stderr, having ended with this code and kept stdout for data.
-fn refusal(command: &mut Command, code: i32) -> String {
-    let output = command.output().unwrap();
-    let stderr = text(&output.stderr);
-    assert_eq!(output.status.code(), Some(code), "{command:?}: {stderr}");
-    assert!(output.stdout.is_empty(), "{command:?} wrote on stdout");
-    stderr
-}
-
-fn success(command: &mut Command) -> Output {
-    let output = command.output().unwrap();
-    assert!(output.status.success(), "{command:?}: {:?}: {}", output.status, text(&output.stderr));
-    output
-}
-
-fn text(bytes: &[u8]) -> String {
-    String::from_utf8_lossy(bytes).into_owned()
-}
-
-fn names_in(folder: &TempDir) -> Vec<String> {
-    let name = |entry: std::io::Result<fs::DirEntry>| entry.unwrap().file_name().into_string().unwrap();
-    let mut names: Vec<_> = fs::read_dir(folder).unwrap().map(name).collect();
-    names.sort();
-    names
-}
-
-fn folder() -> TempDir {
-    tempfile::tempdir().unwrap()
 }
 
 #[test]
@@ -73,7 +35,7 @@ fn wrong_arguments_are_usage_errors() {
         ["--gl-device", "first"],
         ["--no-such", "option"],
     ] {
-        let said = refusal(tool(&folder).arg("render").arg(scene()).args(args), 2);
+        let said = refusal(tool(&folder).arg("render").arg(scene("cornell.toml")).args(args), 2);
         assert!(said.starts_with("error: ") && said.contains(args[0]), "{args:?}: {said}");
     }
     refusal(&mut tool(&folder), 2);
@@ -91,7 +53,7 @@ fn settings_out_of_range_are_usage_errors() {
         (["--stop-fraction", "-0.5"], "stop-fraction is -0.5"),
         (["--exposure", "nan"], "exposure is NaN"),
     ] {
-        let said = refusal(tool(&folder).arg("render").arg(scene()).args(args), 2);
+        let said = refusal(tool(&folder).arg("render").arg(scene("cornell.toml")).args(args), 2);
         assert!(said.contains(problem) && said.contains("\n  cure: "), "{args:?}: {said}");
     }
     assert!(names_in(&folder).is_empty());
@@ -161,9 +123,8 @@ fn who_may_read_a_file_may_read_what_replaces_it() {
 #[test]
 fn inputs_are_not_written_over() {
     let folder = folder();
-    let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes");
     for name in ["cornell_textured.toml", "cornell_textured.obj", "cornell_textured.mtl", "tiles.png"] {
-        fs::copy(scenes.join(name), folder.path().join(name)).unwrap();
+        fs::copy(scene(name), folder.path().join(name)).unwrap();
     }
     for command in [&["render", "-o", "./tiles.png"][..], &["bake", "--to", "camera", "--what", "ao", "-o", "tiles.png"]] {
         let said =
@@ -172,11 +133,11 @@ fn inputs_are_not_written_over() {
     }
     for args in [&["tiles.png", "other.png"][..], &["other.png", "tiles.png"], &["other.png", "other.png", "--mask", "tiles.png"]]
     {
-        fs::copy(scenes.join("tiles.png"), folder.path().join("other.png")).unwrap();
+        fs::copy(scene("tiles.png"), folder.path().join("other.png")).unwrap();
         let said = refusal(tool(&folder).arg("compare").args(args).args(["-o", "tiles.png"]), 2);
         assert!(said.contains("tiles.png: is an input"), "{said}");
     }
-    assert!(fs::read(folder.path().join("tiles.png")).unwrap() == fs::read(scenes.join("tiles.png")).unwrap());
+    assert!(bytes(&folder, "tiles.png") == fs::read(scene("tiles.png")).unwrap());
 }
 
 #[test]
@@ -224,7 +185,7 @@ fn a_device_that_is_not_there_is_no_gl() {
 fn writes_a_png_beside_the_caller_and_says_nothing() {
     let folder = folder();
     let output = success(&mut small_render(&folder, &[]));
-    assert_eq!((text(&output.stdout), text(&output.stderr)), Default::default());
+    assert_eq!((text(&output.stdout), stderr(&output)), Default::default());
     assert_eq!(names_in(&folder), ["cornell.png"]);
     let image = Image::read(&folder.path().join("cornell.png")).unwrap();
     assert_eq!((image.width, image.height), (32, 32));
@@ -235,8 +196,8 @@ fn json_tells_all_about_the_run() {
     let folder = folder();
     let arguments = ["-o", "a.png", "-o", "b.exr", "--seed", "7", "--size", "32x24", "--json"];
     let mut command = tool(&folder);
-    command.arg("render").arg(scene()).args(&SMALL[2..]).args(arguments);
-    let report: Value = serde_json::from_slice(&success(&mut command).stdout).expect("stdout is one JSON value");
+    command.arg("render").arg(scene("cornell.toml")).args(&SMALL[2..]).args(arguments);
+    let report = json(&mut command);
 
     let keys = |value: &Value| {
         let mut keys: Vec<_> = value.as_object().unwrap().keys().cloned().collect();
@@ -276,7 +237,7 @@ fn pipelines_go_by_name() {
     let folder = folder();
     let picture = |pipeline: &str| {
         let mut command = small_render(&folder, &["--pipeline", pipeline, "--json", "-o", "a.exr"]);
-        let report: Value = serde_json::from_slice(&success(&mut command).stdout).unwrap();
+        let report = json(&mut command);
         assert_eq!(report["settings"]["pipeline"], pipeline);
         let image = Image::read(&folder.path().join("a.exr")).unwrap();
         image.rgb().unwrap().map(<[f32]>::to_vec)
@@ -295,7 +256,7 @@ fn pipelines_go_by_name() {
 #[test]
 fn info_lists_what_works() {
     let folder = folder();
-    let info: Value = serde_json::from_slice(&success(tool(&folder).args(["info", "--json"])).stdout).unwrap();
+    let info = json(tool(&folder).args(["info", "--json"]));
     let backends = info["backends"].as_array().unwrap();
     let working = backends.iter().find(|backend| backend["works"] == true).expect("a backend that works");
     assert!(working["gl"]["renderer"].is_string());
@@ -311,7 +272,7 @@ fn a_reader_that_goes_away_is_no_failure() {
     let mut child = small_render(&folder, &["--json"]).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
     drop(child.stdout.take());
     let output = child.wait_with_output().unwrap();
-    assert_eq!((output.status.code(), text(&output.stderr)), (Some(0), String::new()));
+    assert_eq!((output.status.code(), stderr(&output)), (Some(0), String::new()));
     assert_eq!(names_in(&folder), ["cornell.png"]);
 }
 
@@ -323,7 +284,7 @@ fn a_write_that_fails_leaves_nothing_and_the_other_files() {
     // Mesa would take the limit for its shader cache too.
     command.current_dir(&folder).env("MESA_SHADER_CACHE_DISABLE", "true");
     command.args(["-c", r#"ulimit -f 8; exec "$@""#, "sh", env!("CARGO_BIN_EXE_finalgather"), "render"]);
-    command.arg(scene()).args(SMALL).args(["-o", "a.exr", "-o", "b.png"]);
+    command.arg(scene("cornell.toml")).args(SMALL).args(["-o", "a.exr", "-o", "b.png"]);
     let said = refusal(&mut command, 75);
     assert!(said.starts_with("error: a.exr: not written") && said.contains("\n  cure: "), "{said}");
     assert_eq!(names_in(&folder), ["b.png"]);
@@ -348,14 +309,17 @@ fn a_closed_terminal_keeps_the_picture_so_far() {
 #[test]
 fn who_is_to_outlive_the_terminal_does() {
     let folder = folder();
-    let run = format!("trap '' HUP; exec {} render {} --directions 1e9", env!("CARGO_BIN_EXE_finalgather"), scene().display());
+    let run = format!(
+        "trap '' HUP; exec {} render {} --directions 1e9",
+        env!("CARGO_BIN_EXE_finalgather"),
+        scene("cornell.toml").display()
+    );
     let mut child = Command::new("sh").current_dir(&folder).args(["-c", &run]).stderr(Stdio::null()).spawn().unwrap();
-    let send = |signal: &str| Command::new("kill").args([signal, &child.id().to_string()]).status().unwrap().success();
     for _ in 0..20 {
         sleep(Duration::from_millis(50));
-        assert!(send("-HUP"));
+        assert!(signal("HUP", child.id()));
     }
-    assert!(send("-TERM"));
+    assert!(signal("TERM", child.id()));
     assert_eq!(child.wait().unwrap().code(), Some(143));
 }
 
@@ -367,7 +331,10 @@ fn stops_with(signal: &str, code: i32) {
         let folder = folder();
         // Even where the tests were started by nohup.
         let mut command = Command::new("env");
-        command.current_dir(&folder).args(["--default-signal", env!("CARGO_BIN_EXE_finalgather"), "render"]).arg(scene());
+        command
+            .current_dir(&folder)
+            .args(["--default-signal", env!("CARGO_BIN_EXE_finalgather"), "render"])
+            .arg(scene("cornell.toml"));
         // A block of which takes longer than two signals.
         command.args(["--size", "160", "--layer-size", "64", "--photons", "1e4"]);
         command.args(["--directions", "1e9", "--json"]).stdout(Stdio::piped()).stderr(Stdio::piped());
@@ -378,7 +345,7 @@ fn stops_with(signal: &str, code: i32) {
         let kill = vec![format!("kill -{signal} {}", child.id()); times].join("; sleep 0.005; ");
         assert!(Command::new("sh").args(["-c", &kill]).status().unwrap().success());
         let output = child.wait_with_output().unwrap();
-        let said = text(&output.stderr);
+        let said = stderr(&output);
         delay *= 2;
         // Too early even for the handler.
         if output.status.code().is_none() {

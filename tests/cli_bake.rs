@@ -1,42 +1,24 @@
-//! `finalgather bake` and `relight` from outside: what goes in, what comes out, and what is refused.
+//! `finalgather bake` and `relight`: the files they read and write, and what they refuse.
 #![cfg(unix)]
 
-#[path = "common/khronos.rs"]
-mod khronos;
+mod common;
 
 use std::fs;
-use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::path::Path;
+use std::process::Command;
 
+use common::khronos;
+use common::tool::{bytes, folder, json, names_in, refusal, scene, success, tool};
 use finalgather::export::read_prt;
 use finalgather::image::{Channel, Image, WriteOptions};
-use serde_json::Value;
 use tempfile::TempDir;
 
 const SMALL: [&str; 8] = ["--size", "24", "--directions", "16", "--layer-size", "64", "--photons", "1e4"];
 
-fn scene(name: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(name)
-}
-
-fn tool(folder: &TempDir, args: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_finalgather")).current_dir(folder).args(args).output().unwrap()
-}
-
-fn said(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stderr).into_owned()
-}
-
-fn bake(folder: &TempDir, scene: &Path, args: &[&str]) -> Output {
-    tool(folder, &[&["bake", scene.to_str().unwrap()], &SMALL[..], args].concat())
-}
-
-fn success(output: &Output) {
-    assert!(output.status.success(), "{:?}: {}", output.status, said(output));
-}
-
-fn folder() -> TempDir {
-    tempfile::tempdir().unwrap()
+fn bake(folder: &TempDir, scene: &Path, args: &[&str]) -> Command {
+    let mut command = tool(folder);
+    command.arg("bake").arg(scene).args(SMALL).args(args);
+    command
 }
 
 /// What the camera sees, written out and read again, has the same values to the bit, however it was written.
@@ -45,14 +27,14 @@ fn pixels_given_back_as_points_are_the_same() {
     let folder = folder();
     let cornell = scene("cornell.toml");
     let what = ["--what", "irradiance,ao,bent-normal,sky,sh"];
-    success(&bake(&folder, &cornell, &[&what[..], &["--to", "camera", "-o", "camera.ply", "-o", "camera.npy"]].concat()));
-    success(&bake(
+    success(&mut bake(&folder, &cornell, &[&what[..], &["--to", "camera", "-o", "camera.ply", "-o", "camera.npy"]].concat()));
+    success(&mut bake(
         &folder,
         &cornell,
         &[&what[..], &["--to", "points:camera.ply", "-o", "points.ply", "-o", "points.npy"]].concat(),
     ));
     for ending in ["ply", "npy"] {
-        let [camera, points] = ["camera", "points"].map(|name| fs::read(folder.path().join(format!("{name}.{ending}"))).unwrap());
+        let [camera, points] = ["camera", "points"].map(|name| bytes(&folder, &format!("{name}.{ending}")));
         // But for the line of a PLY that says which job it is of.
         let values = |bytes: &[u8]| {
             bytes.split_inclusive(|&b| b == b'\n').filter(|line| !line.starts_with(b"comment")).collect::<Vec<_>>().concat()
@@ -106,9 +88,7 @@ fn all_receivers_and_formats_in_one_run() {
         "-o",
         "points:p.ply",
     ];
-    let output = bake(&folder, &scene("cornell.toml"), &args);
-    success(&output);
-    let report: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let report = json(&mut bake(&folder, &scene("cornell.toml"), &args));
     let receivers = report["receivers"].as_array().unwrap();
     let names: Vec<_> = receivers.iter().map(|receiver| receiver["to"].as_str().unwrap()).collect();
     assert_eq!(names, ["vertices", "lightmap", "camera", "points"]);
@@ -137,7 +117,7 @@ fn all_receivers_and_formats_in_one_run() {
 fn relit_by_a_constant_sky() {
     let folder = folder();
     let cornell = scene("cornell.toml");
-    success(&bake(
+    success(&mut bake(
         &folder,
         &cornell,
         &["--to", "vertices", "--what", "prt,sky", "--bounces", "0", "-o", "prt.npy", "-o", "sky.ply"],
@@ -145,11 +125,14 @@ fn relit_by_a_constant_sky() {
     let white = ["R", "G", "B"].map(|name| Channel { name: name.into(), samples: vec![2.0; 8 * 4] });
     let sky = Image { width: 8, height: 4, channels: white.into() };
     sky.write(&folder.path().join("white.exr"), &WriteOptions::default()).unwrap();
-    let scene = cornell.to_str().unwrap();
-    let relight = |more: &[&str]| tool(&folder, &[&["relight", "prt.npy", "--env", "white.exr"], more].concat());
-    success(&relight(&[
+    let relight = |more: &[&str]| {
+        let mut command = tool(&folder);
+        command.args(["relight", "prt.npy", "--env", "white.exr"]).args(more);
+        command
+    };
+    success(&mut relight(&[
         "--scene",
-        scene,
+        cornell.to_str().unwrap(),
         "--size",
         "16",
         "-o",
@@ -162,20 +145,18 @@ fn relit_by_a_constant_sky() {
         "light.npy",
     ]));
     khronos::check(&folder.path().join("relit.glb"));
-    success(&relight(&["-o", "alone.npy"]));
-    let moved = fs::read_to_string(self::scene("cornell.obj")).unwrap().replacen("552.8", "553.8", 1);
+    success(&mut relight(&["-o", "alone.npy"]));
+    let moved = fs::read_to_string(scene("cornell.obj")).unwrap().replacen("552.8", "553.8", 1);
     fs::write(folder.path().join("cornell.obj"), moved).unwrap();
     for name in ["cornell.mtl", "cornell.toml"] {
-        fs::copy(self::scene(name), folder.path().join(name)).unwrap();
+        fs::copy(scene(name), folder.path().join(name)).unwrap();
     }
-    let other = relight(&["--scene", "cornell.toml", "-o", "other.ply"]);
-    assert_eq!(other.status.code(), Some(65), "{}", said(&other));
-    let same = relight(&["-o", "prt.npy"]);
-    assert!(same.status.code() == Some(2) && said(&same).contains("is an input"), "{}", said(&same));
-    let read = |name: &str| fs::read(folder.path().join(name)).unwrap();
-    assert_eq!(read("light.npy"), read("alone.npy"));
+    refusal(&mut relight(&["--scene", "cornell.toml", "-o", "other.ply"]), 65);
+    let said = refusal(&mut relight(&["-o", "prt.npy"]), 2);
+    assert!(said.contains("is an input"), "{said}");
+    assert_eq!(bytes(&folder, "light.npy"), bytes(&folder, "alone.npy"));
     // The first coefficient alone counts, and it is openness: 2 π openness = 2 π T / Y.
-    let light = read("light.npy");
+    let light = bytes(&folder, "light.npy");
     let values = finalgather::npy::Array::parse(Path::new("light.npy"), &light).unwrap();
     let first = &read_prt(&folder.path().join("prt.npy")).unwrap()[0];
     for (i, transfer) in first.samples.iter().enumerate() {
@@ -205,12 +186,11 @@ fn bounces_of_a_gather_are_not_those_of_photons() {
 #[test]
 fn a_bake_takes_all_its_directions() {
     let folder = folder();
-    let scene = scene("cornell.toml");
     for (name, until) in [("a.npy", "0"), ("b.npy", "0.5")] {
         let args = ["--to", "vertices", "--what", "ao", "--directions", "2048", "--until", until, "-o", name];
-        success(&tool(&folder, &[&["bake", scene.to_str().unwrap()], &args[..]].concat()));
+        success(tool(&folder).arg("bake").arg(scene("cornell.toml")).args(args));
     }
-    assert!(fs::read(folder.path().join("a.npy")).unwrap() == fs::read(folder.path().join("b.npy")).unwrap());
+    assert!(bytes(&folder, "a.npy") == bytes(&folder, "b.npy"));
 }
 
 /// What a PNG holds of openness and directions is data: neither a curve nor exposure changes it.
@@ -221,7 +201,7 @@ fn data_in_a_png_is_as_it_is() {
     for (what, expected) in [("ao", [255, 255, 255]), ("bent-normal,sky", [128, 255, 128])] {
         let args =
             ["--to", "lightmap", "--resolution", "16", "--directions", "256", "--what", what, "--exposure", "-1", "-o", "a.png"];
-        success(&bake(&folder, Path::new("plane.obj"), &args));
+        success(&mut bake(&folder, Path::new("plane.obj"), &args));
         let picture = image::open(folder.path().join("a.png")).unwrap().into_rgb8();
         let off = |(found, expected): (&u8, u8)| found.abs_diff(expected) > 2;
         let middle = picture.get_pixel(8, 8).0;
@@ -244,7 +224,7 @@ fn refusals() {
     write("bare.mtl", "newmtl of_somebody\n");
     write("quad.obj", "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 3 0\nvt 3 3\nf 1/1 2/2 3/3\nf 1/1 3/3 4/2\n");
     write("none.obj", "v 0 0 0\nv 1 0 0\nv 1 1 0\nf 1 2 3\n");
-    let before = fs::read_dir(&folder).unwrap().count();
+    let before = names_in(&folder);
     let cornell = scene("cornell.toml");
     let [quad, none] = ["quad.obj", "none.obj"].map(|name| folder.path().join(name));
     let cases: &[(&Path, &[&str], i32, &str)] = &[
@@ -316,16 +296,12 @@ fn refusals() {
         (&none, &["--to", "lightmap", "--what", "ao", "--samples-per-texel", "3", "-o", "a.png"], 2, "square number"),
     ];
     for (scene, args, code, text) in cases {
-        let output = bake(&folder, scene, args);
-        let said = said(&output);
-        assert_eq!(output.status.code(), Some(*code), "{args:?}: {said}");
+        let said = refusal(&mut bake(&folder, scene, args), *code);
         assert!(said.contains(text), "{args:?} says {said}");
-        assert!(output.stdout.is_empty(), "{args:?} wrote on stdout");
-        assert_eq!(fs::read_dir(&folder).unwrap().count(), before, "{args:?} left files");
+        assert_eq!(names_in(&folder), before, "{args:?} left files");
     }
     // Openness needs no light.
-    success(&bake(&folder, &none, &["--to", "vertices", "--what", "ao,prt", "-o", "a.ply"]));
-    let output = tool(&folder, &["relight", "a.ply", "--env", "gone.hdr", "-o", "b.ply"]);
-    assert_eq!(output.status.code(), Some(2), "{}", said(&output));
-    assert!(said(&output).contains("--scene"), "{}", said(&output));
+    success(&mut bake(&folder, &none, &["--to", "vertices", "--what", "ao,prt", "-o", "a.ply"]));
+    let said = refusal(tool(&folder).args(["relight", "a.ply", "--env", "gone.hdr", "-o", "b.ply"]), 2);
+    assert!(said.contains("--scene"), "{said}");
 }

@@ -1,8 +1,11 @@
-//! `finalgather compare` from outside: numbers with known answers, what is refused and with which exit code, the maps it writes.
+//! `finalgather compare`: numbers with known answers, what it refuses with which exit code, and the maps it writes.
+
+mod common;
 
 use std::fs;
-use std::process::{Command, Output};
+use std::process::Command;
 
+use common::tool::{json, names_in, refusal, success, text, tool};
 use finalgather::image::{Channel, Image, WriteOptions};
 use serde_json::Value;
 use tempfile::TempDir;
@@ -24,30 +27,26 @@ impl Folder {
     }
 
     fn names(&self) -> Vec<String> {
-        let mut names: Vec<_> =
-            fs::read_dir(&self.0).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
-        names.sort();
-        names
+        names_in(&self.0)
     }
 
     /// The arguments are the words of this line.
-    fn compare(&self, line: &str) -> Output {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_finalgather"));
-        command.current_dir(&self.0).arg("compare").args(line.split_whitespace()).output().unwrap()
+    fn compare(&self, line: &str) -> Command {
+        let mut command = tool(&self.0);
+        command.arg("compare").args(line.split_whitespace());
+        command
     }
 
     fn json(&self, line: &str) -> Value {
-        let output = self.compare(&format!("{line} --json"));
-        assert!(output.status.success() && output.stderr.is_empty(), "{line}: {output:?}");
-        serde_json::from_slice(&output.stdout).expect("stdout is one JSON value")
+        json(&mut self.compare(&format!("{line} --json")))
     }
 
-    /// What it said, having ended with this code and kept stdout for data.
+    fn table(&self, line: &str) -> String {
+        text(&success(&mut self.compare(line)).stdout)
+    }
+
     fn refusal(&self, line: &str, code: i32) -> String {
-        let output = self.compare(line);
-        let said = String::from_utf8(output.stderr).unwrap();
-        assert_eq!(output.status.code(), Some(code), "{line}: {said}");
-        assert!(output.stdout.is_empty(), "{line} wrote on stdout");
+        let said = refusal(&mut self.compare(line), code);
         assert!(said.starts_with("error: "), "{line}: {said}");
         said
     }
@@ -100,8 +99,6 @@ fn a_person_gets_a_table() {
     let folder = Folder::new();
     folder.write("a.exr", &plain(8, 4, 0.5));
     folder.write("b.exr", &plain(8, 4, 0.25));
-    let output = folder.compare("a.exr b.exr");
-    assert!(output.status.success() && output.stderr.is_empty(), "{output:?}");
     let table = "\
 pixels         32 of 32
 mean of A      0.500000
@@ -114,10 +111,10 @@ relative MSE   0.862069
 PSNR           12.04 dB
 FLIP           0.4546
 ";
-    assert_eq!(String::from_utf8(output.stdout).unwrap(), table);
+    assert_eq!(folder.table("a.exr b.exr"), table);
 
     folder.write("c.exr", &plain(8, 4, 0.250_001));
-    let tiny = String::from_utf8(folder.compare("c.exr b.exr").stdout).unwrap();
+    let tiny = folder.table("c.exr b.exr");
     assert!(tiny.contains("RMSE           1.01328e-6\n"), "{tiny}");
 }
 
@@ -164,7 +161,7 @@ fn a_picture_equals_itself() {
         assert_eq!(found[name], 0.0, "{name}");
     }
     assert_eq!(found["psnr"], Value::Null, "infinite");
-    assert!(String::from_utf8(folder.compare("a.png a.png").stdout).unwrap().contains("PSNR           inf dB\n"));
+    assert!(folder.table("a.png a.png").contains("PSNR           inf dB\n"));
 }
 
 #[test]

@@ -1,13 +1,16 @@
-//! Long jobs from outside: checkpoints, shards and their merge make the bits of one run, whatever ends a run; what does not belong together is refused.
+//! Long jobs: a run that goes on from a checkpoint, and shards that are merged, make the bits of one run. Parts of different jobs are refused.
 #![cfg(unix)]
+
+mod common;
 
 use std::fs;
 use std::path::Path;
-use std::process::{Command, Output, Stdio};
+use std::process::{Command, Stdio};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
-use serde_json::{Value, json};
+use common::tool::{bytes, folder, json, names_in, number_after, refusal, signal, stderr, success, tool, wait_for};
+use serde_json::{Value, json as value};
 use tempfile::TempDir;
 
 const SCENE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/cornell.toml");
@@ -26,45 +29,22 @@ const VALUES: [&str; 12] = [
     "--samples-per-texel",
     "1",
 ];
+/// The longest that a run may take to its first checkpoint, on a loaded machine.
+const PATIENCE: Duration = Duration::from_secs(300);
 const RECEIVERS: [&str; 4] = ["-o", "vertices:a.npy", "-o", "lightmap:a.exr"];
 
-fn folder() -> TempDir {
-    tempfile::tempdir().unwrap()
-}
-
-fn tool(folder: &TempDir, args: &[&[&str]]) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_finalgather"));
-    command.current_dir(folder).args(args.concat());
+fn run(folder: &TempDir, args: &[&[&str]]) -> Command {
+    let mut command = tool(folder);
+    command.args(args.concat());
     command
 }
 
 fn render(folder: &TempDir, args: &[&str]) -> Command {
-    tool(folder, &[&["render", SCENE], &SMALL, args])
+    run(folder, &[&["render", SCENE], &SMALL, args])
 }
 
 fn bake(folder: &TempDir, args: &[&str]) -> Command {
-    tool(folder, &[&["bake", SCENE], &SMALL, &VALUES, args])
-}
-
-fn said(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stderr).into_owned()
-}
-
-/// What it said.
-fn success(command: &mut Command) -> String {
-    let output = command.output().unwrap();
-    assert!(output.status.success(), "{command:?}: {:?}: {}", output.status, said(&output));
-    said(&output)
-}
-
-fn refusal(command: &mut Command, code: i32) -> String {
-    let output = command.output().unwrap();
-    assert_eq!(output.status.code(), Some(code), "{command:?}: {}", said(&output));
-    said(&output)
-}
-
-fn bytes(folder: &TempDir, name: &str) -> Vec<u8> {
-    fs::read(folder.path().join(name)).unwrap_or_else(|error| panic!("{name}: {error}"))
+    run(folder, &[&["bake", SCENE], &SMALL, &VALUES, args])
 }
 
 #[test]
@@ -74,12 +54,10 @@ fn shards_of_a_render_make_the_bytes_of_one_run() {
     let settings = ["--interleave", "2", "--exposure", "0.5", "--directions", "1100"];
     success(&mut render(&folder, &[&settings[..], &["-o", "one.exr", "-o", "one.png"]].concat()));
     for shard in ["1/3", "2/3", "3/3"] {
-        let output =
-            render(&folder, &[&settings[..], &["--shard", shard, "-o", "{shard}.part", "--json"]].concat()).output().unwrap();
-        let report: Value = serde_json::from_slice(&output.stdout).unwrap_or_else(|error| panic!("{error}: {}", said(&output)));
+        let report = json(&mut render(&folder, &[&settings[..], &["--shard", shard, "-o", "{shard}.part", "--json"]].concat()));
         assert_eq!(report["outputs"][0], shard.replace("/3", ".part"));
     }
-    success(&mut tool(&folder, &[&["merge", "3.part", "1.part", "2.part", "-o", "merged.exr", "-o", "merged.png"]]));
+    success(&mut run(&folder, &[&["merge", "3.part", "1.part", "2.part", "-o", "merged.exr", "-o", "merged.png"]]));
     for ending in ["exr", "png"] {
         assert!(bytes(&folder, &format!("one.{ending}")) == bytes(&folder, &format!("merged.{ending}")), "{ending} differs");
     }
@@ -107,7 +85,7 @@ fn shards_of_a_bake_make_the_bytes_of_one_run() {
     };
     let baked = without_gl(bake(&folder, &[&camera[..], &receivers].concat())).output().unwrap();
     assert!(!baked.status.success(), "there is OpenGL");
-    success(&mut without_gl(tool(&folder, &[&["merge", "2.part", "1.part"], &receivers])));
+    success(&mut without_gl(run(&folder, &[&["merge", "2.part", "1.part"], &receivers])));
     assert_eq!(bytes(&folder, "a.npy.checkpoint"), b"of another");
     assert!(one == files.map(|name| bytes(&folder, name)), "a file differs");
 }
@@ -130,10 +108,10 @@ fn killed_again_and_again(mut command: impl FnMut() -> Command, file: &Path) -> 
                 child.kill().unwrap();
                 kills += 1;
             }
-            assert!(began.elapsed() < Duration::from_secs(300), "neither a checkpoint nor an end");
+            assert!(began.elapsed() < PATIENCE, "neither a checkpoint nor an end");
             sleep(Duration::from_millis(5));
         };
-        let said = said(&child.wait_with_output().unwrap());
+        let said = stderr(&child.wait_with_output().unwrap());
         assert!(status.success() || status.code().is_none(), "{status}: {said}");
         // The first run has nothing to go on from.
         if before.is_some() {
@@ -181,14 +159,11 @@ fn termination_keeps_a_checkpoint_and_what_is_done_is_not_done_again() {
     let folder = folder();
     let settings = ["--directions", "1500", "-o", "a.exr", "--checkpoint", "a.checkpoint"];
     let child = render(&folder, &settings).args(["--checkpoint-every", "0"]).stderr(Stdio::piped()).spawn().unwrap();
-    while !folder.path().join("a.checkpoint").exists() {
-        sleep(Duration::from_millis(10));
-    }
-    let kill = format!("kill -TERM {}", child.id());
-    assert!(Command::new("sh").args(["-c", &kill]).status().unwrap().success());
+    wait_for("a checkpoint", PATIENCE, || folder.path().join("a.checkpoint").exists().then_some(()));
+    assert!(signal("TERM", child.id()));
     let output = child.wait_with_output().unwrap();
-    assert_eq!(output.status.code(), Some(143), "{}", said(&output));
-    assert!(said(&output).ends_with("picture so far written to a.exr; --resume goes on\n"), "{}", said(&output));
+    assert_eq!(output.status.code(), Some(143), "{}", stderr(&output));
+    assert!(stderr(&output).ends_with("picture so far written to a.exr; --resume goes on\n"), "{}", stderr(&output));
     assert!(!bytes(&folder, "a.exr").is_empty());
     // Without --resume it would be overwritten.
     assert!(refusal(&mut render(&folder, &settings), 2).contains("--resume"));
@@ -197,9 +172,7 @@ fn termination_keeps_a_checkpoint_and_what_is_done_is_not_done_again() {
     success(&mut render(&folder, &["--directions", "1500", "-o", "one.exr"]));
     assert!(first == bytes(&folder, "one.exr"), "the pictures differ");
     // Finished, and written again from what is there.
-    let output = render(&folder, &settings).args(["--resume", "--json"]).output().unwrap();
-    assert!(output.status.success());
-    let report: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let report = json(render(&folder, &settings).args(["--resume", "--json"]));
     assert_eq!(report["gather"]["directions"], 0);
     assert!(bytes(&folder, "a.exr") == first);
 }
@@ -231,19 +204,16 @@ fn a_second_run_is_refused_and_what_a_killed_one_left_goes() {
     success(&mut render(&folder, &["-o", "a.png", "--checkpoint", "a.sums"]));
     assert!(!temporary("a.sums").exists(), "what the killed run has left is there still");
     assert!(others.iter().all(|of| temporary(of).exists()), "another file's is gone");
-    let locks =
-        fs::read_dir(&folder).unwrap().filter(|entry| entry.as_ref().unwrap().path().extension().is_some_and(|e| e == "lock"));
-    assert_eq!(locks.count(), 0, "a lock is left");
+    assert!(!names_in(&folder).iter().any(|name| name.ends_with(".lock")), "a lock is left");
 }
 
 /// Whether it gathered.
 fn gathers(command: &mut Command) -> bool {
-    let output = command.args(["--resume", "--json"]).output().unwrap();
-    assert!(output.status.success(), "{}", said(&output));
+    let output = success(command.args(["--resume", "--json"]));
     let report: Value = serde_json::from_slice(&output.stdout).unwrap();
     let done = [&report["gather"]["directions"], &report["bake"]["directions_done"]].into_iter().find_map(Value::as_u64).unwrap();
-    assert_eq!(done == 0, said(&output).contains("finished by an earlier run"), "{done} directions: {}", said(&output));
-    assert_eq!(done > 0, said(&output).contains("beginning"), "{}", said(&output));
+    assert_eq!(done == 0, stderr(&output).contains("finished by an earlier run"), "{done} directions: {}", stderr(&output));
+    assert_eq!(done > 0, stderr(&output).contains("beginning"), "{}", stderr(&output));
     done > 0
 }
 
@@ -258,9 +228,8 @@ fn what_is_finished_is_not_made_again() {
     let (names, before) = (["a.npy", "a.json"], state(&["a.npy", "a.json"]));
     success(&mut bake(&folder, &["-o", "vertices:b.ply", "-o", "lightmap:b.exr"]));
     assert!(!gathers(&mut bake(&folder, &["-o", "vertices:b.ply", "-o", "lightmap:b.exr"])));
-    let reported = bake(&folder, &["-o", "vertices:b.ply", "-o", "lightmap:b.exr", "--resume", "--json"]).output().unwrap();
-    let reported: Value = serde_json::from_slice(&reported.stdout).unwrap();
-    assert_eq!(reported["receivers"][0]["outputs"], json!(["b.ply"]), "{reported}");
+    let reported = json(&mut bake(&folder, &["-o", "vertices:b.ply", "-o", "lightmap:b.exr", "--resume", "--json"]));
+    assert_eq!(reported["receivers"][0]["outputs"], value!(["b.ply"]), "{reported}");
     let points = bytes(&folder, "b.ply");
     fs::write(folder.path().join("b.ply"), &points[..points.len() - 4]).unwrap();
     assert!(gathers(&mut bake(&folder, &["-o", "vertices:b.ply", "-o", "lightmap:b.exr"])), "some of its points are gone");
@@ -293,10 +262,8 @@ fn what_is_finished_is_not_made_again() {
     // Ended early, and what was summed is lost.
     let settings = ["--directions", "1500", "--checkpoint-every", "0", "-o", "a.exr"];
     let child = render(&folder, &settings).stderr(Stdio::piped()).spawn().unwrap();
-    while !folder.path().join("a.exr.checkpoint").exists() {
-        sleep(Duration::from_millis(10));
-    }
-    assert!(Command::new("kill").args(["-TERM", &child.id().to_string()]).status().unwrap().success());
+    wait_for("a checkpoint", PATIENCE, || folder.path().join("a.exr.checkpoint").exists().then_some(()));
+    assert!(signal("TERM", child.id()));
     assert_eq!(child.wait_with_output().unwrap().status.code(), Some(143));
     fs::remove_file(folder.path().join("a.exr.checkpoint")).unwrap();
     assert!(gathers(&mut render(&folder, &settings)));
@@ -308,53 +275,57 @@ fn a_bake_goes_on_in_other_memory() {
     let folder = folder();
     let job = ["--to", "camera", "--what", "ao", "--size", "128", "--directions", "64", "--layer-size", "128"];
     let job = [&job[..], &["--photons", "1e4", "--gl-device", "sw", "-o", "a.npy", "--checkpoint", "a.sums"]].concat();
-    let run = |memory: Option<u64>| {
+    let go_on = |memory: Option<u64>| {
         let memory = memory.map(|memory| format!("--memory={memory}"));
         let given: Vec<_> = memory.iter().map(String::as_str).chain(["--resume"]).collect();
-        tool(&folder, &[&["bake", SCENE], &job, &given])
+        run(&folder, &[&["bake", SCENE], &job, &given])
     };
-    let named = |said: &str| {
-        let (_, after) = said.split_once("--memory ").and_then(|(_, rest)| rest.split_once("give --memory ")).unwrap();
-        after.split(|c: char| !c.is_ascii_digit()).next().unwrap().parse::<u64>().unwrap()
-    };
-    let least = named(&refusal(&mut run(Some(1)), 2));
-    success(&mut run(Some(least + 40)));
+    let named = |said: &str| number_after(said, "give --memory ");
+    let least = named(&refusal(&mut go_on(Some(1)), 2));
+    success(&mut go_on(Some(least + 40)));
     let values = bytes(&folder, "a.npy");
-    let said = refusal(&mut run(Some(least)), 65);
+    let said = refusal(&mut go_on(Some(least)), 65);
     assert!(said.contains("a.sums: more points were gathered at a time"), "{said}");
     let enough = named(&said);
     assert!(enough > least && enough <= least + 40, "{said}");
     for memory in [Some(enough), Some(least + 39), Some(least + 41), Some(least + 4000), None] {
-        let said = success(&mut run(memory));
+        let said = stderr(&success(&mut go_on(memory)));
         assert!(said.contains("going on from ") && bytes(&folder, "a.npy") == values, "{memory:?}: {said}");
     }
+}
+
+/// The MiB that a job says it needs, refused for want of memory.
+fn needed(command: &mut Command) -> u64 {
+    let said = refusal(command, 2);
+    let needed = number_after(&said, "may take ");
+    assert!(said.contains(&format!("--memory {needed}")), "{said}");
+    needed
+}
+
+/// The MiB that a job has taken, from its report.
+fn peak(report: &Value) -> f64 {
+    report["peak_memory_bytes"].as_u64().unwrap() as f64 / f64::from(1 << 20)
 }
 
 #[test]
 fn memory_is_bounded_by_what_is_said_before() {
     let folder = folder();
     // On a software driver, whose memory is the process's.
-    let run = |size: &str, memory: &str| {
+    let within = |size: &str, memory: &str| {
         let args = ["--size", size, "--directions", "16", "--gl-device", "sw", "-o", "a.exr", "--json", "--memory", memory];
-        render(&folder, &args).output().unwrap()
+        render(&folder, &args)
     };
     for size in ["320", "640"] {
-        let said = said(&run(size, "1"));
-        let needed = said.split_once("may take ").and_then(|(_, rest)| rest.split_once(" MiB")?.0.parse::<u64>().ok());
-        let needed = needed.unwrap_or_else(|| panic!("{said}"));
-        assert!(!folder.path().join("a.exr").exists() && said.contains(&format!("--memory {needed}")), "{said}");
-        let output = run(size, &needed.to_string());
-        let report: Value = serde_json::from_slice(&output.stdout).unwrap_or_else(|error| panic!("{error}: {output:?}"));
-        let peak = report["peak_memory_bytes"].as_u64().unwrap() as f64 / f64::from(1 << 20);
+        let needed = needed(&mut within(size, "1"));
+        assert!(!folder.path().join("a.exr").exists());
+        let peak = peak(&json(&mut within(size, &needed.to_string())));
         let ratio = needed as f64 / peak;
         assert!((1.0..1.5).contains(&ratio), "{size}: {needed} MiB were said, and {peak:.1} taken");
         fs::remove_file(folder.path().join("a.exr")).unwrap();
     }
-    let output = run("640", "250");
-    let said = said(&output);
-    assert_eq!(output.status.code(), Some(2), "{said}");
+    let said = refusal(&mut within("640", "250"), 2);
     let (_, size) = said.split_once("--size ").unwrap_or_else(|| panic!("{said}"));
-    assert!(run(size.split_once(' ').unwrap().0, "250").status.success(), "{said}");
+    success(&mut within(size.split_once(' ').unwrap().0, "250"));
 }
 
 /// On the CPU too, where the values of all points are.
@@ -367,30 +338,24 @@ fn memory_of_a_bake_is_bounded() {
         (&["--to", "lightmap", "--resolution", "512", "-o", "a.exr"], "24", "irradiance,sh"),
         (&["--to", "vertices", "-o", "a.npy"], "24", "prt,prt-unshadowed"),
     ] {
-        let run = |memory: u64| {
+        let within = |memory: u64| {
             let args = ["--what", what, "--size", size, "--directions", "64", "--layer-size", "128", "--photons", "1e4"];
             let memory = ["--gl-device", "sw", "--json", "--memory", &memory.to_string()];
-            tool(&folder, &[&["bake", SCENE], &args, to, &memory]).output().unwrap()
+            run(&folder, &[&["bake", SCENE], &args, to, &memory])
         };
-        let refused = run(1);
-        let problem = said(&refused);
-        let needed = problem.split_once("may take ").and_then(|(_, rest)| rest.split_once(" MiB")?.0.parse::<u64>().ok());
-        let needed = needed.unwrap_or_else(|| panic!("{problem}"));
-        assert!(refused.status.code() == Some(2) && problem.contains(&format!("--memory {needed}")), "{problem}");
+        let needed = needed(&mut within(1));
         let name = to.last().unwrap();
         assert!(!folder.path().join(name).exists(), "{to:?}");
-        let output = run(needed);
-        let report: Value = serde_json::from_slice(&output.stdout).unwrap_or_else(|error| panic!("{error}: {output:?}"));
-        let peak = report["peak_memory_bytes"].as_u64().unwrap() as f64 / f64::from(1 << 20);
+        let report = json(&mut within(needed));
+        let peak = peak(&report);
         let ratio = needed as f64 / peak;
         eprintln!("{to:?}: {needed} MiB were said, and {peak:.1} taken in {} rounds", report["bake"]["rounds"]);
         assert!((1.0..1.6).contains(&ratio), "{to:?}: {needed} MiB were said, and {peak:.1} taken");
         // With more there are fewer rounds, and the same values; and it is not more than that either.
         let values = bytes(&folder, name);
         let most = needed + 60;
-        let output = run(most);
-        let report: Value = serde_json::from_slice(&output.stdout).unwrap_or_else(|error| panic!("{error}: {output:?}"));
-        assert!(report["peak_memory_bytes"].as_u64().unwrap() <= most << 20, "{to:?}: {most} MiB were allowed: {report}");
+        let report = json(&mut within(most));
+        assert!(self::peak(&report) <= most as f64, "{to:?}: {most} MiB were allowed: {report}");
         assert!(bytes(&folder, name) == values, "{to:?}: other values with more memory");
         fs::remove_file(folder.path().join(name)).unwrap();
     }
@@ -415,7 +380,7 @@ fn what_does_not_belong_together_is_refused_by_name() {
     };
     damaged("flipped.part", 100);
     fs::write(folder.path().join("short.part"), &bytes(&folder, "3.part")[..1000]).unwrap();
-    let merge = |parts: &[&str]| tool(&folder, &[&["merge"], parts, &["-o", "x.png"]]);
+    let merge = |parts: &[&str]| run(&folder, &[&["merge"], parts, &["-o", "x.png"]]);
     // 200 directions are 25 blocks of 8, of which the last shard has seven.
     let said = refusal(&mut merge(&["1.part", "2.part", "3.part"]), 2);
     assert!(said.contains("no part has directions 144 to 199 of 200"), "{said}");
@@ -431,8 +396,7 @@ fn what_does_not_belong_together_is_refused_by_name() {
         assert!(said.contains(what) && said.contains("cure: "), "{part}: {said}");
     }
     let textured = SCENE.replace("cornell.toml", "cornell_textured.toml");
-    let said =
-        refusal(&mut tool(&folder, &[&["render", &textured], &SMALL, &["--shard", "1/4", "-o", "1.part", "--resume"]]), 65);
+    let said = refusal(&mut run(&folder, &[&["render", &textured], &SMALL, &["--shard", "1/4", "-o", "1.part", "--resume"]]), 65);
     assert!(said.contains("scene.mesh differs") && said.contains("camera is"), "{said}");
     let resume = |args: &[&str]| render(&folder, &[&["--shard", "1/4", "-o", "1.part", "--resume"][..], args].concat());
     assert!(refusal(&mut resume(&["--directions", "300"]), 65).contains("settings.directions is 200 there and 300 here"));

@@ -1,18 +1,19 @@
-//! The engines of `scripts/cluster`, run for real on this machine: 16 shards, one of them killed midway, and the merged file is to the byte
-//! that of one run.
+//! The engines of `scripts/cluster` run on this machine: 16 shards, one of which is killed midway. The merged file has the bytes of one run.
 #![cfg(target_os = "linux")]
+
+mod common;
 
 use std::ffi::OsStr;
 use std::fs::{self, File};
-use std::io::{Write, stderr};
 use std::net::TcpListener;
 use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Output, Stdio};
+use std::process::{Child, Command, Stdio};
 use std::sync::OnceLock;
-use std::thread::sleep;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
+use common::need::need;
+use common::tool::{self, bytes, cornell_with, json, signal, stderr, success, text};
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -25,24 +26,6 @@ const RESUMED: &str = "going on from ";
 
 fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
-}
-
-fn text(bytes: &[u8]) -> String {
-    String::from_utf8_lossy(bytes).into_owned()
-}
-
-/// The Cornell box in a folder, as `scene.toml`, with settings by which a shard takes a second.
-fn folder() -> TempDir {
-    let folder = tempfile::tempdir().unwrap();
-    for name in ["cornell.obj", "cornell.mtl"] {
-        fs::copy(root().join("scenes").join(name), folder.path().join(name)).unwrap();
-    }
-    let scene = fs::read_to_string(root().join("scenes/cornell.toml")).unwrap();
-    let (scene, _) = scene.split_once("[settings]").expect("settings come last");
-    let settings = format!("[settings]\nsize = [{SIDE}, {SIDE}]\ndirections = 2048\nphotons = 10000\nlayer_size = 64\n");
-    let lights = "light_samples = 32\nshadow_size = 64\n";
-    fs::write(folder.path().join("scene.toml"), scene.to_owned() + &settings + lights).unwrap();
-    folder
 }
 
 /// Where the tool is, and the engines as `scripts/setup.sh --tests` installs them.
@@ -59,36 +42,26 @@ fn command(program: impl AsRef<OsStr>, folder: &Path) -> Command {
     command
 }
 
-fn success(command: &mut Command) -> Output {
-    let output = command.output().unwrap_or_else(|error| panic!("{command:?}: {error}"));
-    assert!(output.status.success(), "{command:?}: {:?}: {}{}", output.status, text(&output.stdout), text(&output.stderr));
-    output
-}
-
-/// Whether all of these are installed. If not, that is said past the test harness, which swallows what passing tests print.
+/// Whether all of these programs are installed.
 fn installed(engine: &str, programs: &[&str]) -> bool {
-    let there = |program: &str| {
+    let there = |program: &&str| {
         let look = format!("command -v {program} >/dev/null");
         Command::new("sh").env("PATH", path()).args(["-c", &look]).status().unwrap().success()
     };
-    let missing: Vec<_> = programs.iter().filter(|program| !there(program)).collect();
-    if !missing.is_empty() {
-        let mut aloud = stderr();
-        writeln!(aloud, "NOT TESTED: {engine}, for {missing:?} are not here; scripts/setup.sh --tests installs them").unwrap();
-    }
-    missing.is_empty()
+    let missing = programs.iter().find(|program| !there(program));
+    need(engine, missing.map_or(Ok(()), |program| Err(format!("{program} is not installed")))).is_some()
 }
 
-/// Looks until there is something.
-fn wait_for<T>(what: &str, mut look: impl FnMut() -> Option<T>) -> T {
-    let began = Instant::now();
-    loop {
-        if let Some(found) = look() {
-            return found;
-        }
-        assert!(began.elapsed() < PATIENCE, "waited in vain for {what}");
-        sleep(Duration::from_millis(5));
-    }
+fn wait_for<T>(what: &str, look: impl FnMut() -> Option<T>) -> T {
+    tool::wait_for(what, PATIENCE, look)
+}
+
+/// The Cornell box in a folder, as `scene.toml`, with settings by which a shard takes a second.
+fn folder() -> TempDir {
+    let folder = tool::folder();
+    let settings = format!("size = [{SIDE}, {SIDE}]\ndirections = 2048\nphotons = 10000\nlayer_size = 64\n");
+    cornell_with(folder.path(), "scene.toml", &(settings + "light_samples = 32\nshadow_size = 64\n"));
+    folder
 }
 
 /// Does something to the tool in the midst of a shard of this folder's scene, with a part that it could go on from. The process is as /proc
@@ -102,15 +75,15 @@ fn midway<T>(folder: &Path, act: impl Fn(&Path) -> Option<T>) -> T {
 
 /// Stops it first, because one that is about to end by itself would end so. Returns once it is gone, so that it is not found again.
 fn kill(process: &Path) -> Option<()> {
-    let signal = |name| Command::new("kill").arg(name).arg(process.file_name()?).status().unwrap().success().then_some(());
-    signal("-STOP")?;
+    let send = |name| signal(name, process.file_name()?.to_str()?).then_some(());
+    send("STOP")?;
     let stopped = wait_for("what is to be killed", || {
         let status = fs::read_to_string(process.join("status")).unwrap_or_default();
         let stopped = status.contains("State:\tT");
         (stopped || part_of(process).is_none()).then_some(stopped)
     });
     stopped.then_some(())?;
-    signal("-KILL")?;
+    send("KILL")?;
     wait_for("the end of what was killed", || part_of(process).is_none().then_some(()));
     Some(())
 }
@@ -144,10 +117,9 @@ fn assert_as_of_one_run(folder: &Path, merged: &str) {
     static ONE: OnceLock<Vec<u8>> = OnceLock::new();
     let one = ONE.get_or_init(|| {
         success(command("finalgather", folder).args(["render", "scene.toml", "-o", "one.exr"]));
-        fs::read(folder.join("one.exr")).unwrap()
+        bytes(folder, "one.exr")
     });
-    let merged_bytes = fs::read(folder.join(merged)).unwrap_or_else(|error| panic!("{merged}: {error}"));
-    assert!(*one == merged_bytes, "{merged} is not what one run writes");
+    assert!(*one == bytes(folder, merged), "{merged} is not what one run writes");
 }
 
 /// A cluster of this machine alone. It ends with the value, or else with the thread that made it.
@@ -179,8 +151,8 @@ impl Slurm {
         for name in ["state", "spool"] {
             fs::create_dir_all(own.join(name)).unwrap();
         }
-        let said = |program: &str, arg: &str| text(&success(command(program, folder).arg(arg)).stdout).trim().to_owned();
-        let (host, user) = (said("uname", "-n"), said("id", "-un"));
+        let ask = |program: &str, arg: &str| text(&success(command(program, folder).arg(arg)).stdout).trim().to_owned();
+        let (host, user) = (ask("uname", "-n"), ask("id", "-un"));
         let ports = [(); 2].map(|()| TcpListener::bind("127.0.0.1:0").unwrap());
         let [controller, node] = ports.map(|listener| listener.local_addr().unwrap().port());
         // Four tasks at a time whatever the machine. What is requeued waits for its credential to expire, by default two minutes.
@@ -228,7 +200,7 @@ impl Slurm {
 
 impl Drop for Slurm {
     fn drop(&mut self) {
-        let _ = Command::new("kill").arg(self.daemons.id().to_string()).status();
+        signal("TERM", self.daemons.id());
         let _ = self.daemons.wait();
     }
 }
@@ -294,8 +266,7 @@ fn kubernetes() {
         let path = root().join("scripts/cluster").join(name);
         success(command("kubernetes-validate", folder).args(["--strict", "--kubernetes-version", "1.33"]).arg(&path));
         let to_json = "import json, sys, yaml; print(json.dumps(yaml.safe_load(open(sys.argv[1]))))";
-        let json = success(command("python", folder).args(["-c", to_json]).arg(path)).stdout;
-        serde_json::from_slice::<Value>(&json).unwrap()
+        json(command("python", folder).args(["-c", to_json]).arg(path))
     });
     let container = |job: &Value| {
         let container = &job["spec"]["template"]["spec"]["containers"][0];
@@ -316,7 +287,7 @@ fn kubernetes() {
             first.kill().unwrap();
             first.wait().unwrap();
         }
-        let said = text(&success(pod.stderr(Stdio::piped())).stderr);
+        let said = stderr(&success(pod.stderr(Stdio::piped())));
         assert_eq!(said.contains(RESUMED), index == 5, "{said}");
     }
     success(&mut container(&merge));

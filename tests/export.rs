@@ -1,17 +1,17 @@
 //! What is exported comes back through other readers: PLY through ply-rs, NumPy byte by byte, OBJ as a scene, glTF through its
 //! crate and the Khronos validator.
 
-#[path = "common/khronos.rs"]
-mod khronos;
+mod common;
 
 use std::collections::BTreeMap;
 use std::f32::consts::{FRAC_1_PI, PI};
 use std::fs;
 use std::path::Path;
 
+use common::khronos;
 use finalgather::blocks::sha256;
 use finalgather::error::Error;
-use finalgather::export::{Lightmap, Surface, Values, check_writable, read_prt};
+use finalgather::export::{ExportMesh, Lightmap, PointValues, check_writable, read_prt};
 use finalgather::image::{Channel, Image, WriteOptions};
 use finalgather::points::file::{self, OrientedPoint};
 use finalgather::scene::{Material, Mesh, Texture, Triangle, World};
@@ -63,12 +63,12 @@ impl Tent {
         Self { mesh, normals, materials, textures }
     }
 
-    fn surface(&self) -> Surface<'_> {
-        Surface { mesh: &self.mesh, materials: &self.materials, textures: &self.textures }
+    fn surface(&self) -> ExportMesh<'_> {
+        ExportMesh { mesh: &self.mesh, materials: &self.materials, textures: &self.textures }
     }
 
-    fn values<'a>(&'a self, columns: &'a [Channel]) -> Values<'a> {
-        Values { positions: &self.mesh.positions, normals: &self.normals, columns, surface: Some(self.surface()) }
+    fn values<'a>(&'a self, columns: &'a [Channel]) -> PointValues<'a> {
+        PointValues { positions: &self.mesh.positions, normals: &self.normals, columns, surface: Some(self.surface()) }
     }
 
     /// Each plate has a third of the map.
@@ -390,7 +390,7 @@ fn gltf_of_points_alone() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.glb");
     let (tent, columns) = (Tent::new(), columns(&["AO"]));
-    Values { surface: None, ..tent.values(&columns) }.write(&path, &WriteOptions::default()).unwrap();
+    PointValues { surface: None, ..tent.values(&columns) }.write(&path, &WriteOptions::default()).unwrap();
     let glb = Glb::read(&path);
     let primitives = &glb.root["meshes"][0]["primitives"];
     assert_eq!((primitives[0]["mode"].as_u64(), primitives[0].get("indices")), (Some(0), None));
@@ -467,14 +467,14 @@ fn what_cannot_be_written_is_said_and_leaves_nothing() {
     let mut broken = columns(&["AO"]);
     broken[0].samples[3] = f32::NAN;
     refused("a.glb", &broken, "AO is not finite");
-    let none = Values { positions: &[], normals: &[], columns: &[], surface: None };
+    let none = PointValues { positions: &[], normals: &[], columns: &[], surface: None };
     assert!(none.write(&folder.path().join("a.ply"), &WriteOptions::default()).unwrap_err().to_string().contains("no points"));
     let lightmap = Lightmap { surface: tent.surface(), uvs: &[], irradiance: &irradiance };
     let error = lightmap.write(&folder.path().join("a.glb"), &WriteOptions::default()).unwrap_err();
     assert!(error.to_string().contains("0 coordinates on the light map for 12 vertices"), "{error}");
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
 
-    check_writable(&folder.path().join("a.NPY"), Values::ENDINGS).unwrap();
+    check_writable(&folder.path().join("a.NPY"), PointValues::ENDINGS).unwrap();
     assert!(check_writable(&folder.path().join("a.ply"), Lightmap::ENDINGS).is_err());
     assert!(check_writable(&folder.path().join("absent/a.glb"), Lightmap::ENDINGS).is_err());
 }

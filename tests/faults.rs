@@ -1,8 +1,8 @@
-//! Faults of drivers: the context is lost, memory ends, a limit or a version is a lie, a watchdog does not wait. Each ends in the result that there is
-//! without, or in an error that says so, with what was gathered kept.
+//! Faults of drivers: the context is lost, memory ends, a limit or a version is wrong, a watchdog resets the device. The tool either makes the same
+//! result as without the fault, or ends with an error that names the fault and keeps what was gathered.
 //!
-//! The driver is Mesa's with tests/faulty_driver/driver.c before it, which GLVND loads by its own environment variable. So it is the tool that people run
-//! which meets the faults; by the best driver alone, for on softpipe its many runs would take a quarter of an hour.
+//! The driver is Mesa's, with tests/faulty_driver/driver.c between it and the tool. GLVND loads that by its own environment variable, so that the tool runs
+//! as users run it. On softpipe these many runs would take a quarter of an hour, so CI runs them on the best driver only.
 #![cfg(target_os = "linux")]
 
 mod common;
@@ -11,10 +11,9 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::LazyLock;
-use std::thread::sleep;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
-use common::small_scene;
+use common::tool::{bytes, ended, folder, small_scene, tool};
 use finalgather::image::Image;
 use finalgather::image::compare::{Selection, compare};
 use serde_json::Value;
@@ -70,7 +69,7 @@ struct Job {
 impl Job {
     /// The Cornell box, small.
     fn new(command: &str, args: &str) -> Self {
-        let folder = tempfile::tempdir().unwrap();
+        let folder = folder();
         let scene = small_scene(folder.path());
         let args = [command, scene.to_str().unwrap()].into_iter().chain(args.split(' ')).map(str::to_owned).collect();
         Self { folder, args }
@@ -79,23 +78,13 @@ impl Job {
     /// With these arguments more. A run that does not end is a failure.
     fn run(&self, more: &[&str], faults: &Faults) -> Run {
         let log = self.folder.path().join("log.json");
-        let mut command = Command::new(env!("CARGO_BIN_EXE_finalgather"));
-        command.current_dir(&self.folder).args(&self.args).args(more).args(["--backend", "egl", "--gl-device", "sw"]);
+        let mut command = tool(&self.folder);
+        command.args(&self.args).args(more).args(["--backend", "egl", "--gl-device", "sw"]);
         command.env("__EGL_VENDOR_LIBRARY_FILENAMES", &*DRIVER).env("FAULTY_LOG", &log);
         command.envs(faults.iter().map(|(name, number)| (name, number.to_string())));
         let said = fs::File::create(self.folder.path().join("said")).unwrap();
         let mut child = command.stdout(Stdio::null()).stderr(said).spawn().unwrap();
-        let begun = Instant::now();
-        let status = loop {
-            match child.try_wait().unwrap() {
-                Some(status) => break status,
-                None if begun.elapsed() > Duration::from_secs(120) => {
-                    child.kill().unwrap();
-                    panic!("{faults:?}: it does not end");
-                }
-                None => sleep(Duration::from_millis(20)),
-            }
-        };
+        let status = ended(&mut child, Duration::from_secs(120));
         let said = fs::read_to_string(self.folder.path().join("said")).unwrap();
         assert!(!said.contains("panicked"), "{faults:?}: {said}");
         let code = status.code().unwrap_or_else(|| panic!("{faults:?}: {status}: {said}"));
@@ -112,7 +101,7 @@ impl Job {
     }
 
     fn bytes(&self, name: &str) -> Vec<u8> {
-        fs::read(self.folder.path().join(name)).unwrap_or_else(|error| panic!("{name}: {error}"))
+        bytes(&self.folder, name)
     }
 
     /// The numbers of a file of NumPy's first version, in 32 bits.

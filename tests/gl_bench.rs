@@ -1,10 +1,11 @@
-//! The bench: every contestant is measured, at the error that its method has; and timing stages changes nothing but the knowledge of them.
+//! The bench measures every contestant and its error. Timing the stages of a gather changes none of its bits.
 
 mod common;
 
 use std::fs;
 use std::process::Command;
 
+use common::tool::{folder, json, names_in, refusal, success, text, tool};
 use common::{cornell, directions, gather, gpu, photon_grid, points_on};
 use finalgather::bench::{Bench, CONTESTANTS, Contestant, Deviation, Where};
 use finalgather::gpu::{StageClock, StageTimes};
@@ -14,8 +15,8 @@ use finalgather::settings::{Sequence, Settings};
 use serde_json::Value;
 
 fn bench(args: &[&str]) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_finalgather"));
-    command.current_dir(env!("CARGO_MANIFEST_DIR")).arg("bench").args(args);
+    let mut command = tool(env!("CARGO_MANIFEST_DIR"));
+    command.arg("bench").args(args);
     command
 }
 
@@ -27,9 +28,7 @@ fn positive(value: &Value) -> f64 {
 
 #[test]
 fn every_contestant_is_measured_with_its_error() {
-    let output = bench(&[&SMALL[..], &["--json"]].concat()).output().unwrap();
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    let report: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let report = json(&mut bench(&[&SMALL[..], &["--json"]].concat()));
     let rows = report["rows"].as_array().unwrap();
     let names: Vec<_> = rows.iter().map(|row| row["name"].as_str().unwrap()).collect();
     assert_eq!(names, CONTESTANTS.iter().map(|contestant| contestant.name).collect::<Vec<_>>());
@@ -77,9 +76,9 @@ fn every_contestant_is_measured_with_its_error() {
 
 #[test]
 fn a_table_of_those_asked_for() {
-    let output = bench(&[&SMALL[..], &["--pipelines", "raycast,fused"]].concat()).output().unwrap();
-    let table = String::from_utf8_lossy(&output.stdout).into_owned();
-    assert!(output.status.success() && output.stderr.is_empty(), "{}", String::from_utf8_lossy(&output.stderr));
+    let output = success(&mut bench(&[&SMALL[..], &["--pipelines", "raycast,fused"]].concat()));
+    assert!(output.stderr.is_empty(), "{output:?}");
+    let table = text(&output.stdout);
     assert!(table.contains("points (32x32), 16 directions, 128x128 layers, medians of 2 rounds"), "{table}");
     let names: Vec<_> = table.lines().skip(4).map_while(|line| line.split_whitespace().next()).collect();
     assert_eq!(names, ["fused", "raycast"], "{table}");
@@ -87,13 +86,7 @@ fn a_table_of_those_asked_for() {
 
 #[test]
 fn requests_that_cannot_be_met() {
-    let folder = tempfile::tempdir().unwrap();
-    let refusal = |command: &mut Command, code: i32| {
-        let output = command.output().unwrap();
-        assert_eq!(output.status.code(), Some(code), "{command:?}");
-        assert!(output.stdout.is_empty(), "{command:?}");
-        String::from_utf8(output.stderr).unwrap()
-    };
+    let folder = folder();
     let said = refusal(bench(&[]).current_dir(&folder), 2);
     assert!(said.contains("no scenes/cornell.toml here\n  cure: name a scene"), "{said}");
     for args in [["--rounds", "0"], ["--directions", "0"], ["--size", "0"], ["--pipelines", "none"]] {
@@ -102,7 +95,7 @@ fn requests_that_cannot_be_met() {
     }
     refusal(&mut bench(&["absent.toml"]), 65);
     refusal(&mut bench(&["--backend", "egl", "--gl-device", "99"]), 69);
-    assert_eq!(fs::read_dir(&folder).unwrap().count(), 0);
+    assert!(names_in(&folder).is_empty());
 
     // A wall before a lamp that shines the other way: no photon, and no share of an error.
     let dark = folder.path().join("dark.obj");

@@ -7,7 +7,7 @@ use std::f32::consts::PI;
 use common::{Model, form_factor_of_disc, form_factor_of_polygon, gpu, points_on, sized};
 use finalgather::direct::Direct;
 use finalgather::geometry::Geometry;
-use finalgather::points::{GatherPoint, PointList, Sums};
+use finalgather::points::{Accumulator, GatherPoint, PointList};
 use finalgather::scene::{Lights, Scene};
 use glam::{Vec3, vec3};
 
@@ -29,7 +29,7 @@ fn direct(scene: &Scene, points: &[GatherPoint]) -> Vec<f32> {
     let geometry = Geometry::upload(&gpu, scene).unwrap();
     let lights = Lights::new(scene);
     let list = PointList::upload(&gpu, points).unwrap();
-    let sums = Sums::new(&gpu, list.points().size()).unwrap();
+    let sums = Accumulator::new(&gpu, list.points().size()).unwrap();
     let direct = Direct::new(&gpu, size, 0).unwrap();
     sums.clear();
     for sample in 0..samples {

@@ -1,8 +1,8 @@
-//! Inverse depth peeling: layers come far to near, complete, and each surface once.
+//! Depth peeling yields layers from far to near. Together they hold each surface once.
 
 mod common;
 
-use common::{Model, gpu, sized};
+use common::{Model, gpu, sized, writes_images};
 use finalgather::direction::Direction;
 use finalgather::gather::{Bundle, LayerStore, Peel};
 use finalgather::geometry::Geometry;
@@ -39,7 +39,7 @@ fn peel(gpu: &Gpu, geometry: &Geometry, bundle: &Bundle, size: u32) -> Layers {
 /// A store for each way to fill one that the device has.
 fn stores(gpu: &Gpu, size: u32) -> Vec<LayerStore> {
     let peeling = LayerStore::peeling(gpu, size).unwrap();
-    if gpu.writes_images() { vec![peeling, LayerStore::new(gpu, size).unwrap()] } else { vec![peeling] }
+    if writes_images(gpu) { vec![peeling, LayerStore::new(gpu, size).unwrap()] } else { vec![peeling] }
 }
 
 /// The layers of each bundle as [`peel`] has them, but that there may be further empty ones, from each of [`stores`].
@@ -171,8 +171,7 @@ fn a_store_holds_shallow_scenes_after_deep_ones_in_all_tiles() {
 #[test]
 fn sorting_stores_what_peeling_does() {
     let gpu = gpu();
-    if !gpu.writes_images() {
-        println!("shaders do not write to images on {}: there is one way to fill a store", gpu.info().renderer);
+    if !writes_images(&gpu) {
         return;
     }
     let size = 1024;

@@ -9,7 +9,7 @@ use std::path::Path;
 
 use common::{Model, gpu, sized};
 use finalgather::gpu::{
-    Blend, DepthTest, Draw, Filter, Format, Geometry, Gpu, Program, ShaderSource, Target, Texture, Uniform, Wrap,
+    Blend, DepthTest, Draw, Filter, Format, Gpu, Program, ShaderSource, Shape, Target, Texture, Uniform, Wrap,
 };
 use finalgather::image::Image;
 use finalgather::math::dominant_axis;
@@ -108,7 +108,7 @@ fn both_sides_look_up_the_same() {
             uniforms: &[&[("places", Uniform::Texture(&texture))], &photons.uniforms()[..]].concat(),
             depth: DepthTest::Off,
             blend: Blend::Replace,
-            geometry: Geometry::FullScreen,
+            geometry: Shape::FullScreen,
         }
         .run();
         gpu.check("looking photons up").unwrap();

@@ -1,9 +1,10 @@
-//! Whole renders: the same picture however it is computed, and a picture at any time.
+//! Whole renders: all pipelines and contexts make the same picture, and a render can be interrupted at any time.
 
 mod common;
 
 use std::path::Path;
 
+use common::need::need;
 use common::{gpu, gpu_of};
 use finalgather::direction::Directions;
 use finalgather::error::Error;
@@ -191,11 +192,9 @@ fn an_interrupted_picture_is_the_picture_with_more_error() {
 
 #[test]
 fn osmesa_and_egl_give_the_same_picture() {
-    let contexts = [Backend::Egl, Backend::OsMesa].map(gpu_of);
-    let [egl, osmesa] = match contexts {
-        [Ok(egl), Ok(osmesa)] => [egl, osmesa],
-        [Err(error), _] | [_, Err(error)] => return eprintln!("SKIPPED, for one of the two is not here: {error}"),
-    };
+    let [egl, osmesa] =
+        [Backend::Egl, Backend::OsMesa].map(|backend| need("the same picture by EGL and OSMesa", gpu_of(backend)));
+    let (Some(egl), Some(osmesa)) = (egl, osmesa) else { return };
     let (a, b) = (picture(&egl, None), picture(&osmesa, None));
     let found = compare(&a, &b, Selection::default()).unwrap();
     let (egl, osmesa) = (&egl.info().renderer, &osmesa.info().renderer);

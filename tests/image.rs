@@ -1,9 +1,12 @@
-//! Pictures out and in again through files: round trips, bytes that do not vary, files that are whole or absent.
+//! Pictures written to files and read back: all bits come back, the bytes do not vary, and a file is whole or absent.
+
+mod common;
 
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::Command;
 
+use common::tool::{folder, names_in};
 use finalgather::error::Error;
 use finalgather::image::{Channel, Image, WriteOptions, check_writable};
 
@@ -18,15 +21,9 @@ fn picture() -> Image {
     Image { width, height, channels: names.into_iter().enumerate().map(channel).collect() }
 }
 
-fn names_in(folder: &Path) -> Vec<PathBuf> {
-    let mut names: Vec<_> = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name().into()).collect();
-    names.sort();
-    names
-}
-
 #[test]
 fn exr_keeps_every_bit() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder();
     let path = folder.path().join("a.EXR");
     let mut image = picture();
     image.channels[7].samples[..4].copy_from_slice(&[f32::INFINITY, f32::NEG_INFINITY, f32::MIN_POSITIVE / 8.0, -0.0]);
@@ -43,7 +40,7 @@ fn exr_keeps_every_bit() {
 
 #[test]
 fn png_is_what_the_tone_curve_says() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder();
     let path = folder.path().join("a.png");
     let image = picture();
     image.write(&path, &WriteOptions { exposure: -1.0, metadata: None }).unwrap();
@@ -62,15 +59,14 @@ fn png_is_what_the_tone_curve_says() {
 #[test]
 #[ignore = "a part of exr_bytes_do_not_depend_on_the_threads"]
 fn write_one_exr() {
-    if let Some(path) = std::env::var_os("FINALGATHER_TEST_OUTPUT") {
-        let options = WriteOptions { metadata: Some("{\"a\":1}"), ..Default::default() };
-        picture().write(Path::new(&path), &options).unwrap();
-    }
+    let path = std::env::var_os("FINALGATHER_TEST_OUTPUT").expect("the test that calls this one names a file");
+    let options = WriteOptions { metadata: Some("{\"a\":1}"), ..Default::default() };
+    picture().write(Path::new(&path), &options).unwrap();
 }
 
 #[test]
 fn exr_bytes_do_not_depend_on_the_threads() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder();
     let written = |threads: usize, run: usize| {
         let path = folder.path().join(format!("{threads}-{run}.exr"));
         let status = Command::new(std::env::current_exe().unwrap())
@@ -93,7 +89,7 @@ fn exr_bytes_do_not_depend_on_the_threads() {
 #[test]
 fn a_new_file_has_the_permissions_of_any_new_file() {
     use std::os::unix::fs::PermissionsExt;
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder();
     let mode = |name: &str| fs::metadata(folder.path().join(name)).unwrap().permissions().mode();
     fs::write(folder.path().join("plain"), "").unwrap();
     picture().write(&folder.path().join("a.png"), &WriteOptions::default()).unwrap();
@@ -102,17 +98,17 @@ fn a_new_file_has_the_permissions_of_any_new_file() {
 
 #[test]
 fn writing_replaces_and_leaves_nothing_else() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder();
     let path = folder.path().join("a.png");
     fs::write(&path, "an older file").unwrap();
     picture().write(&path, &WriteOptions::default()).unwrap();
     assert!(Image::read(&path).is_ok());
-    assert_eq!(names_in(folder.path()), [Path::new("a.png")]);
+    assert_eq!(names_in(&folder), ["a.png"]);
 }
 
 #[test]
 fn failing_leaves_nothing() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder();
     // A rename cannot replace a folder, which makes the last of all steps fail.
     fs::create_dir(folder.path().join("a.png")).unwrap();
     let error = picture().write(&folder.path().join("a.png"), &WriteOptions::default()).unwrap_err();
@@ -122,12 +118,12 @@ fn failing_leaves_nothing() {
     broken.channels[0].samples.pop();
     let error = broken.write(&folder.path().join("b.exr"), &WriteOptions::default()).unwrap_err();
     assert!(error.to_string().contains("channel R has 5062 samples"), "{error}");
-    assert_eq!(names_in(folder.path()), [Path::new("a.png")]);
+    assert_eq!(names_in(&folder), ["a.png"]);
 }
 
 #[test]
 fn unwritable_paths_are_known_before() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder();
     fs::create_dir(folder.path().join("folder.png")).unwrap();
     let says = |path: &Path| match check_writable(path) {
         Err(error @ Error::Usage { .. }) => error.to_string(),
@@ -142,12 +138,12 @@ fn unwritable_paths_are_known_before() {
     }
     check_writable(&folder.path().join("a.png")).unwrap();
     check_writable(Path::new("a.exr")).unwrap();
-    assert_eq!(names_in(folder.path()), [Path::new("folder.png")]);
+    assert_eq!(names_in(&folder), ["folder.png"]);
 }
 
 #[test]
 fn unreadable_files_are_bad_input() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder();
     for name in ["a.exr", "a.png"] {
         let path = folder.path().join(name);
         assert!(matches!(Image::read(&path), Err(Error::Input { .. })), "{name} absent");

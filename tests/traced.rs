@@ -6,7 +6,7 @@ use std::f32::consts::PI;
 
 use common::{Model, form_factor_of_polygon};
 use finalgather::photon::{CausticMap, CausticPhoton, PhotonGrid, PhotonTracer};
-use finalgather::points::{EyeRays, Visible};
+use finalgather::points::{EyeRays, GBuffer};
 use finalgather::scene::{Bvh, Camera, Lens, Lights, Path, Scene, Surface, fresnel};
 use glam::{Vec2, Vec3, vec3};
 
@@ -24,7 +24,7 @@ fn camera(z: f32, fov_y_degrees: f32) -> Camera {
     Camera { eye: z * Vec3::Z, target: Vec3::ZERO, up: Vec3::Y, fov_y_degrees, lens: None }
 }
 
-fn see(scene: &Scene, camera: &Camera, side: u32, block: u32) -> Visible {
+fn see(scene: &Scene, camera: &Camera, side: u32, block: u32) -> GBuffer {
     let bvh = Bvh::new(&scene.mesh);
     EyeRays { scene, bvh: &bvh, camera, size: [side; 2], seed: 0 }.see(Vec2::splat(0.5), block)
 }

@@ -1,15 +1,18 @@
-//! The window from outside, under X servers of the tests' own: driven by key and mouse events (xdotool), looked at in the server's frame
-//! buffer, and compared with what `finalgather render` writes. And once under Wayland.
+//! The window of `finalgather view`. Each test starts an X server, sends key and mouse events (xdotool), reads the server's frame buffer, and compares
+//! it with what `finalgather render` writes. One test runs under Wayland.
 #![cfg(all(target_os = "linux", feature = "window"))]
+
+mod common;
 
 use std::fs;
 use std::io::{BufRead, BufReader, Read};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Child, Command, Output, Stdio};
 use std::sync::{Mutex, PoisonError};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
+use common::tool::{ended, folder, scene, stderr, success, text, tool, wait_for};
 use finalgather::image::Image;
 use serde_json::Value;
 use tempfile::TempDir;
@@ -78,18 +81,12 @@ impl Drop for Server {
 /// What it printed, once it has ended by itself.
 fn output(command: &mut Command) -> Output {
     let mut child = Server(start(command.stdout(Stdio::piped()).stderr(Stdio::piped())));
-    let begun = Instant::now();
-    loop {
-        if let Some(status) = child.0.try_wait().unwrap() {
-            // It ended, so all that it said was no more than pipes hold.
-            let (mut stdout, mut stderr) = (Vec::new(), Vec::new());
-            child.0.stdout.take().unwrap().read_to_end(&mut stdout).unwrap();
-            child.0.stderr.take().unwrap().read_to_end(&mut stderr).unwrap();
-            return Output { status, stdout, stderr };
-        }
-        assert!(begun.elapsed() < PATIENCE, "{command:?} does not end");
-        sleep(Duration::from_millis(30));
-    }
+    let status = ended(&mut child.0, PATIENCE);
+    // It ended, so its pipes hold all that it wrote.
+    let (mut stdout, mut stderr) = (Vec::new(), Vec::new());
+    child.0.stdout.take().unwrap().read_to_end(&mut stdout).unwrap();
+    child.0.stderr.take().unwrap().read_to_end(&mut stderr).unwrap();
+    Output { status, stdout, stderr }
 }
 
 fn start(command: &mut Command) -> Child {
@@ -102,7 +99,7 @@ impl Display {
         // Two that start at once may choose one number.
         static ONE: Mutex<()> = Mutex::new(());
         let _one = ONE.lock().unwrap_or_else(PoisonError::into_inner);
-        let folder = tempfile::tempdir().unwrap();
+        let folder = folder();
         let mut server = Server(start(
             Command::new("Xvfb")
                 .args(["-displayfd", "1", "-screen", "0", "1024x768x24", "-noreset", "-nolisten", "tcp", "-fbdir"])
@@ -127,7 +124,7 @@ impl Display {
     fn xdotool(&self, args: &[&str]) -> String {
         let output =
             start(Command::new("xdotool").args(args).env("DISPLAY", &self.name).stdout(Stdio::piped()).stderr(Stdio::null()));
-        String::from_utf8(output.wait_with_output().unwrap().stdout).unwrap().trim().to_owned()
+        text(&output.wait_with_output().unwrap().stdout).trim().to_owned()
     }
 }
 
@@ -138,16 +135,12 @@ struct View<'a> {
     window: String,
 }
 
-fn scene() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/cornell.toml")
-}
-
 fn glsl(name: &str) -> String {
-    fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("glsl").join(name)).unwrap()
+    fs::read_to_string(Path::new("glsl").join(name)).unwrap()
 }
 
 fn view(display: &Display) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_finalgather"));
+    let mut command = tool(env!("CARGO_MANIFEST_DIR"));
     command.args(["view", "--window", "392x560"]).env("DISPLAY", &display.name).env_remove("WAYLAND_DISPLAY").args(SMALL);
     command
 }
@@ -215,7 +208,7 @@ impl<'a> View<'a> {
 
     fn end(mut self) -> Output {
         self.key("ctrl+q");
-        self.until_gone();
+        ended(&mut self.tool, PATIENCE);
         let tool = std::mem::replace(&mut self.tool, start(&mut Command::new("true")));
         tool.wait_with_output().unwrap()
     }
@@ -231,14 +224,6 @@ impl<'a> View<'a> {
         self.xdotool(&["type", path.to_str().unwrap()]);
         self.key("Return");
     }
-
-    fn until_gone(&mut self) {
-        let begun = Instant::now();
-        while self.tool.try_wait().unwrap().is_none() {
-            assert!(begun.elapsed() < PATIENCE, "it does not end");
-            sleep(Duration::from_millis(30));
-        }
-    }
 }
 
 impl Drop for View<'_> {
@@ -250,17 +235,15 @@ impl Drop for View<'_> {
 
 fn rendered(folder: &TempDir) -> Pixels {
     let path = folder.path().join("render.png");
-    let status =
-        Command::new(env!("CARGO_BIN_EXE_finalgather")).arg("render").arg(scene()).args(SMALL).arg("-o").arg(&path).status();
-    assert!(status.unwrap().success());
+    success(tool(folder).arg("render").arg(scene("cornell.toml")).args(SMALL).arg("-o").arg(&path));
     Pixels::of_png(&path)
 }
 
 /// Runs it unattended and returns where the picture is in its screenshot, and what it printed.
 fn unattended(command: &mut Command, folder: &TempDir) -> (Pixels, Value) {
     let path = folder.path().join("window.png");
-    let output = output(command.arg(scene()).args(["--frames", "2", "--json", "--screenshot"]).arg(&path));
-    assert!(output.status.success(), "{command:?}: {}", String::from_utf8_lossy(&output.stderr));
+    let output = output(command.arg(scene("cornell.toml")).args(["--frames", "2", "--json", "--screenshot"]).arg(&path));
+    assert!(output.status.success(), "{command:?}: {}", stderr(&output));
     let shot = Pixels::of_png(&path);
     assert_eq!((shot.width, shot.rgb.len()), (392, 392 * HEIGHT));
     (shot.crop([0, (HEIGHT - SIDE) / 2, SIDE, SIDE]), serde_json::from_slice(&output.stdout).unwrap())
@@ -268,7 +251,7 @@ fn unattended(command: &mut Command, folder: &TempDir) -> (Pixels, Value) {
 
 #[test]
 fn shows_what_render_writes_by_egl_and_glx() {
-    let (display, folder) = (Display::start(), tempfile::tempdir().unwrap());
+    let (display, folder) = (Display::start(), folder());
     let expected = rendered(&folder);
     for (args, api) in [(&[][..], "EGL"), (&["--glx"], "GLX")] {
         let (shown, json) = unattended(view(&display).args(args), &folder);
@@ -281,7 +264,7 @@ fn shows_what_render_writes_by_egl_and_glx() {
 
 #[test]
 fn shows_the_same_under_wayland() {
-    let (folder, runtime) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+    let (folder, runtime) = (folder(), folder());
     let expected = rendered(&folder);
     let _weston = Server(start(
         Command::new("weston")
@@ -290,12 +273,8 @@ fn shows_the_same_under_wayland() {
             .stdout(Stdio::null())
             .stderr(Stdio::null()),
     ));
-    let begun = Instant::now();
-    while !runtime.path().join("wayland-test").exists() {
-        assert!(begun.elapsed() < PATIENCE, "weston does not listen");
-        sleep(Duration::from_millis(30));
-    }
-    let mut command = Command::new(env!("CARGO_BIN_EXE_finalgather"));
+    wait_for("weston", PATIENCE, || runtime.path().join("wayland-test").exists().then_some(()));
+    let mut command = tool(&folder);
     command.args(["view", "--window", "392x560"]).args(SMALL);
     command.env("XDG_RUNTIME_DIR", runtime.path()).env("WAYLAND_DISPLAY", "wayland-test").env_remove("DISPLAY");
     let (shown, json) = unattended(&mut command, &folder);
@@ -306,7 +285,7 @@ fn shows_the_same_under_wayland() {
 #[test]
 fn mouse_and_keys_move_the_camera() {
     let display = Display::start();
-    let mut view = View::start(&display, view(&display).arg(scene()).arg("--json"));
+    let mut view = View::start(&display, view(&display).arg(scene("cornell.toml")).arg("--json"));
     let start = view.until_done();
 
     // At the pace of a hand: what is pressed and released within a frame is a click.
@@ -360,7 +339,7 @@ fn mouse_and_keys_move_the_camera() {
 #[test]
 fn keys_and_switches_show_other_things() {
     let display = Display::start();
-    let mut view = View::start(&display, view(&display).arg(scene()));
+    let mut view = View::start(&display, view(&display).arg(scene("cornell.toml")));
     let start = view.until_done();
     let plain = view.whole();
 
@@ -392,10 +371,10 @@ fn keys_and_switches_show_other_things() {
 
 #[test]
 fn a_broken_scene_is_said_and_the_old_one_stays() {
-    let (display, folder) = (Display::start(), tempfile::tempdir().unwrap());
+    let (display, folder) = (Display::start(), folder());
     let broken = folder.path().join("broken.toml");
     fs::write(&broken, "mesh = \"none.obj\"\n").unwrap();
-    let mut view = View::start(&display, view(&display).arg(scene()));
+    let mut view = View::start(&display, view(&display).arg(scene("cornell.toml")));
     let start = view.until_done();
     assert!(!view.whole().has(BAD));
 
@@ -410,11 +389,11 @@ fn a_broken_scene_is_said_and_the_old_one_stays() {
 
 #[test]
 fn a_broken_shader_is_said_and_the_old_picture_stays() {
-    let (display, folder) = (Display::start(), tempfile::tempdir().unwrap());
+    let (display, folder) = (Display::start(), folder());
     let text = glsl("visible_points.frag");
     let file = folder.path().join("visible_points.frag");
     fs::write(&file, &text).unwrap();
-    let mut view = View::start(&display, view(&display).arg(scene()).arg("--shaders").arg(folder.path()));
+    let mut view = View::start(&display, view(&display).arg(scene("cornell.toml")).arg("--shaders").arg(folder.path()));
     let start = view.until_done();
 
     fs::write(&file, format!("{text}\nbroken")).unwrap();
@@ -431,10 +410,11 @@ fn a_broken_shader_is_said_and_the_old_picture_stays() {
 
 #[test]
 fn broken_layers_are_said_and_the_picture_goes_on() {
-    let (display, folder) = (Display::start(), tempfile::tempdir().unwrap());
+    let (display, folder) = (Display::start(), folder());
     let file = folder.path().join("peel.frag");
     fs::write(&file, "broken").unwrap();
-    let mut view = View::start(&display, view(&display).arg(scene()).args(["--layers", "--shaders"]).arg(folder.path()));
+    let mut view =
+        View::start(&display, view(&display).arg(scene("cornell.toml")).args(["--layers", "--shaders"]).arg(folder.path()));
     view.until("all directions", |view| view.title().contains("16 directions, done"));
     view.until("the compiler's log", |view| view.whole().has(BAD));
 
@@ -452,7 +432,7 @@ fn failures_have_exit_codes() {
     let display = Display::start();
     let refusal = |command: &mut Command, code: i32, words: &str| {
         let output = output(command.args(["--frames", "1"]));
-        let stderr = String::from_utf8(output.stderr).unwrap();
+        let stderr = stderr(&output);
         assert_eq!(output.status.code(), Some(code), "{command:?}: {stderr}");
         assert!(stderr.contains(words) && stderr.contains("cure: "), "{stderr}");
     };
@@ -461,7 +441,7 @@ fn failures_have_exit_codes() {
     refusal(view(&display).arg("none.toml"), 65, "none.toml");
 
     // A panic on the renderer's thread, and what goes wrong while the window is already there.
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder();
     let changed = |name: &str, from: &str, to: &str| {
         let text = glsl(name);
         assert!(text.contains(from), "{name}");
@@ -473,8 +453,12 @@ fn failures_have_exit_codes() {
         "void main()\n{",
         "uniform float unknown;\nvoid main()\n{\n    if (unknown > 0.0)\n        discard;",
     );
-    refusal(view(&display).arg(scene()).args(shaders()), 69, "panicked: shader visible_points reads the uniform unknown");
+    refusal(
+        view(&display).arg(scene("cornell.toml")).args(shaders()),
+        69,
+        "panicked: shader visible_points reads the uniform unknown",
+    );
     fs::remove_file(folder.path().join("visible_points.frag")).unwrap();
     fs::write(folder.path().join("peel.frag"), "broken").unwrap();
-    refusal(view(&display).arg(scene()).arg("--layers").args(shaders()), 69, "shader peel does not compile");
+    refusal(view(&display).arg(scene("cornell.toml")).arg("--layers").args(shaders()), 69, "shader peel does not compile");
 }

@@ -1,6 +1,6 @@
 // What a hit reflects. Mirrors `Geometry` in src/geometry.rs.
 
-#include "surface.glsl"
+#include "include/surface.glsl"
 
 #ifdef TEXTURED
 

@@ -1,25 +1,20 @@
-// What points see along a batch of directions. Mirrors `Hits` in src/gather/hits.rs.
+// The hit of a point along a direction of the batch: finders write it, consumers read it. Mirrors `Found` and `MissRadiance` in src/gather/mod.rs.
 
-uniform sampler2DArray hits;        // two directions in an element: distance; triangle, counted from 1, 0 where nothing is
-uniform vec4 directions[BATCH];     // xyz
-uniform vec4 beyond[BATCH];         // rgb: radiance of what lies beyond all surfaces along each direction,
-uniform vec4 behind[BATCH];         // and against it
-uniform int direction_count;
-uniform bool both_ends;             // of each direction, a point looks along the one on its side of its surface
+uniform vec4 directions[BATCH];     // xyz: unit vector; w: depth bias of its layers, for glsl/finder/layers.glsl
+uniform int direction_count;        // at least 1
+uniform vec4 miss_along[BATCH];     // rgb: radiance of a miss along each direction,
+uniform vec4 miss_against[BATCH];   // and against it
 
 struct PointHit
 {
-    vec3 direction;                 // from the point
-    float distance;
-    int triangle;                   // counted from 1; 0 where nothing is,
-    vec3 beyond;                    // then its radiance
+    vec3 direction;                 // unit vector from the point
+    bool against;                   // it is the opposite of directions[i]
+    int triangle;                   // counted from 1; 0: the ray meets no surface. Then distance and position mean nothing
+    float distance;                 // from the point
+    vec3 position;
 };
 
-PointHit fetch_hit(GatherPoint point, ivec2 place, int i)
+vec3 miss_radiance(PointHit hit, int i)
 {
-    vec4 pair = texelFetch(hits, ivec3(place, i >> 1), 0);
-    vec2 hit = (i & 1) == 0 ? pair.xy : pair.zw;
-    vec3 direction = directions[i].xyz;
-    bool against = both_ends && dot(point.surface_normal, direction) < 0.0;
-    return PointHit(against ? -direction : direction, hit.x, int(hit.y), (against ? behind[i] : beyond[i]).rgb);
+    return (hit.against ? miss_against[i] : miss_along[i]).rgb;
 }

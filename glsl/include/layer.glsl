@@ -7,7 +7,7 @@ struct Receiver
     vec2 offset;                    // this far beside the centre
     vec3 normal;                    // of its surface, as a covector of layer space
     float side;                     // looks along the direction: 1, against it: -1
-    float clearance;                // how far off its own tangent plane it can see a surface, for normals of length 1
+    float depth_bias;                // how far off its own tangent plane it can see a surface, for normals of length 1
     vec3 metric;                    // of layer space: the inner product of two covectors is dot(metric * a, b)
     vec3 facing;                    // metric * normal, on its side: what makes that product with a surface's normal
 };
@@ -22,7 +22,7 @@ struct Sample
 const Sample NOTHING = Sample(0.0, -1.0, -1.0);
 
 // In a layer of `size` texels on a side, which begins at texel `first` of a texture. What lies outside the layer sees nothing.
-Receiver receiver(vec3 position, vec3 surface_normal, float side, mat4 to_layer, float clearance, vec3 metric, ivec2 first, float size)
+Receiver receiver(vec3 position, vec3 surface_normal, float side, mat4 to_layer, float depth_bias, vec3 metric, ivec2 first, float size)
 {
     vec3 place = (to_layer * vec4(position, 1.0)).xyz;
     // A point on the scene may be rounded into the border, beyond which there are no neighbours to look at.
@@ -30,7 +30,7 @@ Receiver receiver(vec3 position, vec3 surface_normal, float side, mat4 to_layer,
     vec2 offset = place.xy - texel - 0.5;
     bool outside = max(abs(offset.x), abs(offset.y)) > 1.5;
     vec3 normal = mat3(to_layer) * surface_normal;
-    return Receiver(place, first + ivec2(texel), offset, normal / metric, side, outside ? 1e9 : clearance, metric, side * normal);
+    return Receiver(place, first + ivec2(texel), offset, normal / metric, side, outside ? 1e9 : depth_bias, metric, side * normal);
 }
 
 // How far a place of layer space, seen from the receiver, lies above its tangent plane.
@@ -55,10 +55,10 @@ Sample sample_surface(Receiver receiver, vec4 surface, vec2 offset)
     // Facets of the receiver's own surface rise a little above its tangent plane or cross its ray, and hide nothing from it: they must do both by a
     // sixteenth of a texel, as what is of another surface does.
     if (is_next_facet(receiver, surface.yz))
-        above = min(above, on_ray) - 15.0 * receiver.clearance;
+        above = min(above, on_ray) - 15.0 * receiver.depth_bias;
     // Where the centre is too close to the tangent plane to tell, the receiver's own ray decides. Rasterisers have vertices on a grid of 1/256 of a
-    // texel: rounding moves the receiver's surface by half of that, which clearance allows for, and the surface seen by as much of its slope.
-    else if (above > -0.5 * receiver.clearance - abs(receiver.normal.z) * (abs(surface.y) + abs(surface.z)) / 512.0)
+    // texel: rounding moves the receiver's surface by half of that, which depth_bias allows for, and the surface seen by as much of its slope.
+    else if (above > -0.5 * receiver.depth_bias - abs(receiver.normal.z) * (abs(surface.y) + abs(surface.z)) / 512.0)
         above = max(above, on_ray);
     return Sample(surface.w, receiver.side * ahead, above);
 }
@@ -68,7 +68,7 @@ Sample sample_surface(Receiver receiver, vec4 surface, vec2 offset)
 // at convex edges and tells the receiver's own surface at any slope.
 bool is_hit(Receiver receiver, Sample s)
 {
-    return s.id > 0.0 && s.ahead > 0.0 && s.above > receiver.clearance;
+    return s.id > 0.0 && s.ahead > 0.0 && s.above > receiver.depth_bias;
 }
 
 // Whether it is one, and before the nearest so far, which may be NOTHING.
@@ -90,7 +90,7 @@ ivec2 step_beside_edge(Receiver receiver)
 // Whether the neighbour's surface has ended before the receiver's ray: at the receiver's own texel too it would be above the tangent plane.
 bool has_ended(Receiver receiver, vec4 surface, ivec2 step)
 {
-    return height(receiver, receiver.offset, surface.x - dot(surface.yz, vec2(step))) > receiver.clearance;
+    return height(receiver, receiver.offset, surface.x - dot(surface.yz, vec2(step))) > receiver.depth_bias;
 }
 
 // The eight neighbours of a texel, without a table: drivers keep those in slow memory.

@@ -1,6 +1,6 @@
 // Reading the layer store: the surfaces of a texel far to near, in slots. Mirrors `LayerStore` in src/gather/layer_store/mod.rs.
 
-#include "packed_surface.glsl"
+#include "include/packed_surface.glsl"
 
 uniform usampler2DArray planes;     // two slots in an element
 uniform usampler2DArray stored_triangles;   // four slots in an element

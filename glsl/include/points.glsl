@@ -1,6 +1,6 @@
 // Gather points: two RGBA32F textures, a texel a point. Mirrors src/points/mod.rs.
 
-#include "octahedral.glsl"
+#include "include/octahedral.glsl"
 
 uniform sampler2D point_position;   // xyz: position; w: geometric normal, octahedral x
 uniform sampler2D point_normal;     // xyz: unit shading normal, zero where there is no point; w: octahedral y

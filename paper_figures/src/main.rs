@@ -1,22 +1,34 @@
 //! Measures and draws the figures: `cargo run --release --bin paper_figures -- --help`.
 //!
-//! A figure is declared in `figures/<name>.toml` and has its place in `page.toml`. It writes its numbers as `out/<name>.json`, and what is
-//! drawn, `out/<name>.svg` or a part of the page, is drawn from that file alone. The page, `out/index.html`, shows all that there is.
-//! How a figure is measured and drawn is its kind, a type that implements [`figure::Figure`]. To add one, write a file in
+//! A figure is declared in `figures/NAME.toml` and has its place in `page.toml`. It writes its numbers as `out/NAME.json`, and its
+//! drawing, `out/NAME.svg` or a part of the page, is made from that file alone. The page, `out/index.html`, shows all figures.
+//! A figure's kind is a type that implements [`figure::Figure`], which measures and draws. To add one, write a file in
 //! `src/figures/` (`src/figures/stop_fraction.rs` is the shortest) and name it in `src/figures/mod.rs`.
+//!
+//! Modules are on floors, and a module imports only from lower floors. `tests/floors.rs` reads this table and checks it. Only `lab` calls
+//! the `finalgather` library. `lab` and `draw` are imported as a whole from above.
+//!
+//! | floor | modules | |
+//! |---|---|---|
+//! | 11 | `main` | command line |
+//! | 10 | `page` | the page with all figures |
+//! | 9 | `page::claims` | the poster's claims and their verdicts |
+//! | 8 | `document` | files of declarations and of measurements |
+//! | 7 | `figures` | list of kinds |
+//! | 6 | `figures::*` | a kind of figure each |
+//! | 5 | `lab`, `draw` | names of the floors below |
+//! | 4 | `lab::path_tracer`, `lab::slice` | measurements |
+//! | 3 | `lab::cornell`, `lab::pictures` | gathers, and renders against path tracing |
+//! | 2 | `lab::machine`, `lab::procedural` | date and hardware, scenes made in code |
+//! | 1 | `lab::library`, `lab::numeric`, `draw::*` | names of the library, numbers, plots and HTML |
+//! | 0 | `figure` | what a figure is |
 
-mod claims;
-mod contestants;
-mod cornell;
+mod document;
+mod draw;
 mod figure;
 mod figures;
-mod html;
-mod machine;
+mod lab;
 mod page;
-mod path_tracer;
-mod picture;
-mod plot;
-mod procedural;
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -24,7 +36,9 @@ use std::process::ExitCode;
 
 use clap::Parser;
 
-use crate::figure::{Declaration, Document, Format, Result, Scale, folder};
+use crate::document::{Declaration, Document};
+use crate::figure::{Format, Result, Scale, folder, of_file};
+use crate::lab::write_small;
 use crate::page::Page;
 
 /// Measures and draws the figures of finalgather, to paper_figures/out/NAME.json and NAME.svg, and all in one page, index.html
@@ -39,7 +53,7 @@ struct Args {
     #[arg(long, value_name = "F", default_value = "1")]
     scale: Scale,
 
-    /// Draw anew what was measured before
+    /// Draw earlier measurements anew
     #[arg(long, conflicts_with = "scale")]
     redraw: bool,
 
@@ -64,12 +78,12 @@ fn main() -> ExitCode {
 
 fn run(args: &Args) -> Result<()> {
     let page = Page::load()?;
-    if let Some(unknown) = args.only.iter().find(|name| page.figure(name).is_none()) {
-        let names: Vec<_> = page.figures().map(|figure| figure.name.as_str()).collect();
+    let names: Vec<_> = page.figures().map(|figure| figure.name.as_str()).collect();
+    if let Some(unknown) = args.only.iter().find(|name| !names.contains(&name.as_str())) {
         return Err(format!("no figure {unknown}, only {}", names.join(", ")).into());
     }
     let out = args.out.clone().unwrap_or_else(|| folder().join("out"));
-    fs::create_dir_all(&out).map_err(|error| format!("{}: {error}", out.display()))?;
+    of_file(&out, fs::create_dir_all(&out))?;
     let wanted = |figure: &&Declaration| args.only.is_empty() || args.only.contains(&figure.name);
     for figure in page.figures().filter(wanted) {
         make(figure, args, &out).map_err(|error| format!("{}: {error}", figure.name))?;
@@ -92,7 +106,7 @@ fn make(figure: &Declaration, args: &Args, out: &Path) -> Result<()> {
     }
     if args.record {
         if !document.scale.is_whole() {
-            return Err("what was measured is not a whole run; measure it without --scale first".into());
+            return Err("the measurement is not of full scale; measure it without --scale first".into());
         }
         let run = folder().join("runs").join(document.machine.run_name(&document.date));
         write(&file(&run, "json"), &document.to_json()?)?;
@@ -100,16 +114,15 @@ fn make(figure: &Declaration, args: &Args, out: &Path) -> Result<()> {
             write(&file(&run, "svg"), &drawing)?;
         }
         for picture in document.pictures(out)? {
-            picture::write_small(&picture, &run.join(picture.file_name().unwrap_or_default()))?;
+            write_small(&picture, &run.join(picture.file_name().unwrap_or_default()))?;
         }
     }
     Ok(())
 }
 
 fn write(path: &Path, text: &str) -> Result<()> {
-    let problem = |error| format!("{}: {error}", path.display());
-    path.parent().map_or(Ok(()), fs::create_dir_all).map_err(problem)?;
-    fs::write(path, text).map_err(problem)?;
+    of_file(path, path.parent().map_or(Ok(()), fs::create_dir_all))?;
+    of_file(path, fs::write(path, text))?;
     eprintln!("  {}", path.display());
     Ok(())
 }

@@ -1,10 +1,10 @@
-//! The page of a tiny run: all that is declared is on it, and it needs nothing beside it.
+//! The page of a tiny run shows all declared figures, needs no other file, and judges nothing.
 
 use std::fs;
 use std::path::Path;
 use std::process::Command;
 
-/// Figures that take seconds at this scale; the others are declared, and said to be missing.
+/// Figures that take seconds at this scale. The page says of the others that they are missing.
 const MEASURED: [&str; 4] = ["figure2", "figure3", "convergence", "bench"];
 
 fn page(out: &Path) -> String {
@@ -15,7 +15,7 @@ fn page(out: &Path) -> String {
     fs::read_to_string(out.join("index.html")).unwrap()
 }
 
-/// What stands between `before` and the next quotation mark, everywhere.
+/// All texts between `before` and the next quotation mark.
 fn quoted<'a>(html: &'a str, before: &str) -> Vec<&'a str> {
     html.split(before).skip(1).filter_map(|rest| rest.split('"').next()).collect()
 }
@@ -33,7 +33,7 @@ fn the_page_is_whole_and_needs_no_other_file() {
     shown.sort();
     assert_eq!(shown, names);
 
-    // Measured ones have a picture or a plot, and the others say that they are missing.
+    // Each measured figure has a picture or a plot. The page says that the others are missing.
     for part in html.split("<h3 id=\"").skip(1) {
         let name = part.split('"').next().unwrap();
         let drawn = part.contains("<svg") || part.contains("src=\"data:image/png;base64,");
@@ -53,7 +53,9 @@ fn the_page_is_whole_and_needs_no_other_file() {
     for other in ["<script", "<link", "url(", "@import"] {
         assert!(!html.contains(other), "{other}");
     }
-    // Twelve claims and their head.
+    // Twelve claims and their head. At this scale none is judged, and neither is a picture.
     let claims = html.split("class=\"claims\"").nth(1).unwrap().split("</table>").next().unwrap();
     assert_eq!(claims.matches("<tr>").count(), 13);
+    assert_eq!(claims.matches("<span class=\"verdict unknown\">not judged</span>").count(), 12);
+    assert_eq!(html.matches("is not judged at this scale").count(), 2);
 }

@@ -1,4 +1,4 @@
-//! The passes over hits that a bake adds up, and what their sums make. Mirrors `glsl/hemisphere.frag` and `glsl/harmonics.frag`.
+//! The consumers of a bake, and what their sums make. Mirrors `glsl/consumer/hemisphere.glsl` and `glsl/consumer/harmonics.glsl`.
 
 use std::f32::consts::{PI, TAU};
 
@@ -8,19 +8,17 @@ use rayon::prelude::*;
 use super::vertex_cache::CachedValues;
 use crate::blocks::{Planes, Sum};
 use crate::error::Result;
-use crate::gather::{Beyond, Hits};
+use crate::gather::{Found, GatherPass, MissRadiance};
 use crate::geometry::Geometry;
-use crate::gpu::{Gpu, Program, Uniform};
+use crate::gpu::{Gpu, Uniform};
 use crate::harmonics::cosine_lobe;
 use crate::image::Channel;
 use crate::photon::PhotonTexture;
-use crate::points::{GatherPoint, PointList, Points, Sums};
+use crate::points::{Accumulator, GatherPoint, PointList, Points};
 use crate::quantity::Quantity;
-use crate::shaders;
+use crate::shaders::{Albedo, Consumer, Finder, HarmonicsPass, HitRadiance};
 
-/// Four floats each; the least number of targets that OpenGL 3.3 promises.
-const TARGETS: usize = 8;
-/// Of `glsl/hemisphere.frag`: reflected, sky, open, counts.
+/// Outputs of `glsl/consumer/hemisphere.glsl`: reflected, sky, open, counts.
 const HEMISPHERE: usize = 4;
 
 /// What to add up.
@@ -36,12 +34,8 @@ pub struct Wanted {
 }
 
 impl Wanted {
-    fn targets(&self) -> usize {
-        (3 * self.order * self.order).div_ceil(4)
-    }
-
     fn planes(&self) -> usize {
-        HEMISPHERE + self.targets() * (usize::from(self.sh) + usize::from(self.prt))
+        HEMISPHERE + HarmonicsPass::targets(self.order) * (usize::from(self.sh) + usize::from(self.prt))
     }
 
     /// Bytes for a point and so many copies of its sums.
@@ -52,145 +46,115 @@ impl Wanted {
 
 /// What hits send back.
 #[derive(Clone, Copy)]
-pub enum Rough<'a> {
-    /// Nothing.
+pub enum SurfaceRadiance<'a> {
     Black,
     Photons(&'a PhotonTexture),
-    Gathered(&'a CachedValues),
+    Cached(&'a CachedValues),
 }
 
-/// What a pass over hits reads.
-#[derive(Clone, Copy)]
-pub struct Seen<'a> {
+/// What [`Integrals::add`] reads.
+pub struct IntegralInputs<'a> {
     pub geometry: &'a Geometry,
-    pub hits: Hits<'a>,
-    pub beyond: &'a Beyond,
+    /// By [`Finder::Stored`].
+    pub found: Found<'a>,
+    pub miss: &'a MissRadiance,
     pub points: Points<'a>,
-    /// Radiance of hits.
-    pub rough: Rough<'a>,
+    pub radiance: SurfaceRadiance<'a>,
     /// Transfer of hits; black without.
     pub transfer: Option<&'a CachedValues>,
-    /// In unit space, beyond which a hit leaves a point open.
+    /// In unit space; a hit farther away leaves a point open.
     pub open_distance: f32,
 }
 
-/// The programs, for one kind of radiance and transfer.
+/// The passes over stored hits, for one kind of radiance and transfer.
 pub struct Integrals {
-    wanted: Wanted,
-    hemisphere: Program,
-    sh: Vec<Program>,
-    prt: Vec<Program>,
+    passes: Vec<IntegralPass>,
+}
+
+struct IntegralPass {
+    pass: GatherPass,
+    /// Sums of four floats that it adds to.
+    outputs: usize,
+    /// Whether it reads the transfer of hits, in the place of their radiance.
+    reads_transfer: bool,
 }
 
 /// Some of the points, with their sums.
 pub struct Tile {
     pub list: PointList,
-    hemisphere: Sums,
-    sh: Vec<Sums>,
-    prt: Vec<Sums>,
+    /// Of each pass.
+    sums: Vec<Accumulator>,
 }
 
 impl Tile {
     pub fn clear(&self) {
-        [&self.hemisphere].into_iter().chain(&self.sh).chain(&self.prt).for_each(Sums::clear);
+        self.sums.iter().for_each(Accumulator::clear);
     }
 }
 
 /// Sums of points, in their order.
 #[derive(Clone, Debug, Default)]
 pub struct Values {
-    /// rgb: Σ radiance of surfaces × w; a: Σ w.
-    reflected: Vec<Vec4>,
-    /// rgb: Σ radiance of the environment × w; a: Σ w of what leaves the scene.
-    sky: Vec<Vec4>,
-    /// xyz: Σ direction × w of what is open; a: Σ w.
-    open: Vec<Vec4>,
-    /// Σ w of hits from behind, number of directions in the hemisphere.
-    counts: Vec<Vec4>,
-    /// Coefficients of each point, padded to whole targets.
-    sh: Vec<Vec<Vec4>>,
-    prt: Vec<Vec<Vec4>>,
+    /// The outputs of all passes, of each point:
+    /// - reflected (rgb: Σ radiance of surfaces × w; a: Σ w),
+    /// - sky (rgb: Σ radiance of the environment × w; a: Σ w of misses),
+    /// - open (xyz: Σ direction × w of what is open; a: Σ w),
+    /// - counts (Σ w of hits from behind; number of directions in the hemisphere),
+    /// - coefficients of incident radiance, if wanted, padded to whole outputs,
+    /// - those of transfer likewise.
+    planes: Vec<Vec<Vec4>>,
 }
 
 impl Integrals {
     /// With albedo textures or without, and for the kinds of radiance and transfer that will be given.
     pub fn new(gpu: &Gpu, wanted: Wanted, textured: bool, gathered: bool, transfer: bool) -> Result<Self> {
-        let textured = textured.then(|| "TEXTURED".to_owned());
-        let gathered = gathered.then(|| "GATHERED".to_owned());
-        let radiance = wanted.radiance.then(|| "RADIANCE".to_owned());
-        let harmonics = |defines: Vec<String>| {
-            let passes = wanted.targets().div_ceil(TARGETS);
-            let program = |pass| {
-                let own = [format!("ORDER {}", wanted.order), format!("PASS {pass}")];
-                Program::with(gpu, &shaders::HARMONICS, &[&own[..], &defines].concat())
-            };
-            (0..passes).map(program).collect::<Result<Vec<_>>>()
+        let albedo = Albedo::of(textured);
+        let radiance = if gathered { HitRadiance::VertexCache(albedo) } else { HitRadiance::Photons(albedo) };
+        let pass = |consumer, outputs, reads_transfer| {
+            Ok(IntegralPass { pass: GatherPass::new(gpu, Finder::Stored, consumer)?, outputs, reads_transfer })
         };
-        let of_radiance: Vec<String> = textured.iter().chain(&gathered).cloned().collect();
-        let of_transfer = ["TRANSFER".to_owned()].into_iter().chain(textured.clone());
-        let of_transfer: Vec<String> = of_transfer.chain(transfer.then(|| "GATHERED".to_owned())).collect();
-        Ok(Self {
-            wanted,
-            hemisphere: Program::with(gpu, &shaders::HEMISPHERE, &[&of_radiance[..], radiance.as_slice()].concat())?,
-            sh: if wanted.sh { harmonics(of_radiance)? } else { Vec::new() },
-            prt: if wanted.prt { harmonics(of_transfer)? } else { Vec::new() },
-        })
+        let harmonics = |wanted_so: bool| HarmonicsPass::all(wanted.order).filter(move |_| wanted_so);
+        let hemisphere = pass(Consumer::Hemisphere(wanted.radiance.then_some(radiance)), HEMISPHERE, false);
+        let sh = harmonics(wanted.sh).map(|part| pass(Consumer::IncidentHarmonics(radiance, part), part.outputs(), false));
+        let prt = harmonics(wanted.prt)
+            .map(|part| pass(Consumer::TransferHarmonics(transfer.then_some(albedo), part), part.outputs(), true));
+        Ok(Self { passes: [hemisphere].into_iter().chain(sh).chain(prt).collect::<Result<_>>()? })
     }
 
     /// Sums for `points`, to be cleared first.
     pub fn tile(&self, gpu: &Gpu, points: &[GatherPoint]) -> Result<Tile> {
         let list = PointList::upload(gpu, points)?;
-        let size = list.points().size();
-        let sums = |programs: &[Program]| {
-            let targets = |pass: usize| (self.wanted.targets() - TARGETS * pass).min(TARGETS);
-            (0..programs.len()).map(|pass| Sums::several(gpu, size, targets(pass))).collect::<Result<Vec<_>>>()
-        };
-        Ok(Tile { hemisphere: Sums::several(gpu, size, HEMISPHERE)?, sh: sums(&self.sh)?, prt: sums(&self.prt)?, list })
+        let sums = self.passes.iter().map(|pass| Accumulator::several(gpu, list.points().size(), pass.outputs));
+        Ok(Tile { sums: sums.collect::<Result<_>>()?, list })
     }
 
     /// Adds what the points of a tile see.
-    pub fn add(&self, tile: &Tile, seen: &Seen) {
-        let own = [("open_distance", Uniform::Float(seen.open_distance))];
-        let photons = match seen.rough {
-            Rough::Photons(photons) => photons.uniforms().to_vec(),
-            Rough::Gathered(cached) => cached.uniforms().to_vec(),
-            Rough::Black => Vec::new(),
+    pub fn add(&self, tile: &Tile, inputs: &IntegralInputs) {
+        let own = [("open_distance", Uniform::Float(inputs.open_distance))];
+        let radiance = match inputs.radiance {
+            SurfaceRadiance::Photons(photons) => photons.uniforms().to_vec(),
+            SurfaceRadiance::Cached(cached) => cached.uniforms().to_vec(),
+            SurfaceRadiance::Black => Vec::new(),
         };
-        let transfer = seen.transfer.map_or(Vec::new(), |cached| cached.uniforms().to_vec());
-        let common = [&own[..], &seen.geometry.uniforms(), &seen.hits.uniforms(), &seen.beyond.uniforms()].concat();
-        let of_radiance = [&common[..], &photons].concat();
-        let of_transfer = [&common[..], &transfer].concat();
-        tile.hemisphere.add(seen.points, &self.hemisphere, &of_radiance);
-        let passes = |programs: &[Program], sums: &[Sums], uniforms: &[_]| {
-            programs.iter().zip(sums).for_each(|(program, sums)| sums.add(seen.points, program, uniforms));
-        };
-        passes(&self.sh, &tile.sh, &of_radiance);
-        passes(&self.prt, &tile.prt, &of_transfer);
+        let transfer = inputs.transfer.map_or(Vec::new(), |cached| cached.uniforms().to_vec());
+        let common = [&own[..], &inputs.geometry.uniforms(), &inputs.miss.uniforms()].concat();
+        let uniforms = [radiance, transfer].map(|of_hits| [&common[..], &of_hits].concat());
+        for (IntegralPass { pass, reads_transfer, .. }, sums) in self.passes.iter().zip(&tile.sums) {
+            pass.add(&inputs.found, inputs.points, sums, &uniforms[usize::from(*reads_transfer)]);
+        }
     }
 
     /// Reads the sums of a tile and puts them behind `values`.
     pub fn read(&self, tile: &Tile, values: &mut Values) {
-        let read = |sums: &Sums, index| tile.list.in_order(sums.read_one(index));
-        let all = [&mut values.reflected, &mut values.sky, &mut values.open, &mut values.counts];
-        for (index, values) in all.into_iter().enumerate() {
-            values.extend(read(&tile.hemisphere, index));
-        }
-        let harmonics = |sums: &[Sums], values: &mut Vec<Vec<Vec4>>| {
-            if !sums.is_empty() {
-                values.resize(self.wanted.targets(), Vec::new());
-                for (target, values) in values.iter_mut().enumerate() {
-                    values.extend(read(&sums[target / TARGETS], target % TARGETS));
-                }
-            }
-        };
-        harmonics(&tile.sh, &mut values.sh);
-        harmonics(&tile.prt, &mut values.prt);
+        values.planes.resize(self.passes.iter().map(|pass| pass.outputs).sum(), Vec::new());
+        let sums = tile.sums.iter().flat_map(Accumulator::read_all);
+        values.planes.iter_mut().zip(sums).for_each(|(plane, sums)| plane.extend(tile.list.in_order(sums)));
     }
 }
 
 impl Sum for Values {
     fn add(&mut self, later: &Self) {
-        for (plane, later) in self.all_mut().zip(later.all()) {
+        for (plane, later) in self.planes.iter_mut().zip(&later.planes) {
             plane.par_iter_mut().zip(later).for_each(|(sum, later)| *sum += *later);
         }
     }
@@ -198,7 +162,7 @@ impl Sum for Values {
 
 impl Planes for Values {
     fn planes(&self) -> Vec<&[f32]> {
-        self.all().map(|plane| bytemuck::cast_slice(plane)).collect()
+        self.planes.iter().map(|plane| bytemuck::cast_slice(plane)).collect()
     }
 }
 
@@ -210,73 +174,51 @@ impl Values {
 
     /// Of the floats of [`Planes::planes`] for so many points; `None` where they are others than were wanted.
     pub fn of_planes(wanted: &Wanted, points: usize, planes: &[&[f32]]) -> Option<Self> {
-        let harmonics = |wanted_so: bool| vec![Vec::new(); if wanted_so { wanted.targets() } else { 0 }];
-        let mut values = Self { sh: harmonics(wanted.sh), prt: harmonics(wanted.prt), ..Self::default() };
-        if planes.len() != wanted.planes() {
-            return None;
-        }
-        for (plane, floats) in values.all_mut().zip(planes) {
-            // Floats lie more loosely than vectors.
-            *plane = floats.len().is_multiple_of(4).then(|| bytemuck::pod_collect_to_vec(floats))?;
-        }
-        let whole = values.all().all(|plane| plane.len() == points);
-        whole.then_some(values)
+        let whole = planes.len() == wanted.planes() && planes.iter().all(|floats| floats.len() == 4 * points);
+        // Floats lie more loosely than vectors.
+        whole.then(|| Self { planes: planes.iter().map(|floats| bytemuck::pod_collect_to_vec(floats)).collect() })
     }
 
     /// Puts those of further points behind.
     pub fn append(&mut self, further: &Self) {
-        self.sh.resize(further.sh.len(), Vec::new());
-        self.prt.resize(further.prt.len(), Vec::new());
-        for (plane, further) in self.all_mut().zip(further.all()) {
+        self.planes.resize(further.planes.len(), Vec::new());
+        for (plane, further) in self.planes.iter_mut().zip(&further.planes) {
             // There are few rounds, and much in each.
             plane.reserve_exact(further.len());
             plane.extend(further);
         }
     }
 
-    fn all(&self) -> impl Iterator<Item = &Vec<Vec4>> {
-        [&self.reflected, &self.sky, &self.open, &self.counts].into_iter().chain(&self.sh).chain(&self.prt)
-    }
-
-    fn all_mut(&mut self) -> impl Iterator<Item = &mut Vec<Vec4>> {
-        let Self { reflected, sky, open, counts, sh, prt } = self;
-        [reflected, sky, open, counts].into_iter().chain(sh).chain(prt)
-    }
-
     /// For each point the share of its hemisphere in which it saw surfaces from behind.
     pub fn inside(&self) -> Vec<f32> {
-        let share = |i: usize| self.counts[i].x / self.reflected[i].w.max(f32::MIN_POSITIVE);
-        (0..self.reflected.len()).map(share).collect()
-    }
-
-    /// Irradiance by way of surfaces, and from the environment.
-    pub fn irradiance(&self) -> impl Iterator<Item = [Vec3; 2]> {
-        let mean = |sum: &Vec4, weight: f32| if weight > 0.0 { PI * sum.truncate() / weight } else { Vec3::ZERO };
-        self.reflected.iter().zip(&self.sky).map(move |(reflected, sky)| [mean(reflected, reflected.w), mean(sky, reflected.w)])
+        let [reflected, _, _, counts, ..] = &self.planes[..] else { return Vec::new() };
+        counts.iter().zip(reflected).map(|(counts, reflected)| counts.x / reflected.w.max(f32::MIN_POSITIVE)).collect()
     }
 
     /// The columns of a quantity; `direct` is irradiance from the lights.
     pub fn columns(&self, quantity: Quantity, order: usize, points: &[GatherPoint], direct: &[Vec3]) -> Vec<Channel> {
-        let weight = |i: usize| self.reflected[i].w;
+        let [reflected, sky, open, counts, harmonics @ ..] = &self.planes[..] else { unreachable!("points have sums") };
+        let prt = &harmonics[harmonics.len().saturating_sub(HarmonicsPass::targets(order))..];
+        let weight = |i: usize| reflected[i].w;
         let share = |sum: f32, i: usize| if weight(i) > 0.0 { sum / weight(i) } else { 0.0 };
         let names = quantity.columns(order);
         let value: Box<dyn Fn(usize) -> Vec<f32>> = match quantity {
             Quantity::Irradiance => {
-                let parts: Vec<_> = self.irradiance().collect();
+                let mean = move |sum: Vec4, i| if weight(i) > 0.0 { PI * sum.truncate() / weight(i) } else { Vec3::ZERO };
                 Box::new(move |i| {
-                    let [indirect, sky] = parts[i];
+                    let [indirect, sky] = [mean(reflected[i], i), mean(sky[i], i)];
                     let direct = direct[i] + sky;
                     [direct + indirect, direct, indirect].iter().flat_map(Vec3::to_array).collect()
                 })
             }
-            Quantity::Ao => Box::new(|i| vec![share(self.open[i].w, i)]),
-            Quantity::BentNormal => Box::new(|i| self.open[i].truncate().normalize_or(points[i].normal).to_array().to_vec()),
-            Quantity::Sky => Box::new(|i| vec![share(self.sky[i].w, i)]),
+            Quantity::Ao => Box::new(|i| vec![share(open[i].w, i)]),
+            Quantity::BentNormal => Box::new(|i| open[i].truncate().normalize_or(points[i].normal).to_array().to_vec()),
+            Quantity::Sky => Box::new(|i| vec![share(sky[i].w, i)]),
             Quantity::Sh => Box::new(|i| {
-                let solid_angle = if self.counts[i].y > 0.0 { TAU / self.counts[i].y } else { 0.0 };
-                (0..names.len()).map(|k| self.sh[k / 4][i][k % 4] * solid_angle).collect()
+                let solid_angle = if counts[i].y > 0.0 { TAU / counts[i].y } else { 0.0 };
+                (0..names.len()).map(|k| harmonics[k / 4][i][k % 4] * solid_angle).collect()
             }),
-            Quantity::Prt => Box::new(|i| (0..names.len()).map(|k| share(self.prt[k / 4][i][k % 4], i)).collect()),
+            Quantity::Prt => Box::new(|i| (0..names.len()).map(|k| share(prt[k / 4][i][k % 4], i)).collect()),
             Quantity::PrtUnshadowed => {
                 let coefficients = names.len() / 3;
                 Box::new(move |i| cosine_lobe(points[i].normal).into_iter().take(coefficients).flat_map(|c| [c; 3]).collect())

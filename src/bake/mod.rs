@@ -26,20 +26,20 @@ use serde::Serialize;
 use serde_json::{Value, json};
 
 use self::accumulation::{Accumulation, BlockSums, RoundSums};
-use self::hits::{BatchHits, StoredHits};
-use self::integrals::{Integrals, Rough, Seen};
+use self::hits::{BatchHits, HitSource, VertexHits};
+use self::integrals::{IntegralInputs, Integrals, SurfaceRadiance};
 use self::memory::stores_hits;
 use self::schedule::{BlockInProgress, PointSet, Round, Schedule};
 use self::vertex_cache::VertexCache;
 use crate::blocks::{Part, sha256};
 use crate::direct::Direct;
 use crate::error::{Error, Result};
-use crate::gather::{Beyond, Find};
+use crate::gather::MissRadiance;
 use crate::geometry::Geometry;
 use crate::gpu::Gpu;
 use crate::image::Channel;
 use crate::photon::PhotonCounts;
-use crate::points::{GatherPoint, Sums};
+use crate::points::{Accumulator, GatherPoint};
 use crate::prepared::{Photons, Prepared};
 use crate::scene::Scene;
 use crate::settings::{DIRECTIONS_PER_PHOTON_MAP, Settings};
@@ -49,7 +49,7 @@ pub use plan::{Plan, RadianceCache, blocks_of, vertex_inset};
 
 /// Counts and times of a bake.
 #[derive(Clone, Debug, Default, Serialize)]
-pub struct Statistics {
+pub struct BakeStatistics {
     pub points: usize,
     /// Directions that are done, all rounds together, and in all.
     pub directions_done: u64,
@@ -84,7 +84,7 @@ pub struct Bake {
     direct: Direct,
     cache: VertexCache,
     /// Once there are points to find hits for.
-    finder: Option<Box<dyn Find>>,
+    hit_source: Option<HitSource>,
     sums: Accumulation,
     /// MiB that the whole bake may take, if [`Self::fit`] has limited them.
     limit: Option<usize>,
@@ -126,7 +126,7 @@ impl Bake {
             points,
             photons,
             cache,
-            finder: None,
+            hit_source: None,
             sums: Accumulation::default(),
             limit: None,
             layers_max: 0,
@@ -150,9 +150,9 @@ impl Bake {
         self.schedule.next(&self.sums.rounds).is_none()
     }
 
-    pub fn statistics(&self) -> Statistics {
+    pub fn statistics(&self) -> BakeStatistics {
         let (directions_done, directions_total) = self.schedule.progress(&self.sums.rounds);
-        Statistics {
+        BakeStatistics {
             points: self.points.len(),
             directions_done,
             directions_total,
@@ -325,7 +325,7 @@ impl Bake {
         let mut direct = Vec::with_capacity(round.points.len());
         for tile in &block.tiles {
             let points = tile.list.points();
-            let sums = Sums::new(&self.gpu, points.size())?;
+            let sums = Accumulator::new(&self.gpu, points.size())?;
             sums.clear();
             (0..self.settings.light_samples.into()).for_each(|sample| self.direct.add(geometry, lights, sample, points, &sums));
             let mean = 1.0 / self.settings.light_samples as f32;
@@ -347,30 +347,30 @@ impl Bake {
     fn gather_batch(&mut self, at: &BlockInProgress, round: &Round) -> Result<u32> {
         let start = Instant::now();
         let Some(block) = &self.sums.block else { return Ok(0) };
-        let finder = match &mut self.finder {
-            Some(finder) => finder,
-            none => none.insert(hits::finder(&self.gpu, &self.settings, &self.prepared, self.schedule.largest_round())?),
+        let source = match &mut self.hit_source {
+            Some(source) => source,
+            none => none.insert(HitSource::new(&self.gpu, &self.settings, &self.prepared, self.schedule.largest_round())?),
         };
-        let mut directions = self.schedule.directions(at, finder.batch());
+        let mut directions = self.schedule.directions(at, source.batch());
         let (scene, geometry) = (&self.prepared.scene, &self.geometry);
         let VertexCache { hits, radiance, transfer, .. } = &mut self.cache;
         let (radiance, transfer) = (radiance.as_ref(), transfer.as_ref());
-        let rough = match (radiance, &self.photons) {
-            (Some(cached), _) => Rough::Gathered(cached),
-            (None, Some(photons)) => Rough::Photons(&photons.texture),
-            (None, None) => Rough::Black,
+        let radiance = match (radiance, &self.photons) {
+            (Some(cached), _) => SurfaceRadiance::Cached(cached),
+            (None, Some(photons)) => SurfaceRadiance::Photons(&photons.texture),
+            (None, None) => SurfaceRadiance::Black,
         };
         let stored = hits.as_mut().filter(|_| round.set == PointSet::Vertices);
         let stored = stored.map(|stored| stored.entry(at.left.start).or_default());
-        let mut hits = BatchHits::begin(&mut **finder, stored, geometry, &directions)?;
+        let mut hits = BatchHits::begin(source, stored, geometry, &directions)?;
         directions.truncate(hits.directions);
-        self.layers_max = self.layers_max.max(hits.layers);
-        let beyond = &Beyond::new(scene, directions.iter().map(|direction| direction.vector));
+        let miss = &MissRadiance::new(scene, &directions);
         let open_distance = self.plan.ao_distance.map_or(f32::MAX, |length| scene.space.length_to_unit(length));
         for (index, tile) in block.tiles.iter().enumerate() {
             let points = tile.list.points();
-            let hits = hits.of_tile(geometry, index, points)?;
-            block.integrals.add(tile, &Seen { geometry, hits, beyond, points, rough, transfer, open_distance });
+            let found = hits.of_tile(geometry, index, points)?;
+            self.layers_max = self.layers_max.max(found.layers);
+            block.integrals.add(tile, &IntegralInputs { geometry, found, miss, points, radiance, transfer, open_distance });
         }
         self.gpu.finish();
         self.gpu.check("gathering")?;
@@ -380,7 +380,7 @@ impl Bake {
 
     /// Gives memory back that it can do without, if any.
     fn shrink(&mut self) -> bool {
-        if self.cache.hits.take().is_some() || self.finder.as_mut().is_some_and(|finder| finder.shrink()) {
+        if self.cache.hits.take().is_some() || self.hit_source.as_mut().is_some_and(HitSource::shrink) {
             return true;
         }
         // Half as many points at a time. Where blocks are complete it is too late: a block is of all points of a round.
@@ -397,8 +397,8 @@ impl Bake {
         self.schedule.restart(&self.plan);
         self.sums = Accumulation::new(self.schedule.rounds.len());
         (self.cache.radiance, self.cache.transfer) = (None, None);
-        self.cache.hits = stores_hits(&self.plan, &self.schedule).then(StoredHits::new);
-        self.finder = None;
+        self.cache.hits = stores_hits(&self.plan, &self.schedule).then(VertexHits::new);
+        self.hit_source = None;
     }
 
     /// Directions along which every point has gathered, of those asked for.

@@ -1,5 +1,5 @@
 //! The cache at the vertices of the scene: what was gathered there in one stage lights the surfaces that the next stage sees. It replaces the photon
-//! map, and holds the transfer by way of other surfaces. Mirrors `glsl/include/carriers.glsl`.
+//! map, and holds the transfer by way of other surfaces. Mirrors `glsl/include/vertex_cache.glsl`.
 //!
 //! Only fronts of surfaces have values: the back of a surface is black.
 
@@ -7,7 +7,7 @@ use std::rc::Rc;
 
 use glam::{DVec4, Vec3};
 
-use super::hits::StoredHits;
+use super::hits::VertexHits;
 use super::integrals::Values;
 use super::plan::Plan;
 use crate::error::Result;
@@ -27,7 +27,7 @@ pub struct VertexCache {
     pub radiance: Option<CachedValues>,
     pub transfer: Option<CachedValues>,
     /// What the vertices see, if there is memory for it.
-    pub hits: Option<StoredHits>,
+    pub hits: Option<VertexHits>,
 }
 
 /// Values at the vertices, on the GL side.
@@ -99,9 +99,9 @@ impl CachedValues {
     /// The uniforms that shaders read.
     pub fn uniforms(&self) -> [(&'static str, Uniform<'_>); 3] {
         [
-            ("carriers_of", Uniform::Texture(&self.triangles)),
-            ("carried_values", Uniform::Texture(&self.values)),
-            ("carried_texels", Uniform::Int(self.texels as i32)),
+            ("cache_vertices", Uniform::Texture(&self.triangles)),
+            ("cached_values", Uniform::Texture(&self.values)),
+            ("cached_texels", Uniform::Int(self.texels as i32)),
         ]
     }
 }

@@ -11,6 +11,7 @@
 mod contestant;
 mod deviation;
 
+use std::rc::Rc;
 use std::time::Instant;
 
 use glam::{DVec3, Vec2, Vec3, Vec4};
@@ -24,11 +25,11 @@ use crate::error::{Error, Result};
 use crate::geometry::Geometry;
 use crate::gpu::{Gpu, StageClock};
 use crate::photon::{PhotonGrid, PhotonTexture, PhotonTracer};
-use crate::points::{CameraPoints, GatherPoint, PointList, Points, Visible};
+use crate::points::{CameraPoints, GBuffer, GatherPoint, PointList, Points};
 use crate::reference::Reference;
 use crate::scene::{Bvh, Lights, Scene};
 use crate::settings::Settings;
-use contestant::{Entrant, Rays};
+use contestant::{CountedRays, Entrant};
 
 /// A scene with its photons and points, ready to be gathered at.
 pub struct Bench {
@@ -36,17 +37,17 @@ pub struct Bench {
     settings: Settings,
     /// In unit space.
     scene: Scene,
-    bvh: Bvh,
+    bvh: Rc<Bvh>,
     grid: PhotonGrid,
     photons: PhotonTexture,
     geometry: Geometry,
-    source: Source,
+    source: PointOrigin,
     /// The points in the order of their textures' texels; some texels have none.
     pixels: Vec<Option<GatherPoint>>,
 }
 
-enum Source {
-    Camera(CameraPoints, Visible),
+enum PointOrigin {
+    Camera(CameraPoints, GBuffer),
     List(PointList),
 }
 
@@ -60,7 +61,7 @@ pub enum Where {
 
 /// How much to measure.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Plan {
+pub struct BenchPlan {
     /// Of each contestant in a round.
     pub directions: u32,
     pub rounds: u32,
@@ -135,9 +136,11 @@ impl Bench {
                 // Of what was read back, the count is enough from now on.
                 let (count, cut) = (visible.count, visible.cut);
                 let [position, normal, albedo, emission] = Default::default();
-                (Source::Camera(camera, Visible { position, normal, albedo, emission, count, cut }), pixels)
+                (PointOrigin::Camera(camera, GBuffer { position, normal, albedo, emission, count, cut }), pixels)
             }
-            Where::Points(points) => (Source::List(PointList::upload(gpu, &points)?), points.into_iter().map(Some).collect()),
+            Where::Points(points) => {
+                (PointOrigin::List(PointList::upload(gpu, &points)?), points.into_iter().map(Some).collect())
+            }
         };
         if pixels.iter().flatten().next().is_none() {
             return Err(Error::usage("there is no point to gather at: the camera sees no surface", "turn the camera"));
@@ -146,7 +149,7 @@ impl Bench {
         if lights.is_dark() {
             return Err(Error::usage("the scene has no light that is large enough beside it", "enlarge the lights"));
         }
-        let bvh = Bvh::new(&scene.mesh);
+        let bvh = Rc::new(Bvh::new(&scene.mesh));
         let mut grid = PhotonGrid::new(&scene.mesh, settings.grid_cells);
         PhotonTracer::new(&scene, &bvh, &lights, settings.seed, settings.bounces).trace(0..settings.photons, &mut grid);
         grid.add_area(&scene.mesh, &bvh, settings.seed);
@@ -167,16 +170,16 @@ impl Bench {
 
     fn points(&self) -> Points<'_> {
         match &self.source {
-            Source::Camera(camera, visible) => camera.points(visible),
-            Source::List(list) => list.points(),
+            PointOrigin::Camera(camera, visible) => camera.points(visible),
+            PointOrigin::List(list) => list.points(),
         }
     }
 
     /// Runs `contestants` in turns, a row each in their order.
     ///
     /// # Errors
-    /// As [`crate::gather::Gather::add`], and [`crate::Error::Gl`] when the device fails.
-    pub fn measure(&self, contestants: &[&Contestant], plan: Plan) -> Result<Vec<Row>> {
+    /// As [`crate::gather::IrradianceGather::add`], and [`crate::Error::Gl`] when the device fails.
+    pub fn measure(&self, contestants: &[&Contestant], plan: BenchPlan) -> Result<Vec<Row>> {
         if plan.rounds == 0 || plan.directions == 0 {
             return Err(Error::usage("nothing is measured in 0 rounds or along 0 directions", "give 1 or more"));
         }
@@ -217,9 +220,9 @@ impl Bench {
             rows.push(Row {
                 name: contestants[i].name.to_owned(),
                 ends: match rays {
-                    Rays::OneEnd => Some(1),
-                    Rays::BothEnds => Some(2),
-                    Rays::Own => None,
+                    CountedRays::OneEnd => Some(1),
+                    CountedRays::BothEnds => Some(2),
+                    CountedRays::Own => None,
                 },
                 seconds: cost.seconds,
                 seconds_range: [
@@ -230,7 +233,7 @@ impl Bench {
                 ms_per_sample: cost.ms_per_sample,
                 samples_per_second: cost.samples_per_second,
                 layers_max: layers[i],
-                device: if plan.stages { self.device_times(entrant, &directions)? } else { None },
+                device: if plan.stages && contestants[i].is_gl() { Some(self.device_times(entrant, &directions)?) } else { None },
                 same_rays,
                 converged,
             });
@@ -244,7 +247,7 @@ impl Bench {
     /// As [`Self::measure`].
     pub fn converging(&self, contestant: &Contestant, seed: u64) -> Result<Converging<'_>> {
         let mut entrant = contestant.enter(self, seed)?;
-        entrant.clear();
+        entrant.begin(self);
         Ok(Converging { bench: self, entrant, sequence: Directions::new(self.settings.sequence, seed), done: 0 })
     }
 
@@ -274,7 +277,7 @@ impl Bench {
 
     /// Seconds of a round and the most layers of its directions.
     fn timed(&self, entrant: &mut Entrant, directions: &[Direction]) -> Result<(f64, u32)> {
-        entrant.clear();
+        entrant.begin(self);
         self.gpu.finish();
         let start = Instant::now();
         let layers = entrant.gather(self, directions)?;
@@ -284,11 +287,8 @@ impl Bench {
         Ok((seconds, layers))
     }
 
-    fn device_times(&self, entrant: &mut Entrant, directions: &[Direction]) -> Result<Option<DeviceTimes>> {
-        if !matches!(entrant, Entrant::Gl { .. }) {
-            return Ok(None);
-        }
-        entrant.clear();
+    fn device_times(&self, entrant: &mut Entrant, directions: &[Direction]) -> Result<DeviceTimes> {
+        entrant.begin(self);
         self.gpu.finish();
         let clock = StageClock::start(&self.gpu);
         let start = Instant::now();
@@ -301,12 +301,12 @@ impl Bench {
             name: name.to_owned(),
             ms_per_direction: seconds.map(|seconds| 1e3 * seconds / directions.len() as f64),
         };
-        Ok(Some(DeviceTimes {
+        Ok(DeviceTimes {
             waits: times.waits / wall,
             // A gather that names no stages has told nothing.
             idle: busy.filter(|_| !times.stages.is_empty()).map(|busy| 1.0 - busy / wall),
             stages: times.stages.into_iter().map(stage).collect(),
-        }))
+        })
     }
 }
 
@@ -343,7 +343,7 @@ struct Cost {
 }
 
 impl Cost {
-    fn new(rounds: &[f64], directions: u32, points: u32, rays: Rays) -> Self {
+    fn new(rounds: &[f64], directions: u32, points: u32, rays: CountedRays) -> Self {
         let seconds = median(rounds);
         let samples_a_point = f64::from(directions) * rays.per_direction();
         Self {
@@ -381,12 +381,12 @@ impl Oracle {
     }
 
     /// How far a gather is from exact rays along the same directions, and from many.
-    fn judge(&self, rays: Rays, sums: &[Vec4]) -> [Option<Deviation>; 2] {
+    fn judge(&self, rays: CountedRays, sums: &[Vec4]) -> [Option<Deviation>; 2] {
         let at = |places: &[usize]| -> Vec<_> { places.iter().map(|&place| irradiance(sums[place])).collect() };
         let oracle = match rays {
-            Rays::OneEnd => Some(&self.one_end),
-            Rays::BothEnds => Some(&self.both_ends),
-            Rays::Own => None,
+            CountedRays::OneEnd => Some(&self.one_end),
+            CountedRays::BothEnds => Some(&self.both_ends),
+            CountedRays::Own => None,
         };
         let same_rays = oracle.map(|oracle| Deviation::between(&at(&self.places), oracle));
         let asked = !self.converged.is_empty();
@@ -408,8 +408,8 @@ mod tests {
         // The middle round took 2 s.
         let cost = |rays| Cost::new(&[9.0, 2.0, 1.0], 4, 1000, rays);
         let expected = Cost { seconds: 2.0, ms_per_direction: 500.0, ms_per_sample: 500.0, samples_per_second: 2000.0 };
-        assert_eq!(cost(Rays::BothEnds), expected);
-        assert_eq!(cost(Rays::Own), expected);
-        assert_eq!(cost(Rays::OneEnd), Cost { ms_per_sample: 1000.0, samples_per_second: 1000.0, ..expected });
+        assert_eq!(cost(CountedRays::BothEnds), expected);
+        assert_eq!(cost(CountedRays::Own), expected);
+        assert_eq!(cost(CountedRays::OneEnd), Cost { ms_per_sample: 1000.0, samples_per_second: 1000.0, ..expected });
     }
 }

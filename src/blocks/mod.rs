@@ -1,5 +1,5 @@
-//! A sum over directions as independent pieces of work: blocks of consecutive directions, sums of which merge exactly ([`PairwiseSum`]), lie in files
-//! ([`Part`]) and are dealt out to machines ([`Shard`]).
+//! Splits a sum over directions into independent blocks of consecutive directions. Sums of blocks merge to the same bits in any order
+//! ([`PairwiseSum`]), are stored in files ([`Part`]), and are shared between machines ([`Shard`]).
 
 mod pairwise;
 mod part;
@@ -14,7 +14,7 @@ pub use pairwise::{Node, PairwiseSum, Sum};
 pub use part::{Part, Planes, sha256};
 pub use shard::Shard;
 
-/// How the directions of a job fall into blocks.
+/// The blocks of a job's directions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Blocks {
     directions: u32,
@@ -22,8 +22,8 @@ pub struct Blocks {
 }
 
 impl Blocks {
-    /// About 32 blocks, of a power of two directions each: of 128 at most, so that what is done once a block is done often in a long job too, and of
-    /// `least` or more. The last block may have fewer.
+    /// About 32 blocks. Each has a power of two of directions, at least `least` and else at most 128, so that work done once for each block is also
+    /// done often in long jobs. The last block may have fewer.
     pub fn new(directions: u32, least: u32) -> Self {
         Self { directions, of: directions.div_ceil(32).next_power_of_two().min(128).max(least.next_power_of_two()) }
     }
@@ -38,10 +38,10 @@ impl Blocks {
         first(blocks.start)..first(blocks.end)
     }
 
-    /// Puts all nodes of `part`, read from `path`, into `sum`.
+    /// Inserts all nodes of `part`, read from `path`, into `sum`.
     ///
     /// # Errors
-    /// [`Error::Input`] when some of its blocks are there already.
+    /// [`Error::Input`] if `sum` contains some of its blocks already.
     pub fn merge<T: Sum>(self, path: &Path, sum: &mut PairwiseSum<T>, part: PairwiseSum<T>) -> Result<()> {
         for node in part.into_nodes() {
             sum.insert(node).map_err(|node| {
@@ -54,7 +54,7 @@ impl Blocks {
     }
 
     /// # Errors
-    /// [`Error::Usage`] that names the directions that are not there.
+    /// [`Error::Usage`] that names missing directions.
     pub fn check_whole<T: Sum>(self, sum: &PairwiseSum<T>) -> Result<()> {
         let missing = sum.missing(0..self.count()).into_iter().map(|blocks| self.directions(blocks));
         let missing: Vec<_> = missing.map(|Range { start, end }| format!("{start} to {}", end - 1)).collect();
@@ -65,7 +65,7 @@ impl Blocks {
         Err(Error::usage(problem, "name the parts of all shards, and run again with --resume those that are not complete"))
     }
 
-    /// Number of directions in the blocks that are summed.
+    /// Number of directions in the blocks of `sum`.
     pub fn summed<T: Sum>(self, sum: &PairwiseSum<T>) -> u32 {
         sum.nodes().iter().map(|node| self.directions(node.range()).len() as u32).sum()
     }

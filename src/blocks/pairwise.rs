@@ -1,20 +1,20 @@
-//! Sums over blocks as a pairwise tree over the block index, so that blocks may come in any order and from anywhere.
+//! Pairwise summation over blocks, as a binary tree over the block index. Blocks may come in any order and from any machine.
 //!
-//! Block i is leaf i. A node of 2^k blocks begins at a multiple of 2^k and is its first half plus its second, in this order. Where the number of
-//! blocks is no power of two, what the largest node leaves over is summed likewise and added to it: of seven, (0..4) + ((4..6) + 6). Which bits
-//! come out depends on this tree alone and not on who summed which blocks when, as long as each sums whole nodes; and the error of 32-bit floats grows
-//! with the logarithm of the number of blocks, where that of a running sum grows with the number.
+//! Block i is leaf i. A node of 2^k blocks begins at a multiple of 2^k. Its sum is its first half plus its second half, in this order. If the
+//! number of blocks is no power of two, the blocks after the largest node are summed in the same way and added to it: for seven blocks,
+//! (0..4) + ((4..6) + 6). The bits of the result depend on this tree alone, as long as every machine sums whole nodes. The error of 32-bit
+//! floats grows with the logarithm of the number of blocks. That of a running sum grows with the number itself.
 
 use std::borrow::Cow;
 use std::ops::Range;
 
-/// What adds up.
+/// Values that can be added.
 pub trait Sum: Clone {
-    /// Adds what comes after it.
+    /// Adds the sum of later blocks.
     fn add(&mut self, later: &Self);
 }
 
-/// The sum of some consecutive blocks.
+/// The sum of consecutive blocks.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Node<T> {
     pub first: u32,
@@ -29,16 +29,16 @@ impl<T> Node<T> {
         self.first..self.first.saturating_add(self.blocks)
     }
 
-    /// Whether it can stand in the tree.
+    /// Whether it is a node of the tree.
     pub fn is_aligned(&self) -> bool {
         self.blocks.is_power_of_two() && self.first.is_multiple_of(self.blocks)
     }
 }
 
-/// The blocks so far, as the largest nodes that they make up. The two halves of everything stay apart, for they tell how far it is to be trusted.
+/// The blocks so far, as the largest nodes of them. The last two nodes are not joined, because their difference estimates the error.
 #[derive(Clone, Debug)]
 pub struct PairwiseSum<T> {
-    /// In order.
+    /// Sorted by their blocks.
     nodes: Vec<Node<T>>,
 }
 
@@ -49,7 +49,7 @@ impl<T> Default for PairwiseSum<T> {
 }
 
 impl<T: Sum> PairwiseSum<T> {
-    /// Adds a node, or gives it back where it is not aligned or some of its blocks are there already.
+    /// Adds a node. Returns it as an error if it is not aligned or some of its blocks are in the sum already.
     pub fn insert(&mut self, node: Node<T>) -> Result<(), Node<T>> {
         let place = self.nodes.partition_point(|earlier| earlier.first < node.first);
         let after = place == 0 || self.nodes[place - 1].range().end <= node.first;
@@ -70,13 +70,13 @@ impl<T: Sum> PairwiseSum<T> {
     /// Adds a block.
     ///
     /// # Panics
-    /// When it is there already.
+    /// If the block is in the sum already.
     pub fn insert_block(&mut self, index: u32, sum: T) {
         let inserted = self.insert(Node { first: index, blocks: 1, sum });
         assert!(inserted.is_ok(), "block {index} is there already");
     }
 
-    /// Two halves of a node, unless they are all there is.
+    /// The index of the first of two nodes that can be joined, unless these are all nodes.
     fn pair(&self) -> Option<usize> {
         let halves = |pair: &[Node<T>]| {
             let (a, b) = (&pair[0], &pair[1]);
@@ -85,7 +85,7 @@ impl<T: Sum> PairwiseSum<T> {
         if self.nodes.len() > 2 { self.nodes.windows(2).position(halves) } else { None }
     }
 
-    /// The largest nodes so far, in order; two where it could be one.
+    /// The largest nodes so far, in order. A complete tree has two nodes.
     pub fn nodes(&self) -> &[Node<T>] {
         &self.nodes
     }
@@ -99,7 +99,7 @@ impl<T: Sum> PairwiseSum<T> {
         self.nodes.iter().map(|node| node.blocks).sum()
     }
 
-    /// What of `range` is not there.
+    /// The blocks of `range` that are not in the sum.
     pub fn missing(&self, range: Range<u32>) -> Vec<Range<u32>> {
         let mut from = range.start;
         let mut missing = Vec::new();
@@ -115,35 +115,35 @@ impl<T: Sum> PairwiseSum<T> {
         missing
     }
 
-    /// The sum of all blocks; `None` of none. Of the tree only where none is missing before the last.
+    /// The sum of all blocks; `None` if there are none. It has the bits of the tree only if no block before the last is missing.
     pub fn total(&self) -> Option<T> {
         total(&self.nodes).map(Cow::into_owned)
     }
 
-    /// Two sums that make up the whole: the halves of a full tree, else its largest node and the rest. `None` before there are two blocks.
+    /// Two parts of the whole sum: the halves of a complete tree, else its first node and the rest. `None` for fewer than two blocks.
     pub fn halves(&self) -> Option<(&T, Cow<'_, T>)> {
         let (earlier, rest) = self.nodes.split_first()?;
         Some((&earlier.sum, total(rest)?))
     }
 
-    /// The most nodes there are at a time while so many blocks come in order, with the one that comes.
+    /// The most nodes at a time while `blocks` blocks are inserted in order, with the inserted one.
     pub fn most_nodes(blocks: u32) -> u32 {
         1 + blocks.saturating_sub(1).checked_ilog2().map_or(0, |log| log + 1)
     }
 
-    /// The nodes that these blocks make once all are there.
+    /// The number of nodes once all these blocks are inserted.
     pub fn nodes_of(blocks: Range<u32>) -> u32 {
         let (mut count, mut at) = (0, blocks.start);
         while at < blocks.end {
             at += 1 << (blocks.end - at).ilog2().min(at.trailing_zeros());
             count += 1;
         }
-        // The two halves of everything stay apart.
+        // The last two nodes are not joined.
         count.max(blocks.len().min(2) as u32)
     }
 }
 
-/// Without a copy where there is but one.
+/// The sum of all nodes, without a copy if there is one node.
 fn total<T: Sum>(nodes: &[Node<T>]) -> Option<Cow<'_, T>> {
     let later = |later: Cow<T>, earlier: &Node<T>| {
         let mut sum = earlier.sum.clone();
@@ -165,7 +165,7 @@ mod tests {
         }
     }
 
-    /// Shows the order of additions.
+    /// A string shows the order of additions.
     impl Sum for String {
         fn add(&mut self, later: &Self) {
             *self = format!("({self}+{later})");
@@ -226,7 +226,7 @@ mod tests {
         let mut numbers = Random::new(1, 0);
         for trial in 0..2000 {
             let count = 1 + numbers.bits() as u32 % 70;
-            // Each group sums a run of blocks of its own.
+            // Each group sums its own run of blocks.
             let mut bounds: Vec<u32> = (0..numbers.bits() % 5).map(|_| numbers.bits() as u32 % (count + 1)).collect();
             bounds.extend([0, count]);
             bounds.sort_unstable();
@@ -277,7 +277,7 @@ mod tests {
         }
         let error = |sum: f32| (f64::from(sum) - exact).abs() / exact;
         assert!(error(sum.total().unwrap()) < 1e-6, "{}", error(sum.total().unwrap()));
-        // Where a running sum is at least ten times as far off, the tree is worth its while.
+        // The tree has a purpose only if a running sum has at least ten times its error.
         assert!(error(running) > 1e-5, "{}", error(running));
     }
 }

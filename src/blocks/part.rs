@@ -1,8 +1,8 @@
-//! Sums of some of a job's blocks in a file: a checkpoint, or what a shard makes.
+//! Sums of some of a job's blocks in a file: a checkpoint, or the result of a shard.
 //!
-//! The file is in the safetensors format, so that other programs can read it. Its metadata say in JSON, under `finalgather`, which job it is about
-//! (`job`: all that shapes the result, scene and renderer included), what the job needs beside its sums (`state`), and the SHA-256 of both and
-//! all tensors (`sha256`). Tensors are one-dimensional, of 32-bit floats, and named TREE/FIRST+BLOCKS/PLANE.
+//! The file has the safetensors format, so other programs can read it. Its metadata contain JSON under `finalgather`: the job (`job`: all inputs
+//! that determine the result, with scene and renderer), further state of the job (`state`), and the SHA-256 of both and all tensors (`sha256`).
+//! Tensors are one-dimensional, hold 32-bit floats, and are named TREE/FIRST+BLOCKS/PLANE.
 
 use std::borrow::Cow;
 use std::collections::{BTreeMap, HashMap};
@@ -21,22 +21,22 @@ use super::pairwise::{Node, PairwiseSum, Sum};
 use crate::error::{Error, Result};
 use crate::file;
 
-/// Of the format that this version writes.
+/// The format's name and version.
 const FORMAT: &str = "part 1";
-/// Name of its metadata.
+/// Key of the metadata.
 const ABOUT: &str = "finalgather";
 
-/// A sum as planes of floats.
+/// A sum that consists of planes of floats.
 pub trait Planes: Sum {
     fn planes(&self) -> Vec<&[f32]>;
 }
 
-/// Planes by their numbers.
+/// Planes of floats by their numbers.
 type Numbered<'a> = BTreeMap<u32, &'a [f32]>;
 
 /// Sums of some of a job's blocks.
 pub struct Part<'a> {
-    /// Names and values; two jobs in which all are equal sum the same blocks to the same bits.
+    /// Names and values. Two jobs with equal values sum the same blocks to the same bits.
     pub job: Value,
     pub state: Value,
     tensors: BTreeMap<String, Cow<'a, [f32]>>,
@@ -55,7 +55,7 @@ impl<'a> Part<'a> {
         self.tensors.get(name).map(Cow::as_ref)
     }
 
-    /// Of all tensors: parts of one job with the same names have the same sums.
+    /// Names of all tensors. Parts of one job with the same names have the same sums.
     pub fn names(&self) -> impl Iterator<Item = &str> {
         self.tensors.keys().map(String::as_str)
     }
@@ -68,10 +68,10 @@ impl<'a> Part<'a> {
         }
     }
 
-    /// The sums of a tree, of some of these blocks. `sum` makes each from its blocks and planes, unless they do not fit. Read from `path`.
+    /// The sums of a tree over `blocks` in the file `path`. `sum` makes a node's sum from its blocks and planes; `None` if they do not fit.
     ///
     /// # Errors
-    /// [`Error::Input`] when something does not fit.
+    /// [`Error::Input`] if the tensors do not make a tree.
     pub fn tree<T: Sum>(
         &self,
         path: &Path,
@@ -92,7 +92,7 @@ impl<'a> Part<'a> {
         whole().ok_or_else(|| Error::input(path, None, format!("damaged: its {tree} does not fit together"), "make it again"))
     }
 
-    /// Of each node, by its first block and number of blocks. `None` where a name is no node's.
+    /// The planes of each node, by its first block and number of blocks. `None` if a name is not that of a node.
     fn planes_of(&self, tree: &str) -> Option<BTreeMap<(u32, u32), Numbered<'_>>> {
         let mut planes: BTreeMap<_, Numbered> = BTreeMap::new();
         for (name, floats) in &self.tensors {
@@ -104,16 +104,16 @@ impl<'a> Part<'a> {
         Some(planes)
     }
 
-    /// Whether [`Self::write`] to this path can be expected to work, for asking before the work.
+    /// Checks before the work that [`Self::write`] to this path should succeed.
     ///
     /// # Errors
-    /// [`Error::Usage`] when it cannot.
+    /// [`Error::Usage`] if it cannot.
     pub fn check_writable(path: &Path) -> Result<()> {
         file::check_writable(path)
     }
 
     /// # Errors
-    /// [`Error::Output`] when it cannot be written; what was there before is there still.
+    /// [`Error::Output`] if it cannot be written. A file that was there stays.
     pub fn write(&self, path: &Path) -> Result<()> {
         let about = json!({ "format": FORMAT, "job": self.job, "state": self.state, "sha256": self.sha256() });
         let about = HashMap::from([(ABOUT.to_owned(), about.to_string())]);
@@ -126,7 +126,7 @@ impl<'a> Part<'a> {
         let header = Metadata::new(Some(about), self.tensors.iter().map(info).collect()).expect("one tensor after the other");
         let mut header = serde_json::to_vec(&header).expect("a header is plain text");
         header.resize(header.len().next_multiple_of(8), b' ');
-        // Piece by piece, for the whole would be all sums in memory again.
+        // Tensor by tensor, because the whole file in memory would double the sums.
         file::write_by(path, |mut file| {
             file.write_all(&(header.len() as u64).to_le_bytes())?;
             file.write_all(&header)?;
@@ -135,7 +135,7 @@ impl<'a> Part<'a> {
     }
 
     /// # Errors
-    /// [`Error::Input`] when it cannot be read, is no part, or is damaged.
+    /// [`Error::Input`] if the file cannot be read, is no part, or is damaged.
     pub fn read(path: &Path) -> Result<Part<'static>> {
         let read = || match fs::metadata(path)?.is_file() {
             true => fs::read(path),
@@ -146,10 +146,7 @@ impl<'a> Part<'a> {
         Part::parse(path, &bytes)
     }
 
-    /// The same of the bytes of a file.
-    ///
-    /// # Errors
-    /// As [`Self::read`].
+    /// As [`Self::read`], from the bytes of the file at `path`.
     pub fn parse(path: &Path, bytes: &[u8]) -> Result<Part<'static>> {
         let bad = |problem: &str| Error::input(path, None, problem, "name a part or checkpoint that this version has written");
         let (_, header) = SafeTensors::read_metadata(bytes).map_err(|_| bad("no part, or cut short"))?;
@@ -193,10 +190,10 @@ impl<'a> Part<'a> {
         T::deserialize(value).map_err(damaged)
     }
 
-    /// Whether it is about this job.
+    /// Checks that it is of this job.
     ///
     /// # Errors
-    /// [`Error::Input`] that names what differs.
+    /// [`Error::Input`] that names the differences.
     pub fn check(&self, path: &Path, job: &Value) -> Result<()> {
         let mut differences = Vec::new();
         compare("", &self.job, job, &mut differences);
@@ -218,7 +215,7 @@ impl<'a> Part<'a> {
     }
 }
 
-/// Of bytes, as hexadecimal digits.
+/// SHA-256 as hexadecimal digits.
 pub fn sha256(bytes: &[u8]) -> String {
     hex(&Sha256::digest(bytes))
 }
@@ -227,7 +224,7 @@ fn hex(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
-/// In words, where two values differ.
+/// Appends the differences between two values, in words.
 fn compare(name: &str, theirs: &Value, ours: &Value, differences: &mut Vec<String>) {
     match (theirs, ours) {
         (Value::Object(theirs), Value::Object(ours)) => {
@@ -238,7 +235,7 @@ fn compare(name: &str, theirs: &Value, ours: &Value, differences: &mut Vec<Strin
             }
         }
         _ if theirs == ours => {}
-        // Of a checksum there is nothing to see.
+        // The digits of checksums tell a reader nothing.
         (Value::String(theirs), Value::String(_)) if theirs.len() == 64 => differences.push(format!("{name} differs")),
         _ => differences.push(format!("{name} is {theirs} there and {ours} here")),
     }
@@ -295,7 +292,7 @@ mod tests {
             nodes.iter().map(|node| (node.first, node.blocks, bits(&node.sum))).collect()
         };
         assert_eq!(bits(nodes.nodes()), bits(sum.nodes()));
-        // Of fewer blocks than there are.
+        // Five blocks are fewer than the part has.
         assert!(read.tree(&path, "film", Blocks::new(5, 1), two).is_err());
     }
 

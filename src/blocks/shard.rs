@@ -1,47 +1,43 @@
-//! One of several shares of a job, for as many machines.
+//! A job's blocks, split into shards for several machines.
 
 use std::fmt;
 use std::ops::Range;
 
 use crate::error::{Error, Result};
 
-/// Share `index` of `count`, counted from 0 here and from 1 where people read it.
+/// Shard `index` of `count`, counted from 0 here and from 1 in texts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Shard {
     index: u32,
     count: u32,
 }
 
-/// Where engines of array jobs tell a task which it is: its number, and the first of all, and how many there are or which is the last.
-const ENGINES: [(&str, First, &str); 4] = [
-    (
-        "SLURM_ARRAY_TASK_ID",
-        First::Told { first: "SLURM_ARRAY_TASK_MIN", step: "SLURM_ARRAY_TASK_STEP" },
-        "SLURM_ARRAY_TASK_COUNT",
-    ),
-    ("AWS_BATCH_JOB_ARRAY_INDEX", First::Zero, "AWS_BATCH_JOB_ARRAY_SIZE"),
-    ("JOB_COMPLETION_INDEX", First::Zero, ""),
-    ("PBS_ARRAY_INDEX", First::One, ""),
+/// Environment variables of engines for array jobs: the task's number, the number of the first task, and the count of tasks.
+const ENGINES: [(&str, FirstTask, &str); 4] = [
+    ("SLURM_ARRAY_TASK_ID", FirstTask::Variables("SLURM_ARRAY_TASK_MIN", "SLURM_ARRAY_TASK_STEP"), "SLURM_ARRAY_TASK_COUNT"),
+    ("AWS_BATCH_JOB_ARRAY_INDEX", FirstTask::Number(0), "AWS_BATCH_JOB_ARRAY_SIZE"),
+    ("JOB_COMPLETION_INDEX", FirstTask::Number(0), ""),
+    ("PBS_ARRAY_INDEX", FirstTask::Number(1), ""),
 ];
 
 #[derive(Clone, Copy)]
-enum First {
-    Zero,
-    One,
-    Told { first: &'static str, step: &'static str },
+enum FirstTask {
+    Number(u32),
+    /// The variables of the first task's number, and of the step from one task to the next.
+    Variables(&'static str, &'static str),
 }
 
 impl Shard {
-    /// `index` from 1.
+    /// `index` counts from 1.
     fn new(index: u32, count: u32) -> Option<Self> {
         (1..=count).contains(&index).then(|| Self { index: index - 1, count })
     }
 
-    /// What `text` says: `3/16`; `auto`, by the variables of an engine for array jobs, of which `variable` gives the values; or `auto/16`, by those
-    /// of one that does not tell how many tasks there are.
+    /// Parses `3/16`; `auto`, by the variables of an engine for array jobs; or `auto/16`, for engines that do not tell the count of tasks.
+    /// `variable` returns the value of an environment variable.
     ///
     /// # Errors
-    /// [`Error::Usage`] when it says nothing of the kind, or the variables do not.
+    /// [`Error::Usage`] if `text` or the variables give no shard.
     pub fn parse(text: &str, variable: impl Fn(&str) -> Option<String>) -> Result<Self> {
         let bad = |problem: String| Error::usage(problem, "give I/N with I from 1 to N, as in 3/16; auto; or auto/N");
         let (index, count) = match text.split_once('/') {
@@ -64,10 +60,9 @@ impl Shard {
             ));
         };
         let first = match first {
-            First::Zero => Some(0),
-            First::One => Some(1),
-            // An array of the tasks that failed counts from another number.
-            First::Told { first, step } => number(first).filter(|&first| first <= 1 && number(step).unwrap_or(1) == 1),
+            FirstTask::Number(first) => Some(first),
+            // An array that repeats failed tasks counts from another number.
+            FirstTask::Variables(first, step) => number(first).filter(|&first| first <= 1 && number(step).unwrap_or(1) == 1),
         };
         let Some(count) = count.or_else(|| number(all)) else {
             let problem = format!("shard {text}: {name} tells which task it is, and nothing how many there are");
@@ -79,10 +74,10 @@ impl Shard {
         shard.ok_or_else(|| bad(problem()))
     }
 
-    /// Its own of so many blocks.
+    /// The shard's blocks of `blocks` in all.
     ///
     /// # Errors
-    /// [`Error::Usage`] when there are more shards than blocks.
+    /// [`Error::Usage`] if there are more shards than blocks.
     pub fn range(self, blocks: u32) -> Result<Range<u32>> {
         if self.count > blocks {
             let problem = format!("{} shards, and the directions fall into {blocks} blocks", self.count);
@@ -92,7 +87,7 @@ impl Shard {
         Ok(first(self.index)..first(self.index + 1))
     }
 
-    /// Counted from 1.
+    /// The shard's number, from 1.
     pub fn number(self) -> u32 {
         self.index + 1
     }
@@ -140,7 +135,7 @@ mod tests {
     #[test]
     fn what_is_no_shard_is_refused_with_a_cure() {
         let out_of_range = [("JOB_COMPLETION_INDEX", "8")];
-        // Submitted again alone, and every other one.
+        // A task that was submitted again alone, and every second task.
         let one = [("SLURM_ARRAY_TASK_ID", "5"), ("SLURM_ARRAY_TASK_MIN", "5"), ("SLURM_ARRAY_TASK_COUNT", "1")];
         let even = [
             ("SLURM_ARRAY_TASK_ID", "2"),

@@ -1,31 +1,33 @@
 //! Binary glTF 2.0.
 //!
-//! Values at points become `COLOR_0`, for looking at, and a custom attribute a quantity: `_IRRADIANCE`, `_AO`, `_PRT_00` and on.
-//! `COLOR_0` is the light, which viewers multiply by the albedo of the unlit materials.
+//! Values at points become `COLOR_0` for display, and one custom attribute for each quantity: `_IRRADIANCE`, `_AO`, `_PRT_00` and so on.
+//! `COLOR_0` is the light. Viewers multiply it by the albedo of the unlit materials.
 //!
-//! A light map lies on `TEXCOORD_1`, twice, because no ratified extension says what a light map is. By default materials are unlit
-//! (`KHR_materials_unlit`) with the map as their base colour: any viewer shows what was baked, as a PNG would, in sRGB and with
-//! exposure. A textured albedo counts by its mean there. The variant `lightmap` (`KHR_materials_variants`) is for engines: shaded
-//! materials with their own textures, and the extension `MOZ_lightmap` that three.js's addon and Hubs read: linear irradiance in
-//! eight bits over its greatest value, which is the `intensity`. They band in the dark where a lamp is near; of sixteen, browsers
-//! drop the lower eight, which is darker still. As one material, the light would count twice where `MOZ_lightmap` is known.
+//! A light map uses `TEXCOORD_1`. It is stored twice, because no ratified extension defines light maps.
+//! - By default, materials are unlit (`KHR_materials_unlit`) with the map as base colour, in sRGB with exposure. Any viewer shows the bake as a
+//!   PNG does. The mean of an albedo texture stands for the texture.
+//! - The variant `lightmap` (`KHR_materials_variants`) is for engines: shaded materials with their own textures, and the extension
+//!   `MOZ_lightmap`, which Hubs and an addon of three.js read. It holds linear irradiance over its greatest value, the `intensity`, in 8 bits.
+//!   Dark parts show bands where a lamp is near. 16 bits do not help, because browsers drop the lower eight, and the result is darker still.
 //!
-//! By `serde_json` alone: the types of the crate `gltf-json` write out every field that is not there. That crate's reader and the
-//! Khronos validator judge the result.
+//! The two are separate materials, because readers of `MOZ_lightmap` would count the light twice in one.
+//!
+//! The file is built with `serde_json`, because the types of the crate `gltf-json` write out every absent field. Tests check the result
+//! with that crate's reader and the Khronos validator.
 
 use std::path::Path;
 
 use glam::{Vec2, Vec3};
 use serde_json::{Map, Value, json};
 
-use super::{Lightmap, Surface, Values, snake_case};
+use super::{ExportMesh, Lightmap, PointValues, snake_case};
 use crate::error::{Error, Result};
 use crate::file::write_file;
 use crate::image::{Channel, Image, WriteOptions, encode_png, tone};
 use crate::math::Aabb;
 use crate::scene::Material;
 
-// Constants of OpenGL, by which glTF means types and targets.
+// glTF denotes types and targets by constants of OpenGL.
 const UNSIGNED_SHORT: u32 = 5123;
 const UNSIGNED_INT: u32 = 5125;
 const FLOAT: u32 = 5126;
@@ -39,7 +41,7 @@ const UNLIT: &str = "KHR_materials_unlit";
 const VARIANTS: &str = "KHR_materials_variants";
 const LIGHTMAP: &str = "MOZ_lightmap";
 
-pub fn write_values(path: &Path, values: &Values, options: &WriteOptions) -> Result<()> {
+pub fn write_values(path: &Path, values: &PointValues, options: &WriteOptions) -> Result<()> {
     if let Some(column) = values.columns.iter().find(|column| !column.samples.iter().all(|sample| sample.is_finite())) {
         let problem = format!("{}: {} is not finite everywhere, as glTF wants it", path.display(), column.name);
         return Err(Error::usage(problem, "write a .ply or .npy"));
@@ -48,7 +50,7 @@ pub fn write_values(path: &Path, values: &Values, options: &WriteOptions) -> Res
     let mut attributes = Map::new();
     attributes.insert("POSITION".into(), file.positions(values.positions).into());
     attributes.insert("NORMAL".into(), file.vec3s(values.normals).into());
-    // Sixteen bits, because these are linear: eight would band in the dark.
+    // Linear values need 16 bits: with 8, dark parts would show bands.
     let colours = values.shown(options.exposure).into_iter();
     let colours = colours.flat_map(|colour| colour.extend(1.0).to_array().map(|value| (value * 65535.0).round() as u16));
     let colours: Vec<u8> = colours.flat_map(u16::to_le_bytes).collect();
@@ -97,14 +99,14 @@ pub fn write_lightmap(path: &Path, lightmap: &Lightmap, options: &WriteOptions) 
     if surface.has_normals() {
         attributes.insert("NORMAL".into(), file.vec3s(&surface.mesh.normals).into());
     }
-    // Sets are counted from 0, so that there is a first even where nothing reads it.
+    // TEXCOORD_1 needs a TEXCOORD_0, even if nothing reads it.
     attributes.insert("TEXCOORD_0".into(), file.uvs(&surface.mesh.uvs).into());
     attributes.insert("TEXCOORD_1".into(), file.uvs(lightmap.uvs).into());
 
     let (linear, intensity) = linear_png(lightmap.irradiance)?;
     let [shown, linear] =
         [("shown", lightmap.shown_png(options.exposure)?), ("irradiance", linear)].map(|(name, png)| file.texture(name, &png));
-    // Neither mipmaps nor repetition may mix what lies on other charts.
+    // Mipmaps and repetition would mix texels of different charts.
     for map in [shown, linear] {
         file.textures[map]["sampler"] = 0.into();
     }
@@ -134,7 +136,7 @@ pub fn write_lightmap(path: &Path, lightmap: &Lightmap, options: &WriteOptions) 
     file.write(path, &[UNLIT, VARIANTS, LIGHTMAP], options)
 }
 
-/// Columns that make one vector, as `A.R`, `A.G`, `A.B` do, together.
+/// Groups the columns that form one vector, such as `A.R`, `A.G`, `A.B`.
 fn components(columns: &[Channel]) -> impl Iterator<Item = &[Channel]> {
     let follows = |one: &str, next: &str| {
         ["RG", "GB", "XY", "YZ"].iter().any(|pair| one.ends_with(&pair[..1]) && next.ends_with(&pair[1..]))
@@ -142,12 +144,12 @@ fn components(columns: &[Channel]) -> impl Iterator<Item = &[Channel]> {
     columns.chunk_by(move |one, next| stem(one) == stem(next) && follows(&one.name, &next.name))
 }
 
-/// `SH.00` of `SH.00.R`.
+/// The name without its last part: `SH.00` for `SH.00.R`.
 fn stem(column: &Channel) -> &str {
     column.name.rsplit_once('.').map_or(&column.name, |(stem, _)| stem)
 }
 
-/// A material as an engine lights it; `textures` are the indices of the scene's.
+/// A material for an engine that lights it; `textures` are the indices of the scene's textures in the file.
 fn shaded(material: &Material, textures: &[usize]) -> Value {
     let [r, g, b] = material.albedo.to_array();
     let mut surface = json!({"baseColorFactor": [r, g, b, 1.0], "metallicFactor": 0.0, "roughnessFactor": 1.0});
@@ -161,7 +163,7 @@ fn shaded(material: &Material, textures: &[usize]) -> Value {
     json
 }
 
-/// Irradiance over its greatest value, which comes beside it.
+/// Encodes irradiance over its greatest value, and returns both.
 fn linear_png(irradiance: &Image) -> Result<(Vec<u8>, f32)> {
     let rgb = irradiance.rgb()?;
     let greatest = rgb.iter().copied().flatten().copied().filter(|value| value.is_finite()).fold(0.0, f32::max);
@@ -171,7 +173,7 @@ fn linear_png(irradiance: &Image) -> Result<(Vec<u8>, f32)> {
     Ok((encode_png(width, height, &bytes.collect::<Vec<_>>())?, intensity))
 }
 
-/// The parts of a file, as they are found.
+/// The parts of a file so far.
 #[derive(Default)]
 struct Builder {
     bin: Vec<u8>,
@@ -187,7 +189,7 @@ struct Builder {
 
 impl Builder {
     fn view(&mut self, bytes: &[u8]) -> usize {
-        // Numbers are to begin at multiples of their size.
+        // glTF requires that numbers begin at multiples of their size.
         self.bin.resize(self.bin.len().next_multiple_of(4), 0);
         self.views.push(json!({"buffer": 0, "byteOffset": self.bin.len(), "byteLength": bytes.len()}));
         self.bin.extend(bytes);
@@ -202,7 +204,7 @@ impl Builder {
         self.accessors.len() - 1
     }
 
-    /// `width` numbers a vertex, 1 to 4.
+    /// An accessor of `width` numbers a vertex, 1 to 4.
     fn floats(&mut self, width: usize, numbers: impl Iterator<Item = f32>) -> usize {
         let bytes: Vec<u8> = numbers.flat_map(f32::to_le_bytes).collect();
         let kind = ["SCALAR", "VEC2", "VEC3", "VEC4"][width - 1];
@@ -221,7 +223,7 @@ impl Builder {
         accessor
     }
 
-    /// From coordinates with v up; glTF's goes down.
+    /// An accessor of coordinates whose v points up; in glTF it points down.
     fn uvs(&mut self, uvs: &[Vec2]) -> usize {
         self.floats(2, uvs.iter().flat_map(|uv| [uv.x, 1.0 - uv.y]))
     }
@@ -239,7 +241,7 @@ impl Builder {
         self.textures.len() - 1
     }
 
-    fn albedo_textures(&mut self, surface: &Surface) -> Result<Vec<usize>> {
+    fn albedo_textures(&mut self, surface: &ExportMesh) -> Result<Vec<usize>> {
         let mut indices = Vec::new();
         for texture in surface.textures {
             let rgb: Vec<u8> = texture.texels.iter().flat_map(|&[r, g, b, _]| [r, g, b]).collect();
@@ -262,12 +264,10 @@ impl Builder {
             "buffers": [{"byteLength": self.bin.len()}],
             "extensionsUsed": extensions_used,
         });
-        if !self.textures.is_empty() {
-            root["images"] = self.images.into();
-            root["textures"] = self.textures.into();
-        }
-        if !self.samplers.is_empty() {
-            root["samplers"] = self.samplers.into();
+        for (key, values) in [("images", self.images), ("textures", self.textures), ("samplers", self.samplers)] {
+            if !values.is_empty() {
+                root[key] = values.into();
+            }
         }
         if !self.extensions.is_null() {
             root["extensions"] = self.extensions;

@@ -1,5 +1,5 @@
-//! What was baked, in files that other programs read: values at points as PLY, NumPy or glTF, a light map on its model as OBJ or
-//! glTF. [`Values::write`] and [`Lightmap::write`] take the format from the path's ending; every file appears whole or not at all.
+//! Writes bakes for other programs: values at points as PLY, NumPy or glTF, a light map with its model as OBJ or glTF.
+//! The path's ending selects the format ([`PointValues::write`], [`Lightmap::write`]). Every file is written whole or not at all.
 
 use std::collections::HashSet;
 use std::f32::consts::{FRAC_1_PI, PI};
@@ -12,7 +12,7 @@ use serde_json::Value;
 use crate::error::{Error, Result};
 use crate::file::{MOST_BYTES, read_file};
 use crate::image::{Channel, Image, WriteOptions, tone};
-use crate::scene::{Material, Mesh, Texture};
+use crate::scene::{ImageTexture, Material, Mesh};
 
 mod glb;
 mod npy;
@@ -21,41 +21,41 @@ mod ply;
 
 pub use npy::{is_of, parse_prt, read_prt};
 
-/// What was found at points, in world space.
+/// Baked values at points, in world space.
 #[derive(Clone, Copy)]
-pub struct Values<'a> {
+pub struct PointValues<'a> {
     pub positions: &'a [Vec3],
-    /// Of unit length, one a point.
+    /// Unit normals, one a point.
     pub normals: &'a [Vec3],
-    /// One sample a point each, named as in an EXR: `Irradiance.R`, `AO`, `PRT.04.G`.
+    /// Columns with one sample a point, named as in an EXR: `Irradiance.R`, `AO`, `PRT.04.G`.
     pub columns: &'a [Channel],
-    /// What the points are the vertices of, in the mesh's order, if they are.
-    pub surface: Option<Surface<'a>>,
+    /// The mesh whose vertices the points are, if there is one; both have one order.
+    pub surface: Option<ExportMesh<'a>>,
 }
 
-/// A mesh with what its materials refer to.
+/// A mesh with its materials and their textures.
 #[derive(Clone, Copy)]
-pub struct Surface<'a> {
+pub struct ExportMesh<'a> {
     pub mesh: &'a Mesh,
     pub materials: &'a [Material],
-    pub textures: &'a [Texture],
+    pub textures: &'a [ImageTexture],
 }
 
-/// Irradiance over a surface.
+/// A light map and its mesh.
 #[derive(Clone, Copy)]
 pub struct Lightmap<'a> {
-    pub surface: Surface<'a>,
-    /// Where each vertex is on the map, v up.
+    pub surface: ExportMesh<'a>,
+    /// Map coordinates of each vertex, v up.
     pub uvs: &'a [Vec2],
     /// Irradiance in `R`, `G` and `B`.
     pub irradiance: &'a Image,
 }
 
-impl Values<'_> {
+impl PointValues<'_> {
     pub const ENDINGS: &'static [&'static str] = &["ply", "npy", "glb"];
 
-    /// In the format that the path ends in. Colours are for looking at, with the exposure and the curve of a PNG; the columns are
-    /// not touched. NumPy's file gets a `.json` beside it, which says what the numbers are.
+    /// Writes the format of the path's ending. Vertex colours are for display, with the exposure and tone curve of a PNG; columns stay as they
+    /// are. A `.json` beside a NumPy file describes its numbers.
     pub fn write(&self, path: &Path, options: &WriteOptions) -> Result<()> {
         let ending = ending(path, Self::ENDINGS)?;
         self.check()?;
@@ -66,7 +66,7 @@ impl Values<'_> {
         }
     }
 
-    /// The fields are public; this is what the encoders rely on.
+    /// Checks what the encoders rely on, because the fields are public.
     fn check(&self) -> Result<()> {
         let count = self.positions.len();
         if count == 0 {
@@ -84,8 +84,8 @@ impl Values<'_> {
         }
     }
 
-    /// What to show at each point, linear and from 0 to 1: light as a white surface there sends it back, with the exposure and the
-    /// curve of a PNG; else the share of the hemisphere that is open, as grey; else the way the surface faces.
+    /// The colour of each point for display, linear, from 0 to 1: the radiance of a white surface under the baked light, with the exposure and
+    /// tone curve of a PNG. Without light, the openness as grey; without that, the normal.
     fn shown(&self, exposure: f32) -> Vec<Vec3> {
         let column = |name: &str| self.columns.iter().find(|column| column.name == name).map(|column| column.samples.as_slice());
         let rgb = |name: &str| {
@@ -93,7 +93,7 @@ impl Values<'_> {
             Some((0..self.positions.len()).zip(std::iter::repeat((r?, g?, b?))).map(|(i, (r, g, b))| Vec3::new(r[i], g[i], b[i])))
         };
         let toned = |value: Vec3| (value * exposure.exp2()).map(tone);
-        // The mean radiance around is the first coefficient times the first function, 1 / sqrt(4π).
+        // The mean radiance over the sphere is the first coefficient times the first basis function, 1 / sqrt(4π).
         let light = [
             ("Irradiance", FRAC_1_PI),
             ("IrradianceIndirect", FRAC_1_PI),
@@ -108,7 +108,7 @@ impl Values<'_> {
         if let Some(open) = column("AO").or(column("Sky")) {
             return open.iter().map(|&open| Vec3::splat(open.clamp(0.0, 1.0))).collect();
         }
-        // Under a sky of radiance 1 everywhere, whose only coefficient is sqrt(4π).
+        // The light is a sky of radiance 1 everywhere. Its only coefficient is sqrt(4π).
         if let Some(transfer) = rgb("PRT.00") {
             return transfer.map(|value| toned(value * 2.0 * PI.sqrt())).collect();
         }
@@ -119,7 +119,7 @@ impl Values<'_> {
 impl Lightmap<'_> {
     pub const ENDINGS: &'static [&'static str] = &["obj", "glb"];
 
-    /// In the format that the path ends in. An OBJ gets its `.mtl` and a `.png` beside it.
+    /// Writes the format of the path's ending. An OBJ gets a `.mtl` and a `.png` beside it.
     pub fn write(&self, path: &Path, options: &WriteOptions) -> Result<()> {
         let ending = ending(path, Self::ENDINGS)?;
         let (uvs, vertices) = (self.uvs.len(), self.surface.mesh.positions.len());
@@ -132,7 +132,7 @@ impl Lightmap<'_> {
         }
     }
 
-    /// The map as a PNG to look at: what a white surface sends back.
+    /// Encodes the map as a PNG for display: the radiance of a white surface.
     fn shown_png(&self, exposure: f32) -> Result<Vec<u8>> {
         let radiance = self.irradiance.rgb()?.map(|samples| samples.iter().map(|value| value * FRAC_1_PI).collect::<Vec<_>>());
         let channels = ["R", "G", "B"].into_iter().zip(radiance).map(|(name, samples)| Channel { name: name.into(), samples });
@@ -142,13 +142,13 @@ impl Lightmap<'_> {
     }
 }
 
-impl Surface<'_> {
-    /// Whether shading is smooth everywhere; elsewhere the normals of faces are meant.
+impl ExportMesh<'_> {
+    /// Whether every vertex has a normal. Other meshes are shaded flat.
     fn has_normals(&self) -> bool {
         self.mesh.normals.iter().all(|normal| normal.is_normalized())
     }
 
-    /// The vertices of each material's triangles; of those that have some.
+    /// Returns the vertices of each material's triangles, without materials that have none.
     fn indices_by_material(&self) -> Vec<(usize, Vec<u32>)> {
         let mut indices = vec![Vec::new(); self.materials.len()];
         for triangle in &self.mesh.triangles {
@@ -157,18 +157,18 @@ impl Surface<'_> {
         indices.into_iter().enumerate().filter(|(_, indices)| !indices.is_empty()).collect()
     }
 
-    /// A material's reflectance where a texture's place is taken by another: with the mean of its own.
+    /// A material's albedo times the mean of its texture, for files in which the light map takes the texture's place.
     fn mean_albedo(&self, material: &Material) -> Vec3 {
         material.albedo * material.albedo_texture.map_or(Vec3::ONE, |texture| self.textures[texture].mean_linear())
     }
 }
 
-/// What [`WriteOptions::metadata`] was when this file was written, of kinds that tell: OpenEXR, NumPy, PLY.
+/// Reads [`WriteOptions::metadata`] from a file of a format that stores it: OpenEXR, NumPy, PLY.
 pub fn metadata_of(path: &Path) -> Option<Value> {
     match ending(path, &["exr", "npy", "ply"]).ok()? {
         "exr" => {
             let about = Image::exr_metadata(path, &read_file(path, MOST_BYTES).ok()?)?;
-            // A file may have been cut since.
+            // Read all of it, because the file may be cut short.
             Image::read(path).ok().and_then(|_| serde_json::from_str(&about).ok())
         }
         "npy" => npy::metadata(path),
@@ -176,7 +176,7 @@ pub fn metadata_of(path: &Path) -> Option<Value> {
     }
 }
 
-/// What appears when this file is written: itself, and what goes beside it without being named.
+/// All files that writing `path` makes: itself, and the files beside it that a format adds.
 pub fn written_with(path: &Path) -> Vec<PathBuf> {
     let beside: &[&str] = match ending(path, &["npy", "obj"]) {
         Ok("npy") => &["json"],
@@ -186,7 +186,7 @@ pub fn written_with(path: &Path) -> Vec<PathBuf> {
     iter::once(path.to_owned()).chain(beside.iter().map(|ending| path.with_extension(ending))).collect()
 }
 
-/// Whether a file with one of these endings can be expected to be written there, for asking before the work.
+/// Checks before the work that writing `path` should succeed and that its ending is one of these.
 pub fn check_writable(path: &Path, endings: &[&'static str]) -> Result<()> {
     match ending(path, endings)? {
         "obj" => obj::check_ours(path)?,
@@ -196,7 +196,7 @@ pub fn check_writable(path: &Path, endings: &[&'static str]) -> Result<()> {
     written_with(path).iter().try_for_each(|path| crate::file::check_writable(path))
 }
 
-/// Which of the endings the path has.
+/// Returns the path's ending if it is one of these.
 fn ending(path: &Path, endings: &[&'static str]) -> Result<&'static str> {
     let ending = path.extension().unwrap_or_default();
     endings.iter().copied().find(|known| ending.eq_ignore_ascii_case(known)).ok_or_else(|| {

@@ -1,30 +1,30 @@
-//! NumPy's `.npy` with a `.json` of the same name that says what the numbers are: columns, shape, units, basis.
+//! NumPy's `.npy`, with a `.json` of the same name that describes the numbers: columns, shape, units, basis.
 //!
-//! One quantity has the shape that research code expects, `[points, coefficients, 3]` for coefficients, `[points, 3]` or
-//! `[points]`; several lie side by side, `[points, columns]`.
+//! One quantity has the shape that research code expects: `[points, coefficients, 3]` for coefficients, else `[points, 3]` or `[points]`.
+//! Several quantities have the shape `[points, columns]`.
 
 use std::path::Path;
 
 use glam::Vec3;
 use serde_json::{Map, Value, json};
 
-use super::Values;
+use super::PointValues;
 use crate::blocks::sha256;
 use crate::error::{Error, Result};
 use crate::file::{MOST_BYTES, MOST_WORDS, read_file, write_file};
 use crate::image::{Channel, WriteOptions};
 use crate::npy::{self, Array};
 
-/// The metadata's name.
+/// Key of the metadata in the JSON.
 const ABOUT: &str = "finalgather";
-/// The checksum's name, of the array's file.
+/// Key of the array file's checksum.
 const ARRAY: &str = "npy_sha256";
-/// And of the positions.
+/// Key of the positions' checksum.
 const POSITIONS: &str = "positions_sha256";
 const BASIS: &str =
     "real orthonormal spherical harmonics without the Condon-Shortley phase, at index l (l + 1) + m; z is the polar axis";
 
-/// What the columns of a quantity mean, and in which unit.
+/// Meaning and unit of each quantity. Users read these texts.
 const QUANTITIES: [(&str, &str); 9] = [
     ("Irradiance", "W/m² in each channel, direct and indirect"),
     ("IrradianceDirect", "W/m² in each channel, straight from lights and from beyond the scene"),
@@ -37,7 +37,7 @@ const QUANTITIES: [(&str, &str); 9] = [
     ("PRT", "coefficients of the transfer from incident radiance to irradiance / π: cosine and 1/π are in, the albedo is not"),
 ];
 
-pub fn write(path: &Path, values: &Values, options: &WriteOptions) -> Result<()> {
+pub fn write(path: &Path, values: &PointValues, options: &WriteOptions) -> Result<()> {
     let columns = values.columns;
     let points = columns.first().map_or(0, |column| column.samples.len());
     let shape = shape(points, columns);
@@ -61,28 +61,28 @@ pub fn write(path: &Path, values: &Values, options: &WriteOptions) -> Result<()>
     }
     let rows = (0..points).flat_map(|i| columns.iter().map(move |column| column.samples[i]));
     let array = npy::encode(&shape, rows);
-    // One of the two may be written and the other not.
+    // The checksum shows whether both files are from one bake: an error may leave one of them unwritten.
     about[ARRAY] = sha256(&array).into();
     write_file(&path.with_extension("json"), format!("{about:#}\n").as_bytes())?;
     write_file(path, &array)
 }
 
-/// From the file beside an array, if it is of this array.
-pub fn metadata(path: &Path) -> Option<Value> {
-    let mut about: Value = serde_json::from_slice(&read_file(&path.with_extension("json"), MOST_WORDS).ok()?).ok()?;
-    let array = read_file(path, MOST_BYTES).ok()?;
-    (about[ARRAY] == sha256(&array)).then(|| about[ABOUT].take())
+/// The description beside the array at `path`.
+fn description(path: &Path) -> Option<Value> {
+    serde_json::from_slice(&read_file(&path.with_extension("json"), MOST_WORDS).ok()?).ok()
 }
 
-/// Whether the description, which goes beside an array without being named, is not over another's file.
-///
-/// # Errors
-/// [`Error::Usage`] when it is.
+/// Reads the metadata from the description, if its checksum is that of the array.
+pub fn metadata(path: &Path) -> Option<Value> {
+    let mut about = description(path)?;
+    (about[ARRAY] == sha256(&read_file(path, MOST_BYTES).ok()?)).then(|| about[ABOUT].take())
+}
+
+/// Fails if the description would replace a file that is no description of an array: the user does not name that file.
 pub fn check_ours(path: &Path) -> Result<()> {
-    let path = path.with_extension("json");
-    let about = || serde_json::from_slice::<Value>(&read_file(&path, MOST_WORDS).ok()?).ok();
-    if path.exists() && !about().is_some_and(|about| about["shape"].is_array() && about["columns"].is_array()) {
-        let problem = format!("{}: is there already, and describes no array", path.display());
+    let beside = path.with_extension("json");
+    if beside.exists() && !description(path).is_some_and(|about| about["shape"].is_array() && about["columns"].is_array()) {
+        let problem = format!("{}: is there already, and describes no array", beside.display());
         return Err(Error::usage(problem, "give the array another name, for its description goes beside it (.json)"));
     }
     Ok(())
@@ -101,28 +101,26 @@ fn shape(points: usize, columns: &[Channel]) -> Vec<usize> {
     }
 }
 
-/// Whether these are all coefficients of some order, each with its R, G and B, in their order.
+/// Whether the columns are all coefficients of some order, each with R, G and B, in their order.
 fn are_coefficients(quantity: &str, columns: &[Channel]) -> bool {
     let order = (columns.len() / 3).isqrt();
     let name = |i: usize| format!("{quantity}.{:02}.{}", i / 3, ["R", "G", "B"][i % 3]);
     order > 0 && 3 * order * order == columns.len() && columns.iter().enumerate().all(|(i, column)| column.name == name(i))
 }
 
-/// A checksum of points, in world space and in their order.
+/// The checksum of positions in world space, in their order.
 fn digest(positions: &[Vec3]) -> String {
     sha256(bytemuck::cast_slice(positions))
 }
 
-/// Whether the file that [`super::Values::write`] made is of these points; `None` where it does not say.
+/// Whether a file of [`PointValues::write`] is of these points; `None` if its description does not tell.
 pub fn is_of(path: &Path, positions: &[Vec3]) -> Option<bool> {
-    let about = read_file(&path.with_extension("json"), MOST_WORDS).ok()?;
-    let about: Value = serde_json::from_slice(&about).ok()?;
-    Some(about[POSITIONS].as_str()? == digest(positions))
+    Some(description(path)?[POSITIONS].as_str()? == digest(positions))
 }
 
 const CURE: &str = "give a .npy file of `finalgather bake --what prt`, with its .json beside it";
 
-/// The columns `PRT.00.R` and on of a file that [`super::Values::write`] made, complete for some order.
+/// Reads the columns `PRT.00.R` and so on from a file of [`PointValues::write`]. All coefficients of an order must be there.
 pub fn read_prt(path: &Path) -> Result<Vec<Channel>> {
     let read = |path: &Path, most: u64| {
         read_file(path, most).map_err(|error| Error::input(path, None, format!("not readable: {error}"), CURE))
@@ -130,7 +128,7 @@ pub fn read_prt(path: &Path) -> Result<Vec<Channel>> {
     parse_prt(path, &read(path, MOST_BYTES)?, &read(&path.with_extension("json"), MOST_WORDS)?)
 }
 
-/// The same of the `bytes` of the array and of `about`, its JSON; `path` is where the array came from.
+/// As [`read_prt`], from the `bytes` of the array at `path` and of `about`, its JSON.
 pub fn parse_prt(path: &Path, bytes: &[u8], about: &[u8]) -> Result<Vec<Channel>> {
     let json_path = path.with_extension("json");
     let about: Value = serde_json::from_slice(about)

@@ -1,5 +1,4 @@
-//! Wavefront OBJ with its light map as `map_Kd`, for a quick look in any viewer: the map shows what a white surface sends back, and
-//! `Kd` multiplies it by the albedo.
+//! Wavefront OBJ with the light map as `map_Kd`, for any viewer. The map is the radiance of a white surface, and `Kd`, the albedo, multiplies it.
 
 use std::fmt::Write;
 use std::path::Path;
@@ -11,13 +10,10 @@ use crate::error::{Error, Result};
 use crate::file::{MOST_BYTES, read_file, write_file};
 use crate::image::WriteOptions;
 
-/// How files begin that may be written over.
+/// The first characters of our files. Other files are not replaced.
 const OURS: &str = "# by finalgather bake";
 
-/// Whether neither the model nor its materials, which go beside it without being named, are another's.
-///
-/// # Errors
-/// [`Error::Usage`] when they are.
+/// Fails if the model or its materials file, which the user does not name, would replace a file of another program.
 pub fn check_ours(path: &Path) -> Result<()> {
     for path in [path, &path.with_extension("mtl")] {
         if path.exists() && !read_file(path, MOST_BYTES).is_ok_and(|bytes| bytes.starts_with(OURS.as_bytes())) {
@@ -42,7 +38,7 @@ pub fn write(path: &Path, lightmap: &Lightmap, options: &WriteOptions) -> Result
     let normals = surface.has_normals().then_some(&surface.mesh.normals);
     let line = |text: &mut String, word: &str, numbers: &[f32]| {
         text.push_str(word);
-        // The shortest digits that mean these 32 bits.
+        // The shortest digits that give back these 32 bits.
         for number in numbers {
             let _ = write!(text, " {number}");
         }

@@ -1,6 +1,6 @@
-//! PLY, binary: a colour to look at, and each column as a property of its own.
+//! Binary PLY: a colour for display, and one property for each column.
 //!
-//! Written without the crate that reads points: it asks for every property of every vertex by name.
+//! The crate that reads points is not used to write, because it asks for every property of every vertex by name.
 
 use std::fmt::Write as _;
 use std::io::Write as _;
@@ -8,20 +8,20 @@ use std::path::Path;
 
 use serde_json::Value;
 
-use super::{Values, snake_case};
+use super::{PointValues, snake_case};
 use crate::blocks::sha256;
 use crate::error::Result;
 use crate::file::write_by;
 use crate::image::{WriteOptions, encode_srgb};
 use crate::scene::Triangle;
 
-/// The metadata's line, but for the values.
+/// The metadata's line begins with this.
 const ABOUT: &str = "comment finalgather ";
 
-/// And of the checksum of all that follows the header.
+/// The line of the checksum of all data after the header begins with this.
 const DATA: &str = "comment sha256 ";
 
-/// What the header of a file that [`write`] made says, if what follows is what was written.
+/// Reads the metadata from the header, if the checksum is that of the data.
 pub fn metadata(bytes: &[u8]) -> Option<Value> {
     const END: &str = "end_header\n";
     let end = bytes.windows(END.len()).position(|window| window == END.as_bytes())?;
@@ -31,11 +31,11 @@ pub fn metadata(bytes: &[u8]) -> Option<Value> {
     is_whole.then(|| serde_json::from_str(about).ok())?
 }
 
-pub fn write(path: &Path, values: &Values, options: &WriteOptions) -> Result<()> {
+pub fn write(path: &Path, values: &PointValues, options: &WriteOptions) -> Result<()> {
     let triangles = values.surface.map_or(&[][..], |surface| &surface.mesh.triangles);
     let data = data(values, triangles, options.exposure);
     let mut header = String::from("ply\nformat binary_little_endian 1.0\n");
-    // A line of a header is a comment as long as it has no break.
+    // A comment is one line, so line breaks become spaces.
     if let Some(metadata) = options.metadata {
         let _ = writeln!(header, "{ABOUT}{}", metadata.replace(['\r', '\n'], " "));
         let _ = writeln!(header, "{DATA}{}", sha256(&data));
@@ -61,8 +61,8 @@ pub fn write(path: &Path, values: &Values, options: &WriteOptions) -> Result<()>
     })
 }
 
-/// What follows the header.
-fn data(values: &Values, triangles: &[Triangle], exposure: f32) -> Vec<u8> {
+/// The data after the header.
+fn data(values: &PointValues, triangles: &[Triangle], exposure: f32) -> Vec<u8> {
     let mut bytes = Vec::with_capacity(values.positions.len() * (27 + 4 * values.columns.len()) + 13 * triangles.len());
     for (i, colour) in values.shown(exposure).into_iter().enumerate() {
         for number in values.positions[i].to_array().into_iter().chain(values.normals[i].to_array()) {

@@ -20,7 +20,7 @@ pub struct Bundle {
     /// Unit space to clip space.
     pub to_clip: Mat4,
     /// How far above its own tangent plane a point can tell a surface from its own.
-    pub clearance: f32,
+    pub depth_bias: f32,
 }
 
 impl Bundle {
@@ -44,7 +44,7 @@ impl Bundle {
             to_layer,
             to_clip: from_window * to_layer,
             // Rasterisers round vertices to at least 1/16 of a texel, in practice to 1/256; the rest is float precision at 1.
-            clearance: texel.max_element() / 256.0 + 2e-6,
+            depth_bias: texel.max_element() / 256.0 + 2e-6,
         }
     }
 
@@ -70,7 +70,7 @@ impl Bundle {
         [
             ("direction", Uniform::Vec3(self.direction)),
             ("to_layer", Uniform::Mat4(self.to_layer)),
-            ("clearance", Uniform::Float(self.clearance)),
+            ("depth_bias", Uniform::Float(self.depth_bias)),
             ("metric", Uniform::Vec3(self.metric())),
         ]
     }

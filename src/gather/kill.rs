@@ -8,7 +8,7 @@ use std::rc::Rc;
 
 use super::bundle::Bundle;
 use crate::error::Result;
-use crate::gpu::{Blend, DepthTest, Draw, Format, Geometry, Gpu, Program, SampleQuery, ShaderSource, Target, Texture, Uniform};
+use crate::gpu::{Blend, DepthTest, Draw, Format, Gpu, Program, SampleQuery, ShaderSource, Shape, Target, Texture, Uniform};
 use crate::points::Points;
 use crate::shaders;
 
@@ -75,16 +75,8 @@ impl Kill {
     }
 
     fn draw(&self, program: &Program, uniforms: &[(&'static str, Uniform)], depth: DepthTest) {
-        Draw {
-            target: &self.hits,
-            region: None,
-            program,
-            uniforms,
-            depth,
-            blend: Blend::Replace,
-            geometry: Geometry::FullScreen,
-        }
-        .run();
+        Draw { target: &self.hits, region: None, program, uniforms, depth, blend: Blend::Replace, geometry: Shape::FullScreen }
+            .run();
     }
 
     /// What each point saw along the direction, as `glsl/kill.frag` writes it.

@@ -1,53 +1,35 @@
-//! The baseline of the bundles: the same gather by ray shooting on the same GL device. Mirrors `glsl/rays.frag` and `glsl/include/bvh.glsl`.
+//! Finds exact hits by rays on the GL device, as the baseline of the bundles. Mirrors `glsl/finder/rays.glsl` and `glsl/include/bvh.glsl`.
 //!
-//! Each point casts one ray along each direction, towards the end on its side of its surface: E(x) = π Σ L w / Σ w with w = |n·d|. What a ray
-//! meets first is found in a bounding volume hierarchy, so hits are exact, and the cost of a direction grows with the logarithm of the
-//! number of triangles, times the number of points.
+//! Each point casts one ray along each direction, towards the end on its side of its surface. A bounding volume hierarchy gives the first surface on
+//! the ray, so hits are exact, and the cost of a direction grows with the logarithm of the number of triangles, times the number of points.
 //!
 //! The tables take some 130 bytes a triangle; devices with textures of 16384² hold four million.
 
 use glam::{DVec3, Vec3, Vec4};
 
-use super::hit_pass::HitPass;
-use super::hits::{Begun, Find, FoundHits, Hits, KeptHits};
-use super::{Beyond, Gather, Work};
+use super::{Found, HitFinder, vectors};
 use crate::direction::Direction;
 use crate::error::Result;
 use crate::geometry::{Geometry, triangle_order, upload_table};
-use crate::gpu::{Format, Gpu, Program, Texture, Uniform};
+use crate::gpu::{Format, Gpu, Texture, Uniform};
 use crate::points::Points;
 use crate::scene::{FlatBvh, Scene};
-use crate::shaders;
+use crate::shaders::{BATCH, Finder};
 
 /// How far triangles reach beyond their edges, so that no ray slips through between two: a few times what a hit's position is rounded
 /// by, at coordinates of 1.
 const EDGE: f64 = 3e-7;
 
-/// Rays through one scene, and what they bring added up.
-pub struct RayGather {
-    pass: HitPass,
-    rays: Rays,
-}
-
-/// Rays through one scene, and what they meet written down.
-pub struct RayFind {
-    gpu: Gpu,
-    program: Program,
-    hits: FoundHits,
-    rays: Rays,
-    /// Of the batch begun with.
-    directions: Vec<Vec4>,
-}
-
-/// A scene as rays see it.
-struct Rays {
+/// Casts rays through one scene.
+pub struct RayFinder {
     /// Without its nodes and triangles, which are in textures.
     tree: FlatBvh,
     nodes: Texture,
     triangles: Texture,
+    directions: Vec<Vec4>,
 }
 
-impl Rays {
+impl RayFinder {
     /// Builds the tree; `scene` is in unit space.
     ///
     /// # Errors
@@ -62,88 +44,34 @@ impl Rays {
             nodes: upload_table(gpu, Format::Rgba32Ui, nodes)?,
             triangles: upload_table(gpu, Format::Rgba32F, triangles)?,
             tree,
+            directions: Vec::new(),
         })
     }
-
-    /// What shaders of rays along `directions` read.
-    fn uniforms<'a>(&'a self, directions: &'a [Vec4]) -> [(&'static str, Uniform<'a>); 7] {
-        [
-            ("bvh_nodes", Uniform::Texture(&self.nodes)),
-            ("bvh_triangles", Uniform::Texture(&self.triangles)),
-            ("bvh_count", Uniform::Int(self.tree.count as i32)),
-            ("bvh_origin", Uniform::Vec3(self.tree.origin)),
-            ("bvh_step", Uniform::Vec3(self.tree.step)),
-            ("directions", Uniform::Vec4s(directions)),
-            ("direction_count", Uniform::Int(directions.len() as i32)),
-        ]
-    }
 }
 
-fn vectors(directions: &[Direction]) -> Vec<Vec4> {
-    directions.iter().map(|direction| direction.vector.extend(0.0)).collect()
-}
-
-impl RayGather {
-    /// Builds the tree; `scene` is in unit space.
-    ///
-    /// # Errors
-    /// When the device's limits are below the scene's size.
-    pub fn new(gpu: &Gpu, scene: &Scene) -> Result<Self> {
-        let pass = HitPass::new(gpu, &shaders::RAYS, &shaders::RAYS_TEXTURED)?;
-        Ok(Self { pass, rays: Rays::new(gpu, scene)? })
-    }
-}
-
-impl RayFind {
-    /// For points in textures of one size.
-    ///
-    /// # Errors
-    /// As [`RayGather::new`].
-    pub fn new(gpu: &Gpu, scene: &Scene, points: [u32; 2]) -> Result<Self> {
-        let program = Program::new(gpu, &shaders::RAYS_FIND)?;
-        let (hits, rays) = (FoundHits::new(gpu, points)?, Rays::new(gpu, scene)?);
-        Ok(Self { gpu: gpu.clone(), program, hits, rays, directions: Vec::new() })
-    }
-}
-
-impl Find for RayFind {
+impl HitFinder for RayFinder {
     fn batch(&self) -> usize {
-        shaders::BATCH
-    }
-
-    fn begin(&mut self, _: &Geometry, directions: &[Direction]) -> Result<Begun> {
-        self.directions = vectors(directions);
-        Ok(Begun { directions: directions.len(), layers: 0 })
-    }
-
-    fn find(&mut self, _: &Geometry, points: Points) -> Result<Hits<'_>> {
-        self.hits.write(points, &self.program, &self.rays.uniforms(&self.directions));
-        Ok(Hits::new(self.hits.texture(), &self.directions, true))
-    }
-
-    fn keep(&mut self) -> Result<KeptHits> {
-        self.hits.keep(&self.gpu, &self.directions)
-    }
-}
-
-impl Gather for RayGather {
-    fn batch(&self) -> usize {
-        shaders::BATCH
+        BATCH
     }
 
     fn both_ends(&self) -> bool {
         true
     }
 
-    fn add(&mut self, work: Work, directions: &[Direction]) -> Result<u32> {
-        for batch in directions.chunks(shaders::BATCH) {
-            let beyond = Beyond::new(work.scene, batch.iter().map(|direction| direction.vector));
-            let vectors = vectors(batch);
-            let uniforms = [&self.rays.uniforms(&vectors)[..], &beyond.uniforms()].concat();
-            // No stage: llvmpipe's timer takes a scene of one long draw for a twentieth of what it was.
-            self.pass.run(work, &uniforms);
-        }
-        Ok(0)
+    fn begin(&mut self, _: &Geometry, directions: &[Direction]) -> Result<usize> {
+        self.directions = vectors(&directions[..directions.len().min(BATCH)]);
+        Ok(self.directions.len())
+    }
+
+    fn find(&mut self, _: &Geometry, _: Points) -> Result<Found<'_>> {
+        let uniforms = vec![
+            ("bvh_nodes", Uniform::Texture(&self.nodes)),
+            ("bvh_triangles", Uniform::Texture(&self.triangles)),
+            ("bvh_count", Uniform::Int(self.tree.count as i32)),
+            ("bvh_origin", Uniform::Vec3(self.tree.origin)),
+            ("bvh_step", Uniform::Vec3(self.tree.step)),
+        ];
+        Ok(Found { finder: Finder::Rays, layers: 0, directions: &self.directions, both_ends: true, uniforms })
     }
 }
 

@@ -1,8 +1,8 @@
-//! What a stretch of work costs on either side: the device's time in each of its stages, and the CPU's time in waits for the device.
+//! Measures the device time of each stage and the CPU time spent in waits for the device.
 //!
-//! Passes name their stages by [`Gpu::stage`], which does nothing until there is a [`StageClock`]. Each stage is timed by queries of its own,
-//! read when their results are there, so that measuring adds no waits. Where the CPU waits within a stage, the query ends before and another
-//! begins after: the device's idle time while a result is on its way is no stage's.
+//! Passes name their stages by [`Gpu::stage`], which does nothing without a [`StageClock`]. Each stage has its own timer queries. They are read
+//! when their results are ready, so measuring adds no waits. Where the CPU waits within a stage, one query ends before the wait and another
+//! begins after it. So no stage counts the time in which the device is idle while a result travels to the CPU.
 
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
@@ -10,24 +10,24 @@ use std::time::{Duration, Instant};
 use super::context::{Context, Gpu};
 use super::query::TimerQuery;
 
-/// Queries that are left alone after their end: to ask for a result makes some drivers send off what they still hold back.
+/// This many ended queries are not asked for their results: asking makes some drivers submit work that they hold back.
 const PENDING: usize = 64;
 
-/// Measures the stages of a context as long as it lives.
+/// Measures the stages of a context until it is dropped.
 pub struct StageClock {
     gpu: Gpu,
 }
 
-/// What was measured.
+/// The times that a [`StageClock`] measured.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct StageTimes {
-    /// Device time of each stage in seconds, in the order in which they first ran. `None`: the driver tells no time.
+    /// Device time of each stage in seconds, in the order in which the stages first ran. `None`: the driver measures no time.
     pub stages: Vec<(&'static str, Option<f64>)>,
     /// Seconds that the CPU spent in waits for the device.
     pub waits: f64,
 }
 
-/// The inside of a [`StageClock`].
+/// The state of a [`StageClock`].
 pub(super) struct Stages {
     gpu: Gpu,
     seconds: Vec<(&'static str, f64)>,
@@ -35,14 +35,14 @@ pub(super) struct Stages {
     /// The stage in progress.
     current: Option<&'static str>,
     running: Option<(&'static str, TimerQuery)>,
-    /// Ended, the oldest first, with results that may not be there yet.
+    /// Ended queries, the oldest first. Their results may not be ready.
     ended: VecDeque<(&'static str, TimerQuery)>,
     unused: Vec<TimerQuery>,
 }
 
 impl StageClock {
     /// # Panics
-    /// When the context has a clock already.
+    /// If the context has a clock already.
     pub fn start(gpu: &Gpu) -> Self {
         assert!(gpu.context().stages.borrow().is_none(), "one clock at a time");
         *gpu.context().stages.borrow_mut() = Some(Stages {
@@ -57,7 +57,7 @@ impl StageClock {
         Self { gpu: gpu.clone() }
     }
 
-    /// What was measured since the start or the last call. Waits for the results.
+    /// Returns the times since the start or the last call. Waits for the results.
     pub fn take(&self) -> StageTimes {
         let mut stages = self.gpu.context().stages.borrow_mut();
         stages.as_mut().map_or_else(StageTimes::default, Stages::take)
@@ -66,13 +66,13 @@ impl StageClock {
 
 impl Drop for StageClock {
     fn drop(&mut self) {
-        // The queries know the context, and would keep each other alive.
+        // The queries hold the context, and the context holds the queries: both would live for ever.
         self.gpu.context().stages.take();
     }
 }
 
 impl Gpu {
-    /// Runs `work` as part of a stage. Within another, its time counts for this one alone.
+    /// Runs `work` as part of a stage. Inside another stage, only the inner stage counts this time.
     pub fn stage<T>(&self, name: &'static str, work: impl FnOnce() -> T) -> T {
         let context = self.context();
         let outer = context.with_stages(|stages| stages.switch(Some(name)));
@@ -85,7 +85,7 @@ impl Gpu {
 }
 
 impl Context {
-    /// Runs `wait`, which returns when the device has come so far.
+    /// Runs `wait`, which blocks until the device has done some work.
     pub(super) fn wait<T>(&self, wait: impl FnOnce() -> T) -> T {
         let Some(stage) = self.with_stages(|stages| stages.switch(None)) else { return wait() };
         let start = Instant::now();
@@ -103,7 +103,7 @@ impl Context {
 }
 
 impl Stages {
-    /// Ends the stage in progress, begins `next`, and returns the one that has ended.
+    /// Ends the stage in progress, begins `next`, and returns the ended stage.
     fn switch(&mut self, next: Option<&'static str>) -> Option<&'static str> {
         if let Some((name, query)) = self.running.take() {
             query.end();
@@ -112,7 +112,7 @@ impl Stages {
         while self.ended.len() > PENDING && self.ended.front().is_some_and(|(_, query)| query.is_available()) {
             self.read_oldest();
         }
-        // A device that makes no query tells no time.
+        // Without a query, the stage has no time.
         self.running = next.and_then(|name| Some((name, self.unused.pop().or_else(|| TimerQuery::new(&self.gpu).ok())?)));
         if let Some((name, query)) = &self.running {
             query.begin();

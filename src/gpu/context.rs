@@ -1,4 +1,4 @@
-//! A GL context with its limits, made current on demand.
+//! A GL context with its limits. It becomes current when it is used.
 
 use std::cell::{Cell, RefCell};
 use std::rc::Rc;
@@ -12,33 +12,33 @@ use super::headless::{self, Backend, DeviceChoice, Platform};
 use super::reset::ResetStatus;
 use crate::error::{Error, Result};
 
-/// An OpenGL 3.3 core context. Clones share it; it lives until the last clone and the last object made from it are gone.
+/// An OpenGL 3.3 core context. Clones share it. It lives until its last clone and its last object are dropped.
 #[derive(Clone)]
 pub struct Gpu {
     context: Rc<Context>,
 }
 
-/// The context and its function pointers. Objects keep it alive so that they can be deleted.
+/// The context and its function pointers. GL objects keep it alive, because deleting them needs it.
 pub(super) struct Context {
     functions: glow::Context,
     platform: Platform,
     info: GpuInfo,
     reset: ResetStatus,
-    /// Why it is lost, if it is. Drivers may say so once only.
+    /// Why the context is lost, if it is. Stored, because some drivers report the loss only once.
     lost: Cell<Option<&'static str>>,
-    /// The first that [`Gpu::check`] has not told of.
+    /// The first GL error that [`Gpu::check`] has not reported yet.
     error: Cell<u32>,
-    /// Seconds of work since it was handed to the device, as far as it is known.
+    /// Estimated seconds of work that are queued and not yet flushed to the device.
     pub(super) queued: Cell<f64>,
-    /// Core profiles draw nothing without a vertex array, not even a triangle that reads no attribute.
-    no_vertices: glow::NativeVertexArray,
-    /// Distinguishes contexts that one thread uses in turn.
+    /// Core profiles need a bound vertex array for every draw, even for a triangle that reads no attribute.
+    pub(super) no_vertices: glow::NativeVertexArray,
+    /// Tells contexts apart that one thread uses in turn.
     identity: u64,
-    /// What a [`super::StageClock`] has measured; none while there is no such clock.
+    /// The state of the [`super::StageClock`], if there is one.
     pub(super) stages: RefCell<Option<Stages>>,
 }
 
-/// What the driver says of itself.
+/// The driver's description of itself.
 #[derive(Clone, Debug, Serialize)]
 pub struct GpuInfo {
     pub renderer: String,
@@ -47,12 +47,12 @@ pub struct GpuInfo {
     pub glsl: String,
     /// `egl` or `osmesa`.
     pub backend: String,
-    /// The EGL device that was chosen, in words.
+    /// Index and name of the EGL device.
     pub device: String,
     pub limits: Limits,
 }
 
-/// Limits that a request can run into.
+/// Device limits that settings can exceed.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct Limits {
     pub max_texture_size: u32,
@@ -69,16 +69,16 @@ thread_local! {
 }
 
 impl Gpu {
-    /// Makes a context with no window: EGL on the chosen device, else OSMesa where it is installed.
+    /// Makes a context without a window: through EGL on the chosen device, or through OSMesa if EGL fails and OSMesa is installed.
     ///
-    /// On llvmpipe of Mesa 22 the contexts of one process must not work on several threads at once: each looks through the unfinished draws
-    /// of all, which another thread may just be changing (`lp_setup_is_resource_referenced`), and the process ends. Newer versions have a lock there.
+    /// With llvmpipe of Mesa 22, the contexts of one process must not work on several threads at once: each reads the unfinished draws
+    /// of all contexts without a lock (`lp_setup_is_resource_referenced`), and the process crashes. Newer versions take a lock there.
     /// Contexts on one thread, or in several processes, are safe.
     ///
     /// # Errors
-    /// [`Error::Gl`] when no library, no device or no OpenGL 3.3 core context is to be had.
+    /// [`Error::Gl`] if no library, no device or no OpenGL 3.3 core context is available.
     pub fn headless(backend: Backend, device: DeviceChoice) -> Result<Self> {
-        // Whatever comes of it, the context that was current no longer is.
+        // Even a failure leaves another context current, or none.
         CURRENT.set(0);
         let (platform, functions, reset) = headless::create(backend, device)?;
         let info = unsafe { info(&functions, &platform) };
@@ -90,7 +90,14 @@ impl Gpu {
         let (lost, error, queued) = Default::default();
         let context = Context { functions, platform, info, reset, lost, error, queued, no_vertices, identity, stages };
         let gpu = Self { context: Rc::new(context) };
-        gpu.set_state();
+        // Every draw relies on this state, and none changes it.
+        let gl = gpu.gl();
+        unsafe {
+            gl.disable(glow::DITHER);
+            gl.disable(glow::MULTISAMPLE);
+            gl.pixel_store_i32(glow::PACK_ALIGNMENT, 1);
+            gl.pixel_store_i32(glow::UNPACK_ALIGNMENT, 1);
+        }
         Ok(gpu)
     }
 
@@ -98,44 +105,43 @@ impl Gpu {
         &self.context.info
     }
 
-    /// Which driver computes, as far as it tells: another one rounds otherwise.
+    /// Names the driver, because another driver rounds differently.
     pub fn identity(&self) -> Value {
         let GpuInfo { renderer, version, backend, .. } = self.info();
         json!({ "renderer": renderer, "version": version, "backend": backend })
     }
 
-    /// Waits until everything queued has run, so that a clock read next to it measures work and not queuing.
+    /// Waits until the device has done all queued work. A clock that is read next then measures work and not queuing.
     pub fn finish(&self) {
         self.context.finish();
     }
 
-    /// Whether the driver has reset the device, or given this context up otherwise: then what it held is gone, what reads it finds nothing, and
-    /// no call does anything.
+    /// Whether the driver has lost this context, by a reset of the device for example. Then its objects are gone, and calls have no effect.
     pub fn is_lost(&self) -> bool {
         self.context.is_lost()
     }
 
-    /// Whether after this error of its own, such as that of memory that ended, the device still works.
+    /// Whether the device still works after this error. It does after an ordinary GL error, such as one of too little memory.
     pub fn goes_on(&self, error: &Error) -> bool {
         matches!(error, Error::Gl { .. }) && !self.is_lost()
     }
 
-    /// Whether shaders can write to any texel ([`super::Uniform::Image`]): from OpenGL 4.2 on.
+    /// Whether shaders can write to any texel ([`super::Uniform::Image`]). This needs OpenGL 4.2.
     pub fn writes_images(&self) -> bool {
         let number = |name| unsafe { self.gl().get_parameter_i32(name) };
         (number(glow::MAJOR_VERSION), number(glow::MINOR_VERSION)) >= (4, 2)
     }
 
-    /// What shaders have written to images is there for all that comes after.
+    /// Makes texels that shaders wrote to images visible to all later commands.
     pub fn settle_images(&self) {
         unsafe { self.gl().memory_barrier(glow::ALL_BARRIER_BITS) };
     }
 
-    /// Turns GL errors since the last call into one that names `stage`.
+    /// Returns the first GL error since the last call. The error names `stage`.
     pub fn check(&self, stage: &str) -> Result<()> {
         let lost = self.context.lost();
         let code = self.context.error.take();
-        // Errors queue up; the first one is the cause. The bound holds where a lost context reports for ever.
+        // Drop the errors that follow the first. The bound is for lost contexts, which report errors without end.
         for _ in 0..64 {
             if unsafe { self.gl().get_error() } == glow::NO_ERROR {
                 break;
@@ -168,25 +174,10 @@ impl Gpu {
     pub(super) fn gl(&self) -> &glow::Context {
         self.context.current()
     }
-
-    /// The state that every draw relies on and none changes.
-    fn set_state(&self) {
-        let gl = self.gl();
-        unsafe {
-            gl.disable(glow::DITHER);
-            gl.disable(glow::MULTISAMPLE);
-            gl.pixel_store_i32(glow::PACK_ALIGNMENT, 1);
-            gl.pixel_store_i32(glow::UNPACK_ALIGNMENT, 1);
-        }
-    }
 }
 
 impl Context {
-    pub(super) fn no_vertices(&self) -> glow::NativeVertexArray {
-        self.no_vertices
-    }
-
-    /// The functions, with this context current on the calling thread.
+    /// Makes this context current on the calling thread and returns the GL functions.
     pub(super) fn current(&self) -> &glow::Context {
         if CURRENT.get() != self.identity {
             if !self.platform.make_current() {
@@ -197,7 +188,6 @@ impl Context {
         &self.functions
     }
 
-    /// Waits until the device has nothing left to do.
     pub(super) fn finish(&self) {
         let gl = self.current();
         self.wait(|| unsafe { gl.finish() });
@@ -208,7 +198,7 @@ impl Context {
         self.lost().is_some()
     }
 
-    /// Why it is lost, if it is. Those that do not tell when they are reset may still say so by errors.
+    /// Why the context is lost, if it is. A context without a reset status may still report the loss as a GL error.
     fn lost(&self) -> Option<&'static str> {
         let gl = self.current();
         if self.lost.get().is_none() {
@@ -224,7 +214,7 @@ impl Context {
         self.lost.get()
     }
 
-    /// The first cause is the one that counts.
+    /// Stores why the context is lost, unless a cause is stored already.
     fn lose(&self, cause: &'static str) {
         self.lost.set(self.lost.get().or(Some(cause)));
     }
@@ -233,13 +223,14 @@ impl Context {
 unsafe fn info(gl: &glow::Context, platform: &Platform) -> GpuInfo {
     let integer = |name| u32::try_from(unsafe { gl.get_parameter_i32(name) }).unwrap_or(0);
     let string = |name| unsafe { gl.get_parameter_string(name) };
+    let [backend, device] = platform.names().map(str::to_owned);
     GpuInfo {
         renderer: string(glow::RENDERER),
         vendor: string(glow::VENDOR),
         version: string(glow::VERSION),
         glsl: string(glow::SHADING_LANGUAGE_VERSION),
-        backend: platform.backend().to_owned(),
-        device: platform.device().to_owned(),
+        backend,
+        device,
         limits: Limits {
             max_texture_size: integer(glow::MAX_TEXTURE_SIZE),
             max_array_layers: integer(glow::MAX_ARRAY_TEXTURE_LAYERS),

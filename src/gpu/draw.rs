@@ -1,4 +1,4 @@
-//! A draw as one value: where to, with what, in which fixed-function state. Nothing survives from one draw to the next.
+//! A draw as one value: target, program, geometry and fixed-function state. No state carries over to the next draw.
 
 use std::ops::Range;
 
@@ -8,54 +8,53 @@ use super::program::{Program, Uniform};
 use super::target::Target;
 use super::vertices::VertexArray;
 
-/// Everything that shapes a draw.
+/// All inputs of a draw.
 pub struct Draw<'a> {
     pub target: &'a Target,
-    /// [x, y, width, height] in texels that the projection covers; `None` is the whole target.
+    /// The viewport, [x, y, width, height] in texels; `None` is the whole target.
     pub region: Option<[i32; 4]>,
     pub program: &'a Program,
     pub uniforms: &'a [(&'static str, Uniform<'a>)],
     pub depth: DepthTest,
     pub blend: Blend,
-    pub geometry: Geometry<'a>,
+    pub geometry: Shape<'a>,
 }
 
-/// Which fragments pass the tests of depth and stencil; those that do write their depth.
+/// Which fragments pass the depth and stencil tests. Fragments that pass write their depth, unless the variant says otherwise.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum DepthTest {
-    /// All of them; depth is not written.
+    /// All fragments pass, and none writes its depth.
     Off,
     Less,
     Greater,
-    /// Those that [`Self::RejectUnmarked`] has not rejected, and they write this depth in place of their own. The stencil is only read: so a
-    /// driver can test before a shader that discards, and write after it.
+    /// Fragments pass where [`Self::RejectUnmarked`] has not rejected the texel. They write this depth in place of their own. The stencil is only
+    /// read, so a driver can test before a shader that discards, and write after it.
     MarkAccepted(f32),
-    /// Those not rejected yet where another depth than this stands: they are rejected from now on, until the target is cleared. Neither
-    /// depth nor colour is written. For targets with a stencil.
+    /// Rejects all texels whose depth is not this one, until the target is cleared. Writes neither depth nor colour. The target needs a stencil.
     RejectUnmarked(f32),
 }
 
-/// What happens to the colour that is there.
+/// How a fragment's colour changes the target.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Blend {
     Replace,
     Add,
-    /// Of two colour textures, replaces these channels of each and leaves the others.
+    /// Replaces these channels of two colour textures and leaves the others.
     ReplaceChannels([[bool; 4]; 2]),
 }
 
-/// What is drawn.
-pub enum Geometry<'a> {
+/// The triangles of a draw.
+pub enum Shape<'a> {
     /// One triangle over the whole region, from `glsl/fullscreen.vert`.
     FullScreen,
     /// A range of triangles of a vertex array.
     Triangles(&'a VertexArray, Range<u32>),
-    /// All triangles of a vertex array, so many times; each time into pixels of its own, for their order is open.
+    /// All triangles of a vertex array, this many times. Each instance must cover pixels of its own, because the order is not defined.
     Instances(&'a VertexArray, u32),
 }
 
 impl Draw<'_> {
-    /// Queues the draw, or where it takes long waits for all but a short rest of it.
+    /// Queues the draw. A long draw is split into parts, and all but a short last part are waited for.
     pub fn run(&self) {
         let gl = self.target.bind();
         self.program.bind(self.uniforms);
@@ -70,7 +69,7 @@ impl Draw<'_> {
                 DepthTest::MarkAccepted(depth) => (Some(glow::ALWAYS), true, [depth; 2]),
                 DepthTest::RejectUnmarked(depth) => (Some(glow::NOTEQUAL), false, [depth; 2]),
             };
-            // In 64 bits: the call in 32 came with OpenGL 4.1.
+            // The 32-bit call needs OpenGL 4.1.
             gl.depth_range_f64(range[0].into(), range[1].into());
             gl.depth_mask(write);
             match function {
@@ -110,20 +109,20 @@ impl Draw<'_> {
         }
         let context = self.target.context();
         let vertices = match self.geometry {
-            Geometry::FullScreen => context.no_vertices(),
-            Geometry::Triangles(vertices, _) | Geometry::Instances(vertices, _) => vertices.name(),
+            Shape::FullScreen => context.no_vertices,
+            Shape::Triangles(vertices, _) | Shape::Instances(vertices, _) => vertices.array.name(),
         };
         unsafe { gl.bind_vertex_array(Some(vertices)) };
-        let pace = self.program.pace();
+        let pace = &self.program.pace;
         match &self.geometry {
-            Geometry::FullScreen => pace.run(context, height as u32, width as u32, |rows| unsafe {
+            Shape::FullScreen => pace.run(context, height as u32, width as u32, |rows| unsafe {
                 gl.viewport(x, y + rows.start as i32, width, rows.len() as i32);
                 gl.draw_arrays(glow::TRIANGLES, 0, 3);
             }),
-            Geometry::Triangles(_, range) => pace.run(context, range.end - range.start, 1, |part| unsafe {
+            Shape::Triangles(_, range) => pace.run(context, range.end - range.start, 1, |part| unsafe {
                 gl.draw_arrays(glow::TRIANGLES, 3 * (range.start + part.start) as i32, 3 * part.len() as i32);
             }),
-            Geometry::Instances(vertices, count) => pace.run(context, vertices.count() / 3, *count, |part| unsafe {
+            Shape::Instances(vertices, count) => pace.run(context, vertices.count / 3, *count, |part| unsafe {
                 gl.draw_arrays_instanced(glow::TRIANGLES, 3 * part.start as i32, 3 * part.len() as i32, *count as i32);
             }),
         }

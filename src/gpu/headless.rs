@@ -1,4 +1,4 @@
-//! Contexts with no window: an EGL device through glutin, or OSMesa.
+//! Contexts without a window: on an EGL device, through glutin, or through OSMesa.
 
 use std::ffi::CString;
 use std::fmt;
@@ -6,7 +6,9 @@ use std::str::FromStr;
 
 use glutin::api::egl::{context::PossiblyCurrentContext, device::Device, display::Display};
 use glutin::config::{Api, ConfigSurfaceTypes, ConfigTemplateBuilder};
-use glutin::context::{ContextApi, ContextAttributesBuilder, GlProfile, PossiblyCurrentGlContext, Robustness, Version};
+use glutin::context::{
+    ContextApi, ContextAttributes, ContextAttributesBuilder, GlProfile, PossiblyCurrentGlContext, Robustness, Version,
+};
 use glutin::display::GlDisplay;
 use serde::Serialize;
 
@@ -14,25 +16,25 @@ use super::osmesa::OsMesa;
 use super::reset::ResetStatus;
 use crate::error::{Error, Result};
 
-/// Which library makes the context.
+/// The library that makes the context.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Backend {
-    /// EGL, and OSMesa where EGL cannot.
+    /// EGL, or OSMesa if EGL fails.
     #[default]
     Auto,
     Egl,
     OsMesa,
 }
 
-/// Which EGL device renders.
+/// The EGL device that renders.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum DeviceChoice {
-    /// The first device that gives a context; EGL lists hardware first.
+    /// The first device that makes a context. EGL lists hardware first.
     #[default]
     Auto,
     /// The software device.
     Software,
-    /// Counted from 0, as [`list_devices`] lists them.
+    /// The index in [`list_devices`], from 0.
     Index(usize),
 }
 
@@ -44,10 +46,10 @@ pub struct DeviceInfo {
     pub software: bool,
 }
 
-/// A context, its functions, and how it tells that it is lost.
+/// A context, its functions and its reset status.
 pub(super) type Created = (Platform, glow::Context, ResetStatus);
 
-/// What keeps a context alive.
+/// Owns a context of the library that made it.
 pub(super) enum Platform {
     Egl { context: PossiblyCurrentContext, device: String },
     OsMesa(OsMesa),
@@ -85,38 +87,32 @@ impl fmt::Display for DeviceInfo {
 }
 
 impl Platform {
-    pub fn backend(&self) -> &'static str {
+    /// The names of backend and device.
+    pub fn names(&self) -> [&str; 2] {
         match self {
-            Self::Egl { .. } => "egl",
-            Self::OsMesa(_) => "osmesa",
+            Self::Egl { device, .. } => ["egl", device],
+            Self::OsMesa(_) => ["osmesa", "software"],
         }
     }
 
-    pub fn device(&self) -> &str {
-        match self {
-            Self::Egl { device, .. } => device,
-            Self::OsMesa(_) => "software",
-        }
-    }
-
-    /// Whether it can; else none is current, so that what is meant for this one meets no other.
+    /// Returns whether it succeeded. After a failure no context is current, so that no other context receives the next calls.
     pub fn make_current(&self) -> bool {
         let made = match self {
             Self::Egl { context, .. } => context.make_current_surfaceless().is_ok(),
             Self::OsMesa(context) => context.make_current().is_ok(),
         };
         if let (false, Self::Egl { context, .. }) = (made, self) {
-            // Where it cannot even be let go, it is not current either.
+            // If this fails too, the context is not current either.
             let _ = context.make_not_current_in_place();
         }
         made
     }
 }
 
-/// The EGL devices of this machine, in EGL's order.
+/// Lists the EGL devices of this machine, in EGL's order.
 ///
 /// # Errors
-/// [`Error::Gl`] when libEGL is missing or too old to list devices.
+/// [`Error::Gl`] if libEGL is missing or too old to list devices.
 pub fn list_devices() -> Result<Vec<DeviceInfo>> {
     Ok(devices()?.into_iter().map(|(info, _)| info).collect())
 }
@@ -126,7 +122,7 @@ pub(super) fn create(backend: Backend, device: DeviceChoice) -> Result<Created> 
     match backend {
         Backend::Egl => egl(device),
         Backend::OsMesa => osmesa(),
-        // A named device is an EGL device: falling back would render somewhere else than asked.
+        // A named device is an EGL device. OSMesa would render on another.
         Backend::Auto if device != DeviceChoice::Auto => egl(device),
         Backend::Auto => egl(device).or_else(|first| osmesa().map_err(|_| first)),
     }
@@ -157,20 +153,15 @@ fn devices() -> Result<Vec<(DeviceInfo, Device)>> {
 
 fn egl(choice: DeviceChoice) -> Result<Created> {
     let devices = devices()?;
-    let wanted: Vec<_> = devices
-        .iter()
-        .filter(|(info, _)| match choice {
-            DeviceChoice::Auto => true,
-            DeviceChoice::Software => info.software,
-            DeviceChoice::Index(index) => info.index == index,
-        })
-        .collect();
+    let is_wanted = |info: &DeviceInfo| match choice {
+        DeviceChoice::Auto => true,
+        DeviceChoice::Software => info.software,
+        DeviceChoice::Index(index) => info.index == index,
+    };
     let mut failures = Vec::new();
-    for (info, device) in wanted {
-        match egl_on(device) {
-            Ok((context, functions, reset)) => {
-                return Ok((Platform::Egl { context, device: info.to_string() }, functions, reset));
-            }
+    for (info, device) in devices.iter().filter(|(info, _)| is_wanted(info)) {
+        match egl_on(info, device) {
+            Ok(created) => return Ok(created),
             Err(failure) => failures.push(format!("device {info}: {failure}")),
         }
     }
@@ -190,9 +181,9 @@ fn egl(choice: DeviceChoice) -> Result<Created> {
     ))
 }
 
-fn egl_on(device: &Device) -> Result<(PossiblyCurrentContext, glow::Context, ResetStatus), String> {
+fn egl_on(info: &DeviceInfo, device: &Device) -> Result<Created, String> {
     let text = |error: glutin::error::Error| error.to_string();
-    // A surfaceless context needs a config that renders OpenGL and nothing that a window would need.
+    // A surfaceless context needs a config that renders OpenGL, and none of the buffers of a window.
     let template = ConfigTemplateBuilder::new()
         .with_surface_type(ConfigSurfaceTypes::empty())
         .with_api(Api::OPENGL)
@@ -200,25 +191,39 @@ fn egl_on(device: &Device) -> Result<(PossiblyCurrentContext, glow::Context, Res
         .with_depth_size(0)
         .with_stencil_size(0)
         .build();
-    let attributes = |robustness| {
-        ContextAttributesBuilder::new()
+    let display = unsafe { Display::with_device(device, None) }.map_err(text)?;
+    let config = unsafe { display.find_configs(template) }.map_err(text)?.next().ok_or("no config renders OpenGL")?;
+    let context = create_context(&display, &config, |attributes| attributes.build(None))
+        .map_err(text)?
+        .make_current_surfaceless()
+        .map_err(text)?;
+    let (functions, reset) = load_functions(&display);
+    Ok((Platform::Egl { context, device: info.to_string() }, functions, reset))
+}
+
+/// Makes an OpenGL 3.3 core context, robust if the driver can: a robust context reports its loss. Others may stay stale for ever, or end
+/// the process. `build` adds the window, if there is one.
+pub(super) fn create_context<D: GlDisplay>(
+    display: &D,
+    config: &D::Config,
+    build: impl Fn(ContextAttributesBuilder) -> ContextAttributes,
+) -> glutin::error::Result<D::NotCurrentContext> {
+    let create = |robustness| {
+        let attributes = ContextAttributesBuilder::new()
             .with_context_api(ContextApi::OpenGl(Some(Version::new(3, 3))))
             .with_profile(GlProfile::Core)
-            .with_robustness(robustness)
-            .build(None)
+            .with_robustness(robustness);
+        unsafe { display.create_context(config, &build(attributes)) }
     };
-    unsafe {
-        let display = Display::with_device(device, None).map_err(text)?;
-        let config = display.find_configs(template).map_err(text)?.next().ok_or("no config renders OpenGL")?;
-        let create = |robustness| display.create_context(&config, &attributes(robustness));
-        // A robust one tells when it is lost; others may be stale for ever, or end the process.
-        let context = create(Robustness::RobustLoseContextOnReset).or_else(|_| create(Robustness::NotRobust)).map_err(text)?;
-        let context = context.make_current_surfaceless().map_err(text)?;
-        let address = |name: &str| CString::new(name).map_or(std::ptr::null(), |name| display.get_proc_address(&name));
-        let functions = glow::Context::from_loader_function(address);
-        let reset = ResetStatus::new(&functions, address);
-        Ok((context, functions, reset))
-    }
+    create(Robustness::RobustLoseContextOnReset).or_else(|_| create(Robustness::NotRobust))
+}
+
+/// The GL functions of the current context.
+pub(super) fn load_functions(display: &impl GlDisplay) -> (glow::Context, ResetStatus) {
+    let address = |name: &str| CString::new(name).map_or(std::ptr::null(), |name| display.get_proc_address(&name));
+    let functions = unsafe { glow::Context::from_loader_function(address) };
+    let reset = ResetStatus::new(&functions, address);
+    (functions, reset)
 }
 
 fn osmesa() -> Result<Created> {

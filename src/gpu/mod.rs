@@ -1,9 +1,8 @@
-//! OpenGL 3.3 core, headless: the only folder that names `glow` or needs `unsafe`; it knows neither scenes nor photons.
+//! OpenGL 3.3 core without a window. Only this folder names `glow` or uses `unsafe`. It knows neither scenes nor photons.
 //!
-//! [`Gpu::headless`] makes a context. Objects ([`Texture`], [`Target`], [`Program`], [`VertexArray`], [`SampleQuery`]) own their GL
-//! name and delete it when dropped. A draw is one value ([`Draw`]) with
-//! all the state that shapes it, so none is left behind for the next, and is cut short where it would keep the device so long that a watchdog
-//! resets it. A context that is lost all the same says so at the next [`Gpu::check`]. A [`StageClock`] measures what the device does meanwhile.
+//! [`Gpu::headless`] makes a context. [`Texture`], [`Target`], [`Program`], [`VertexArray`] and [`SampleQuery`] own a GL object and delete it
+//! when dropped. A [`Draw`] holds all GL state that it needs, so no state carries over to the next draw. Long draws are split, because a
+//! watchdog resets a device that is busy for seconds. [`Gpu::check`] reports GL errors and lost contexts. [`StageClock`] measures device time.
 
 mod clock;
 mod context;
@@ -23,7 +22,7 @@ mod window;
 
 pub use clock::{StageClock, StageTimes};
 pub use context::{Gpu, GpuInfo, Limits};
-pub use draw::{Blend, DepthTest, Draw, Geometry};
+pub use draw::{Blend, DepthTest, Draw, Shape};
 pub use headless::{Backend, DeviceChoice, DeviceInfo, list_devices};
 pub use program::{Program, ShaderSource, Uniform, replace_shader_text};
 pub use query::SampleQuery;

@@ -1,4 +1,4 @@
-//! OSMesa, loaded at run time: Mesa dropped it in 25.1, so it is an alternative where it is still installed and never linked.
+//! OSMesa, an alternative to EGL. It is loaded at run time and never linked, because Mesa dropped it in version 25.1.
 
 use std::cell::UnsafeCell;
 use std::ffi::{CString, c_char, c_int, c_void};
@@ -7,13 +7,8 @@ use libloading::Library;
 
 const LIBRARIES: [&str; 3] = ["libOSMesa.so.8", "libOSMesa.so.6", "libOSMesa.so"];
 
-// From GL/osmesa.h
-const FORMAT: c_int = 0x22;
-const DEPTH_BITS: c_int = 0x30;
-const PROFILE: c_int = 0x33;
-const CORE_PROFILE: c_int = 0x34;
-const CONTEXT_MAJOR_VERSION: c_int = 0x36;
-const CONTEXT_MINOR_VERSION: c_int = 0x37;
+/// Names and values of the context attributes, from GL/osmesa.h: format, no depth bits, core profile, version 3.3, end.
+const ATTRIBUTES: [[c_int; 2]; 6] = [[0x22, glow::RGBA as c_int], [0x30, 0], [0x33, 0x34], [0x36, 3], [0x37, 3], [0, 0]];
 
 type Handle = *mut c_void;
 type CreateContextAttribs = unsafe extern "C" fn(*const c_int, Handle) -> Handle;
@@ -21,35 +16,27 @@ type MakeCurrent = unsafe extern "C" fn(Handle, *mut c_void, u32, c_int, c_int) 
 type GetProcAddress = unsafe extern "C" fn(*const c_char) -> *const c_void;
 type DestroyContext = unsafe extern "C" fn(Handle);
 
-/// A context that renders into memory. OSMesa insists on a default framebuffer; one pixel serves, since targets are our own.
+/// A context that renders into memory. OSMesa needs a default framebuffer. One pixel is enough, because all draws go to our own targets.
 pub(super) struct OsMesa {
     handle: Handle,
     pixel: Box<UnsafeCell<[u8; 4]>>,
     make_current: MakeCurrent,
     get_proc_address: GetProcAddress,
     destroy_context: DestroyContext,
-    /// Last, so that it is unloaded after the context is destroyed.
+    /// The last field, so that the library is unloaded after the context is destroyed.
     _library: Library,
 }
 
 impl OsMesa {
-    /// A current 3.3 core context, or what stood in the way.
+    /// Makes a 3.3 core context and leaves it current.
     pub fn new() -> Result<Self, String> {
         let library = LIBRARIES
             .iter()
             .find_map(|name| unsafe { Library::new(name) }.ok())
             .ok_or_else(|| format!("none of {} is installed", LIBRARIES.join(", ")))?;
-        let attributes = [
-            [FORMAT, glow::RGBA as c_int],
-            [DEPTH_BITS, 0],
-            [PROFILE, CORE_PROFILE],
-            [CONTEXT_MAJOR_VERSION, 3],
-            [CONTEXT_MINOR_VERSION, 3],
-            [0, 0],
-        ];
         let context = unsafe {
             let create: CreateContextAttribs = symbol(&library, "OSMesaCreateContextAttribs")?;
-            let handle = create(attributes.as_ptr().cast(), std::ptr::null_mut());
+            let handle = create(ATTRIBUTES.as_ptr().cast(), std::ptr::null_mut());
             if handle.is_null() {
                 return Err("the library refuses a 3.3 core context".into());
             }
@@ -87,7 +74,7 @@ impl Drop for OsMesa {
     }
 }
 
-/// The caller names the function's true type.
+/// `T` must be the function's type.
 unsafe fn symbol<T: Copy>(library: &Library, name: &str) -> Result<T, String> {
     unsafe { library.get::<T>(name.as_bytes()) }.map(|symbol| *symbol).map_err(|_| format!("the library has no {name}"))
 }

@@ -1,7 +1,7 @@
-//! Keeps submissions short. A device that works on one thing for seconds is taken for hung, and reset: after two on desktop systems.
+//! Keeps submissions short. The system resets a device that is busy with one submission for seconds: two seconds on desktop systems.
 //!
-//! Draws are cut into runs of rows or of triangles by what earlier ones of the same program took. No pixel's own order of additions or tests
-//! changes by that, and so no bit.
+//! A draw is split into runs of rows or triangles. Their length follows from the time that earlier draws of the same program took. The order of
+//! additions and tests within each pixel stays, so the result keeps its bits.
 
 use std::cell::Cell;
 use std::ops::Range;
@@ -11,35 +11,36 @@ use glow::HasContext;
 
 use super::context::Context;
 
-/// Seconds that a submission may take.
+/// The most seconds that a submission may take.
 const MOST: f64 = 0.25;
-/// So many texels or triangles are drawn on trust, for devices do them in a small part of that; and what they count for.
+/// Up to this many texels or triangles are drawn without measuring, because devices need far less than [`MOST`] for them.
 const TRUSTED: f64 = 16384.0;
+/// The time that such a draw is assumed to take.
 const TRUSTED_SECONDS: f64 = 1e-3;
-/// How many times as many as were ever tried are tried next: what is cheap in one corner of a picture may not be in another.
+/// A run has at most this many times the texels of the largest measured run: one corner of a picture can cost more than another.
 const GROWTH: f64 = 4.0;
-/// Runs are of a multiple of so many rows, the blocks in which rasterisers shade.
+/// A run has a multiple of this many rows, because rasterisers shade blocks of pixels.
 const ROWS: u32 = 4;
 
-/// What draws of a program cost so far.
+/// The measured cost of a program's draws.
 #[derive(Default)]
 pub(super) struct Pace {
-    /// Of a texel or triangle, at worst in the last draw that was measured; 0 before.
+    /// Seconds for a texel or triangle, the most in the last measured draw; 0 before the first.
     seconds: Cell<f64>,
-    /// The most texels or triangles that were measured together.
+    /// The most texels or triangles that were measured in one run.
     tried: Cell<f64>,
     draws: Cell<u64>,
 }
 
 impl Pace {
-    /// Runs `draw` over all of `0..count`, rows of `width` texels or triangles, of so many instances, in as few runs as are short.
+    /// Calls `draw` for consecutive parts of `0..count`, as few as stay short. An item is a row of `width` texels or a triangle of `width` instances.
     pub fn run(&self, context: &Context, count: u32, width: u32, draw: impl Fn(Range<u32>)) {
         let width = f64::from(width);
         if f64::from(count) * width <= TRUSTED {
             context.queue(TRUSTED_SECONDS);
             return draw(0..count);
         }
-        // Others are measured now and then, ever more seldom: to measure is to wait.
+        // Short draws are measured at powers of two only, because measuring needs a wait.
         let draws = self.draws.get() + 1;
         self.draws.set(draws);
         let (mut first, mut worst) = (0, 0.0_f64);
@@ -63,14 +64,14 @@ impl Pace {
             first += rows;
         }
         if worst > 0.0 {
-            // A batch of few directions does not tell what the next one takes.
+            // A cheap draw, such as a batch of few directions, lowers the estimate by half at most: the next may cost more.
             self.seconds.set(worst.max(0.5 * self.seconds.get()));
         }
     }
 }
 
 impl Context {
-    /// Counts work in. What is queued is handed over before it would get long together.
+    /// Adds to the queued seconds, and flushes the queue before it exceeds [`MOST`].
     fn queue(&self, seconds: f64) {
         let queued = self.queued.get() + seconds;
         if queued > MOST {

@@ -1,4 +1,4 @@
-//! Shader programs: compiled from embedded sources, with uniforms given whole at each draw.
+//! Shader programs. Sources are embedded, and each draw gives all uniforms.
 
 use std::borrow::Cow;
 use std::collections::HashMap;
@@ -14,20 +14,22 @@ use super::resource::Resource;
 use super::texture::Texture;
 use crate::error::{Error, Result};
 
-/// A program as text. Lines `#include "file.glsl"` are replaced by that file from `glsl/include/`.
+/// A program as text. A line `#include "folder/file.glsl"` is replaced by that file of `glsl/`, the first time that it is compiled in a stage. A define
+/// with a value stands for it in the name: `#include "finder/FINDER.glsl"`.
+#[derive(Clone, Debug)]
 pub struct ShaderSource {
-    /// For messages.
+    /// The name for messages.
     pub name: &'static str,
     pub vertex: &'static str,
     pub fragment: &'static str,
-    /// Names that both stages find defined, for variants: software drivers run all branches for all fragments, so that what a draw can do
-    /// without has no place in its program.
-    pub defines: &'static [&'static str],
-    /// `(file name, text)` of every file that may be included.
+    /// Names that are defined in both stages, as `NAME` or `NAME value`. They select variants: software drivers run all branches for all fragments, so a
+    /// program should contain only code that its draws need.
+    pub defines: Vec<String>,
+    /// `(file name, text)` of every file that a source may include.
     pub includes: &'static [(&'static str, &'static str)],
 }
 
-/// A value for a uniform; a texture takes the next free unit.
+/// The value of a uniform. A texture takes the next free unit.
 #[derive(Clone, Copy)]
 pub enum Uniform<'a> {
     Float(f32),
@@ -35,26 +37,27 @@ pub enum Uniform<'a> {
     IVec2([i32; 2]),
     Vec3(Vec3),
     Mat4(Mat4),
-    /// Elements of an array from the first on.
+    /// The first elements of an array.
     Vec4s(&'a [Vec4]),
     Mat4s(&'a [Mat4]),
     Texture(&'a Texture),
-    /// A texture that shaders write to at any texel, all elements of an array. For contexts that [`Gpu::writes_images`].
+    /// A texture array in which shaders write to any texel. The context must support it ([`Gpu::writes_images`]).
     Image(&'a Texture),
 }
 
 /// A linked program.
 pub struct Program {
     program: Resource<glow::NativeProgram>,
-    name: &'static str,
+    name: String,
     uniforms: Vec<(String, glow::NativeUniformLocation)>,
-    pace: Pace,
+    /// The measured cost of its draws.
+    pub(super) pace: Pace,
 }
 
-/// Texts that take the place of embedded ones.
+/// Texts that replace embedded ones.
 static REPLACED: LazyLock<RwLock<HashMap<&'static str, String>>> = LazyLock::new(Default::default);
 
-/// From now on programs are compiled with `text`, if there is one, in the place of an embedded one: for work on shaders while they run.
+/// Makes later programs compile `text` in place of an embedded text; `None` restores the embedded one. This serves editing shaders at run time.
 pub fn replace_shader_text(embedded: &'static str, text: Option<String>) {
     let mut replaced = REPLACED.write().unwrap_or_else(PoisonError::into_inner);
     match text {
@@ -69,27 +72,29 @@ fn current(embedded: &'static str) -> Cow<'static, str> {
 }
 
 impl ShaderSource {
-    /// Both stages with includes put in, as (vertex, fragment).
+    /// Returns (vertex, fragment), both with their includes replaced by the files' texts.
     ///
     /// # Errors
-    /// [`Error::Gl`] when an included file does not exist.
+    /// [`Error::Gl`] if an included file does not exist.
     pub fn resolve(&self) -> Result<(String, String)> {
-        self.resolve_with(&[])
-    }
-
-    /// The same with more defines.
-    ///
-    /// # Errors
-    /// As [`Self::resolve`].
-    pub fn resolve_with(&self, more: &[String]) -> Result<(String, String)> {
         let stage = |embedded| {
             let text = current(embedded);
             let (version, rest) = text.split_once('\n').unwrap_or((&text, ""));
-            let defines = self.defines.iter().copied().chain(more.iter().map(String::as_str));
-            let defines: String = defines.map(|name| format!("#define {name}\n")).collect();
+            let defines: String = self.defines.iter().map(|name| format!("#define {name}\n")).collect();
             Ok(format!("{version}\n{defines}{}", self.resolve_stage(rest)?))
         };
         Ok((stage(self.vertex)?, stage(self.fragment)?))
+    }
+
+    /// Whether its shaders write to images, for contexts that [`Gpu::writes_images`].
+    pub fn writes_images(&self) -> bool {
+        self.fragment.starts_with("#version 420")
+    }
+
+    /// The name and the defines.
+    fn label(&self) -> String {
+        let defines = if self.defines.is_empty() { String::new() } else { format!(" ({})", self.defines.join(", ")) };
+        format!("{}{defines}", self.name)
     }
 
     fn resolve_stage(&self, text: &str) -> Result<String> {
@@ -98,12 +103,16 @@ impl ShaderSource {
             match line.strip_prefix("#include ") {
                 None => resolved.push_str(line),
                 Some(file) => {
-                    let file = file.trim().trim_matches('"');
+                    let values = self.defines.iter().filter_map(|define| define.split_once(' '));
+                    let file = file.trim().trim_matches('"').to_owned();
+                    let file = values.fold(file, |file, (name, value)| file.replace(name, value));
                     let found = self.includes.iter().find(|(name, _)| *name == file);
                     let (_, text) = found.ok_or_else(|| {
                         Error::gl(format!("shader {} includes {file}, which does not exist", self.name), "report this")
                     })?;
-                    resolved.push_str(&self.resolve_stage(&current(text))?);
+                    let guard = format!("INCLUDED_{}", file.replace(['/', '.'], "_"));
+                    let text = self.resolve_stage(&current(text))?;
+                    resolved.push_str(&format!("#ifndef {guard}\n#define {guard}\n{text}#endif"));
                 }
             }
             resolved.push('\n');
@@ -114,18 +123,10 @@ impl ShaderSource {
 
 impl Program {
     /// # Errors
-    /// [`Error::Gl`] with the driver's log and the numbered source when it does not compile or link.
+    /// [`Error::Gl`] with the driver's log and the numbered source if the program does not compile or link.
     pub fn new(gpu: &Gpu, source: &ShaderSource) -> Result<Self> {
-        Self::with(gpu, source, &[])
-    }
-
-    /// Of a source that has more variants than are worth a name each, with these defines beside its own.
-    ///
-    /// # Errors
-    /// As [`Self::new`].
-    pub fn with(gpu: &Gpu, source: &ShaderSource, defines: &[String]) -> Result<Self> {
         let gl = gpu.gl();
-        let (vertex, fragment) = source.resolve_with(defines)?;
+        let (vertex, fragment) = source.resolve()?;
         let program = Resource::own(gpu, |gl| unsafe { gl.create_program() })?;
         let stages = [(glow::VERTEX_SHADER, &vertex), (glow::FRAGMENT_SHADER, &fragment)];
         let mut shaders = Vec::new();
@@ -150,24 +151,19 @@ impl Program {
             let uniforms = (0..gl.get_active_uniforms(program.name()))
                 .filter_map(|i| gl.get_active_uniform(program.name(), i))
                 .filter_map(|uniform| Some((gl.get_uniform_location(program.name(), &uniform.name)?, uniform.name)))
-                // Arrays go by their first element.
+                // Drivers name an array by its first element.
                 .map(|(location, name)| (name.trim_end_matches("[0]").to_owned(), location))
                 .collect();
             gpu.check("making a shader program")?;
-            Ok(Self { program, name: source.name, uniforms, pace: Pace::default() })
+            Ok(Self { program, name: source.label(), uniforms, pace: Pace::default() })
         }
     }
 
-    /// What its draws cost.
-    pub(super) fn pace(&self) -> &Pace {
-        &self.pace
-    }
-
-    /// Makes it current with all of its uniforms set.
+    /// Makes the program current and sets all of its uniforms.
     ///
     /// # Panics
-    /// When a uniform that the shader reads is not given: the two sides of the interface have come apart. One that is given and
-    /// not read is passed over, for compilers differ in what they find unused.
+    /// If `values` lacks a uniform that the shader reads, because then Rust and shader disagree. Values that the shader does not read are
+    /// ignored: compilers differ in which uniforms they find unused.
     pub(super) fn bind(&self, values: &[(&'static str, Uniform)]) {
         let gl = self.program.gl();
         unsafe { gl.use_program(Some(self.program.name())) };
@@ -189,12 +185,12 @@ impl Program {
                     Uniform::Mat4s(v) => gl.uniform_matrix_4_f32_slice(location, false, cast_slice(v)),
                     Uniform::Texture(texture) => {
                         gl.active_texture(glow::TEXTURE0 + unit);
-                        gl.bind_texture(texture.kind(), Some(texture.name()));
+                        gl.bind_texture(texture.kind, Some(texture.name()));
                         gl.uniform_1_i32(location, unit as i32);
                         unit += 1;
                     }
                     Uniform::Image(texture) => {
-                        gl.bind_image_texture(image, Some(texture.name()), 0, true, 0, glow::READ_WRITE, texture.format().gl().0);
+                        gl.bind_image_texture(image, Some(texture.name()), 0, true, 0, glow::READ_WRITE, texture.format.gl().0);
                         gl.uniform_1_i32(location, image as i32);
                         image += 1;
                     }
@@ -215,7 +211,7 @@ fn failure(gpu: &Gpu, source: &ShaderSource, verb: &str, log: &str, texts: &[&St
         }
     }
     Error::gl(
-        format!("shader {} does not {verb} on {}:\n{}{numbered}", source.name, gpu.info().renderer, log.trim()),
+        format!("shader {} does not {verb} on {}:\n{}{numbered}", source.label(), gpu.info().renderer, log.trim()),
         "try another device or driver (--gl-device, --backend), and report this",
     )
 }

@@ -1,4 +1,4 @@
-//! Queries: how many fragments survive, and how long the device takes.
+//! Queries that count fragments and measure device time.
 
 use glow::HasContext;
 
@@ -6,60 +6,52 @@ use super::context::Gpu;
 use super::resource::Resource;
 use crate::error::Result;
 
-/// Counts the fragments that survive the draws made within [`SampleQuery::count`].
-pub struct SampleQuery {
-    query: Resource<glow::NativeQuery>,
-}
+/// Counts the fragments of draws.
+pub struct SampleQuery(Resource<glow::NativeQuery>);
 
 impl SampleQuery {
     /// # Errors
-    /// [`crate::Error::Gl`] when the device makes no query.
+    /// [`crate::Error::Gl`] if the device makes no query.
     pub fn new(gpu: &Gpu) -> Result<Self> {
-        Ok(Self { query: Resource::own(gpu, |gl| unsafe { gl.create_query() })? })
+        Resource::own(gpu, |gl| unsafe { gl.create_query() }).map(Self)
     }
 
-    /// Runs `draws` and returns how many fragments were neither discarded nor failed a test; none, once the context is lost. Waits for the device.
+    /// Runs `draws` and returns how many fragments were neither discarded nor failed a test; 0 if the context is lost. Waits for the device.
     pub fn count(&self, draws: impl FnOnce()) -> u32 {
-        let gl = self.query.gl();
-        unsafe { gl.begin_query(glow::SAMPLES_PASSED, self.query.name()) };
+        let (gl, context) = (self.0.gl(), self.0.context());
+        unsafe { gl.begin_query(glow::SAMPLES_PASSED, self.0.name()) };
         draws();
         unsafe { gl.end_query(glow::SAMPLES_PASSED) };
-        let context = self.query.context();
-        let count = context.wait(|| unsafe { gl.get_query_parameter_u32(self.query.name(), glow::QUERY_RESULT) });
-        // A lost one may tell any number, and who peels until none are left would go on for ever.
+        let count = context.wait(|| unsafe { gl.get_query_parameter_u32(self.0.name(), glow::QUERY_RESULT) });
+        // A lost context may return any number, and peeling until no fragment is left would never end.
         if context.is_lost() { 0 } else { count }
     }
 }
 
-/// The time that the device takes from [`TimerQuery::begin`] to [`TimerQuery::end`]. Only one can be running in a context.
-pub(super) struct TimerQuery {
-    query: Resource<glow::NativeQuery>,
-}
+/// Measures the device time from [`TimerQuery::begin`] to [`TimerQuery::end`]. A context can run only one at a time.
+pub(super) struct TimerQuery(Resource<glow::NativeQuery>);
 
 impl TimerQuery {
-    /// # Errors
-    /// [`crate::Error::Gl`] when the device makes no query.
     pub fn new(gpu: &Gpu) -> Result<Self> {
-        Ok(Self { query: Resource::own(gpu, |gl| unsafe { gl.create_query() })? })
+        Resource::own(gpu, |gl| unsafe { gl.create_query() }).map(Self)
     }
 
     pub fn begin(&self) {
-        unsafe { self.query.gl().begin_query(glow::TIME_ELAPSED, self.query.name()) }
+        unsafe { self.0.gl().begin_query(glow::TIME_ELAPSED, self.0.name()) }
     }
 
     pub fn end(&self) {
-        unsafe { self.query.gl().end_query(glow::TIME_ELAPSED) }
+        unsafe { self.0.gl().end_query(glow::TIME_ELAPSED) }
     }
 
-    /// Whether [`TimerQuery::seconds`] would not have to wait.
+    /// Whether [`TimerQuery::seconds`] returns without a wait.
     pub fn is_available(&self) -> bool {
-        unsafe { self.query.gl().get_query_parameter_u32(self.query.name(), glow::QUERY_RESULT_AVAILABLE) != 0 }
+        unsafe { self.0.gl().get_query_parameter_u32(self.0.name(), glow::QUERY_RESULT_AVAILABLE) != 0 }
     }
 
-    /// Waits for the device, unless the result is available. `None` beyond what 32 bits of nanoseconds hold, 4.29 s: glow asks for 64 by a call
-    /// that not every OpenGL 3.3 has.
+    /// Waits for the time. `None` from 4.29 s on: 32 bits of nanoseconds hold no more, and for 64, glow uses a call that OpenGL 3.3 may lack.
     pub fn seconds(&self) -> Option<f64> {
-        let nanoseconds = unsafe { self.query.gl().get_query_parameter_u32(self.query.name(), glow::QUERY_RESULT) };
+        let nanoseconds = unsafe { self.0.gl().get_query_parameter_u32(self.0.name(), glow::QUERY_RESULT) };
         (nanoseconds < u32::MAX).then_some(1e-9 * f64::from(nanoseconds))
     }
 }

@@ -1,4 +1,4 @@
-//! One owner for each GL object: it cannot be copied and deletes the object when dropped, also on the way out of an error.
+//! Owners of GL objects. An owner cannot be copied, and it deletes its object when dropped, also when an error returns early.
 
 use std::rc::Rc;
 
@@ -7,21 +7,21 @@ use glow::HasContext;
 use super::context::{Context, Gpu};
 use crate::error::{Error, Result};
 
-/// A GL name that is deleted with its owner.
+/// Owns a GL object.
 pub(super) struct Resource<T: Name> {
     name: T,
     context: Rc<Context>,
 }
 
-/// Kinds of GL names.
+/// Names of GL objects.
 pub(super) trait Name: Copy {
     unsafe fn delete(self, gl: &glow::Context);
 }
 
 impl<T: Name> Resource<T> {
-    /// Takes what `create`, a `create_*` call of this context, returns.
+    /// Owns the object that `create`, a `create_*` call, makes in this context.
     pub fn own(gpu: &Gpu, create: impl FnOnce(&glow::Context) -> Result<T, String>) -> Result<Self> {
-        // A lost one makes none, and does not say why.
+        // A lost context makes no objects and gives no reason.
         if gpu.is_lost() {
             gpu.check("making a GL object")?;
         }
@@ -46,7 +46,7 @@ impl<T: Name> Resource<T> {
 
 impl<T: Name> Drop for Resource<T> {
     fn drop(&mut self) {
-        // With a lost context its objects are gone.
+        // A lost context has no objects any more.
         if !self.context.is_lost() {
             unsafe { self.name.delete(self.context.current()) }
         }

@@ -1,4 +1,4 @@
-//! Render targets: a framebuffer object and its textures, which others may share.
+//! Render targets: a framebuffer object and its textures.
 
 use std::rc::Rc;
 
@@ -9,7 +9,7 @@ use super::resource::Resource;
 use super::texture::{Format, Texture};
 use crate::error::{Error, Result};
 
-/// Colour textures of one size and, if asked for, a depth texture; one or the other at least.
+/// Colour textures and an optional depth texture, all of one size. A target has at least one texture.
 pub struct Target {
     framebuffer: Resource<glow::NativeFramebuffer>,
     colors: Vec<Rc<Texture>>,
@@ -18,10 +18,10 @@ pub struct Target {
 }
 
 impl Target {
-    /// Colour textures in the formats `colors`, and a 32-bit float depth texture if `depth`.
+    /// Makes colour textures in the formats `colors`, and a 32-bit float depth texture if `depth` is true.
     ///
     /// # Errors
-    /// [`Error::Usage`] when the size is beyond the device's limit, [`Error::Gl`] when it refuses the target.
+    /// [`Error::Usage`] if the size exceeds the device's limit, [`Error::Gl`] if the device refuses the target.
     pub fn new(gpu: &Gpu, [width, height]: [u32; 2], colors: &[Format], depth: bool) -> Result<Self> {
         let texture = |format| Texture::empty(gpu, format, width, height).map(Rc::new);
         let colors = colors.iter().map(|&format| texture(format)).collect::<Result<Vec<_>>>()?;
@@ -36,19 +36,16 @@ impl Target {
             * colors.iter().copied().chain(depth).map(Format::bytes).sum::<usize>()
     }
 
-    /// Renders into a texture, of an array the first element, beside depth of 24 bits with a stencil.
-    ///
-    /// # Errors
-    /// As [`Self::new`].
+    /// Renders into a texture (the first element of an array), with a 24-bit depth and stencil texture. Fails as [`Self::new`].
     pub fn with_stencil(gpu: &Gpu, color: Rc<Texture>) -> Result<Self> {
         let depth = Texture::empty(gpu, Format::Depth24Stencil8, color.width(), color.height())?;
         Self::of(gpu, vec![(color, 0)], Some(Rc::new(depth)))
     }
 
-    /// Renders into textures that others share, all of one size; of arrays, into the element given.
+    /// Renders into textures of one size that others share. The number beside a colour texture is the element of an array.
     ///
     /// # Errors
-    /// [`Error::Gl`] when the device refuses the target.
+    /// [`Error::Gl`] if the device refuses the target.
     pub fn of(gpu: &Gpu, colors: Vec<(Rc<Texture>, u32)>, depth: Option<Rc<Texture>>) -> Result<Self> {
         let any = colors.first().map(|(color, _)| color).or(depth.as_ref());
         let [width, height] = any.map_or([0; 2], |texture| [texture.width(), texture.height()]);
@@ -59,7 +56,7 @@ impl Target {
             gl.bind_framebuffer(glow::FRAMEBUFFER, Some(framebuffer.name()));
             for (i, (color, element)) in (0..).zip(&colors) {
                 let attachment = glow::COLOR_ATTACHMENT0 + i;
-                if color.kind() == glow::TEXTURE_2D_ARRAY {
+                if color.kind == glow::TEXTURE_2D_ARRAY {
                     let element = *element as i32;
                     gl.framebuffer_texture_layer(glow::FRAMEBUFFER, attachment, Some(color.name()), 0, element);
                 } else {
@@ -73,7 +70,7 @@ impl Target {
             }
             gl.draw_buffers(&buffers);
             if buffers.is_empty() {
-                // To OpenGL 3.3 a framebuffer is complete only if what is read from is there.
+                // In OpenGL 3.3 a framebuffer is complete only if its read buffer exists.
                 gl.read_buffer(glow::NONE);
             }
             gl.check_framebuffer_status(glow::FRAMEBUFFER)
@@ -93,14 +90,19 @@ impl Target {
         &self.colors[index]
     }
 
+    /// Number of colour textures.
+    pub fn colors(&self) -> usize {
+        self.colors.len()
+    }
+
     pub fn size(&self) -> [u32; 2] {
         self.size
     }
 
-    /// Fills every colour texture, of floats, with `color` and the depth texture with `depth`; nothing is rejected by the stencil any more.
+    /// Fills all colour textures, which hold floats, with `color`, the depth texture with `depth`, and the stencil with 0.
     pub fn clear(&self, color: [f32; 4], depth: f32) {
         let gl = self.bind();
-        for i in (0..).zip(&self.colors).map(|(i, _)| i) {
+        for i in 0..self.colors.len() as u32 {
             unsafe { gl.clear_buffer_f32_slice(glow::COLOR, i, &color) };
         }
         if self.depth.is_some() {
@@ -108,12 +110,12 @@ impl Target {
         }
     }
 
-    /// Fills colour texture `index`, of unsigned integers, with `color`.
+    /// Fills colour texture `index`, which holds unsigned integers, with `color`.
     pub fn clear_unsigned(&self, index: u32, color: [u32; 4]) {
         unsafe { self.bind().clear_buffer_u32_slice(glow::COLOR, index, &color) };
     }
 
-    /// Fills the depth texture with `depth`.
+    /// Fills the depth texture with `depth` and the stencil with 0.
     pub fn clear_depth(&self, depth: f32) {
         let gl = self.bind();
         unsafe {
@@ -131,7 +133,7 @@ impl Target {
         self.framebuffer.context()
     }
 
-    /// Binds it for drawing, the viewport over all of it.
+    /// Binds the target for drawing, with a viewport of its whole size.
     pub(super) fn bind(&self) -> &glow::Context {
         let gl = self.framebuffer.gl();
         unsafe {

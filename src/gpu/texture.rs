@@ -1,4 +1,4 @@
-//! Textures: immutable in size and format once made.
+//! Textures. Size and format of a texture never change.
 
 use bytemuck::Pod;
 use glow::{HasContext, PixelPackData, PixelUnpackData};
@@ -7,7 +7,7 @@ use super::context::Gpu;
 use super::resource::Resource;
 use crate::error::{Error, Result};
 
-/// Texel formats, all of which 3.3 can render to or sample as used here.
+/// Texel formats. OpenGL 3.3 can render to them and sample them as this program does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Format {
     Rgba32F,
@@ -15,7 +15,7 @@ pub enum Format {
     /// Unsigned integers.
     Rgba32Ui,
     R32Ui,
-    /// Four bytes, decoded from sRGB when sampled.
+    /// Four bytes. Sampling decodes sRGB.
     Srgb8Alpha8,
     Depth32F,
     Depth24Stencil8,
@@ -25,7 +25,7 @@ pub enum Format {
 pub enum Filter {
     Nearest,
     Linear,
-    /// Trilinear over mipmaps, which are made when texels are uploaded.
+    /// Trilinear over mipmaps. The upload makes the mipmaps.
     Mipmapped,
 }
 
@@ -38,13 +38,14 @@ pub enum Wrap {
 /// A 2D or 3D texture, or an array of 2D ones.
 pub struct Texture {
     resource: Resource<glow::NativeTexture>,
-    kind: u32,
-    format: Format,
+    /// The GL target.
+    pub(super) kind: u32,
+    pub(super) format: Format,
     size: [u32; 3],
 }
 
 impl Format {
-    /// Internal format, format and type of its texels in memory.
+    /// The internal format, and format and type of texels in memory.
     pub(super) fn gl(self) -> (u32, u32, u32) {
         match self {
             Self::Rgba32F => (glow::RGBA32F, glow::RGBA, glow::FLOAT),
@@ -71,23 +72,17 @@ impl Texture {
     /// An empty 2D texture with nearest filtering, to render into.
     ///
     /// # Errors
-    /// [`Error::Usage`] when the size is beyond the device's limit, [`Error::Gl`] when it has no memory for it.
+    /// [`Error::Usage`] if the size exceeds the device's limit, [`Error::Gl`] if the device has too little memory.
     pub fn empty(gpu: &Gpu, format: Format, width: u32, height: u32) -> Result<Self> {
         Self::new(gpu, glow::TEXTURE_2D, format, [width, height, 1], Filter::Nearest, Wrap::Clamp, None)
     }
 
-    /// An empty array of `count` 2D textures with nearest filtering, to render into.
-    ///
-    /// # Errors
-    /// As [`Self::empty`].
+    /// An empty array of `count` 2D textures with nearest filtering, to render into. Fails as [`Self::empty`].
     pub fn empty_array(gpu: &Gpu, format: Format, [width, height]: [u32; 2], count: u32) -> Result<Self> {
         Self::new(gpu, glow::TEXTURE_2D_ARRAY, format, [width, height, count], Filter::Nearest, Wrap::Clamp, None)
     }
 
-    /// A 2D texture of `texels`, first row at t = 0.
-    ///
-    /// # Errors
-    /// As [`Self::empty`].
+    /// A 2D texture of `texels`, first row at t = 0. Fails as [`Self::empty`].
     pub fn from_texels<T: Pod>(
         gpu: &Gpu,
         format: Format,
@@ -99,19 +94,13 @@ impl Texture {
         Self::new(gpu, glow::TEXTURE_2D, format, [width, height, 1], filter, wrap, Some(bytemuck::cast_slice(texels)))
     }
 
-    /// An array of one 2D texture of `texels`, with nearest filtering.
-    ///
-    /// # Errors
-    /// As [`Self::empty`].
+    /// An array of one 2D texture of `texels`, with nearest filtering. Fails as [`Self::empty`].
     pub fn array_of_one<T: Pod>(gpu: &Gpu, format: Format, [width, height]: [u32; 2], texels: &[T]) -> Result<Self> {
         let texels = Some(bytemuck::cast_slice(texels));
         Self::new(gpu, glow::TEXTURE_2D_ARRAY, format, [width, height, 1], Filter::Nearest, Wrap::Clamp, texels)
     }
 
-    /// A 3D texture of `texels`, x fastest, with linear filtering clamped at the edge.
-    ///
-    /// # Errors
-    /// As [`Self::empty`].
+    /// A 3D texture of `texels`, x fastest, with linear filtering clamped at the edge. Fails as [`Self::empty`].
     pub fn from_texels_3d<T: Pod>(gpu: &Gpu, format: Format, size: [u32; 3], texels: &[T]) -> Result<Self> {
         Self::new(gpu, glow::TEXTURE_3D, format, size, Filter::Linear, Wrap::Clamp, Some(bytemuck::cast_slice(texels)))
     }
@@ -177,7 +166,7 @@ impl Texture {
             if filter == Filter::Mipmapped {
                 gl.generate_mipmap(kind);
             } else {
-                // Complete without mipmaps on drivers that check before they look at the filter.
+                // Without this, some drivers take a texture without mipmaps for incomplete, whatever its filter.
                 gl.tex_parameter_i32(kind, glow::TEXTURE_MAX_LEVEL, 0);
             }
         }
@@ -194,7 +183,7 @@ impl Texture {
         self.size[1]
     }
 
-    /// The texels, first row at t = 0, those of an array one after the other. Waits for what renders into it.
+    /// Returns the texels, first row at t = 0, the elements of an array one after the other. Waits for draws into the texture.
     pub fn read<T: Pod>(&self) -> Vec<T> {
         let (_, layout, component) = self.format.gl();
         let bytes = self.size.iter().map(|&side| side as usize).product::<usize>() * self.format.bytes();
@@ -208,19 +197,11 @@ impl Texture {
         texels
     }
 
-    pub(super) fn format(&self) -> Format {
-        self.format
-    }
-
     pub(super) fn has_stencil(&self) -> bool {
         self.format == Format::Depth24Stencil8
     }
 
     pub(super) fn name(&self) -> glow::NativeTexture {
         self.resource.name()
-    }
-
-    pub(super) fn kind(&self) -> u32 {
-        self.kind
     }
 }

@@ -1,24 +1,22 @@
-//! A window's own context, on which egui draws: made from handles, whatever library the window comes from.
+//! The GL context of a window, in which egui draws. It is made from window handles, so any window library can be used.
 //!
 //! It shares nothing with [`super::Gpu`], and its thread has no other context.
 
-use std::ffi::CString;
 use std::num::NonZeroU32;
 use std::sync::Arc;
 
 use egui_glow::Painter;
 use glutin::config::Config;
-use glutin::context::{
-    ContextApi, ContextAttributesBuilder, GlProfile, NotCurrentGlContext, PossiblyCurrentContext, Robustness, Version,
-};
+use glutin::context::{NotCurrentGlContext, PossiblyCurrentContext};
 use glutin::display::{Display, GetGlDisplay, GlDisplay};
 use glutin::surface::{GlSurface, Surface, SurfaceAttributesBuilder, SwapInterval, WindowSurface};
 use raw_window_handle::{HasWindowHandle, RawWindowHandle};
 
+use super::headless::{create_context, load_functions};
 use super::reset::ResetStatus;
 use crate::error::{Error, Result};
 
-/// What a window shows.
+/// The drawing surface of a window.
 pub struct Screen {
     painter: Painter,
     surface: Surface<WindowSurface>,
@@ -30,10 +28,10 @@ pub struct Screen {
 }
 
 impl Screen {
-    /// A context and a surface of `size` pixels for a window of `config`'s display.
+    /// Makes a context and a surface of `size` pixels for a window of `config`'s display.
     ///
     /// # Errors
-    /// [`Error::Gl`] when the driver makes none of OpenGL 3.3.
+    /// [`Error::Gl`] if the driver makes no OpenGL 3.3 context.
     pub fn new(window: Arc<dyn HasWindowHandle>, config: &Config, size: [u32; 2]) -> Result<Self> {
         let error = |problem: String| {
             Error::gl(
@@ -45,34 +43,23 @@ impl Screen {
         let handle = window.window_handle().map_err(|problem| error(problem.to_string()))?.as_raw();
         let display = config.display();
         let [width, height] = sides(size);
-        let create = |robustness| {
-            let attributes = ContextAttributesBuilder::new()
-                .with_context_api(ContextApi::OpenGl(Some(Version::new(3, 3))))
-                .with_profile(GlProfile::Core)
-                .with_robustness(robustness)
-                .build(Some(handle));
-            unsafe { display.create_context(config, &attributes) }
-        };
-        // A robust one tells when it is lost.
-        let context = create(Robustness::RobustLoseContextOnReset).or_else(|_| create(Robustness::NotRobust)).map_err(failed)?;
+        let context = create_context(&display, config, |attributes| attributes.build(Some(handle))).map_err(failed)?;
         let surface = SurfaceAttributesBuilder::<WindowSurface>::new().build(handle, width, height);
         let surface = unsafe { display.create_window_surface(config, &surface) }.map_err(failed)?;
         let context = context.make_current(&surface).map_err(failed)?;
 
-        // Wayland paces a window by events, and there a swap that waits would wait for ever while nothing is to be seen.
+        // Wayland paces a window by events. There, a swap that waits would wait for ever while the window is hidden.
         let paced = matches!(handle, RawWindowHandle::Wayland(_));
         let interval = if paced { SwapInterval::DontWait } else { SwapInterval::Wait(NonZeroU32::MIN) };
-        // Not all can wait for the screen; then they do not.
+        // A surface that cannot wait for the screen does not wait.
         let _ = surface.set_swap_interval(&context, interval);
 
-        let address = |name: &str| CString::new(name).map_or(std::ptr::null(), |name| display.get_proc_address(&name));
-        let functions = unsafe { glow::Context::from_loader_function(address) };
-        let reset_status = ResetStatus::new(&functions, address);
+        let (functions, reset_status) = load_functions(&display);
         let painter = Painter::new(Arc::new(functions), "", None, false).map_err(|problem| error(problem.to_string()))?;
         Ok(Self { painter, surface, context, display, reset_status, _window: window })
     }
 
-    /// What made the context: `EGL` or `GLX`.
+    /// The library that made the context: `EGL` or `GLX`.
     pub fn api(&self) -> &'static str {
         match self.display {
             Display::Egl(_) => "EGL",
@@ -80,7 +67,7 @@ impl Screen {
         }
     }
 
-    /// Side of the largest texture.
+    /// The largest side of a texture.
     pub fn max_texture_side(&self) -> usize {
         self.painter.max_texture_side()
     }
@@ -90,7 +77,7 @@ impl Screen {
         self.surface.resize(&self.context, width, height);
     }
 
-    /// Draws a frame of egui's.
+    /// Draws a frame of egui.
     pub fn paint(
         &mut self,
         size: [u32; 2],
@@ -102,7 +89,7 @@ impl Screen {
         self.painter.paint_and_update_textures(size, pixels_per_point, primitives, textures);
     }
 
-    /// The frame as it will be shown, row by row from the top.
+    /// Returns the frame's pixels, row by row from the top.
     pub fn read(&self, size: [u32; 2]) -> egui::ColorImage {
         self.painter.read_screen_rgba(size)
     }
@@ -110,7 +97,7 @@ impl Screen {
     /// Shows the frame.
     ///
     /// # Errors
-    /// [`Error::Gl`] when the context is lost, and all that it held.
+    /// [`Error::Gl`] if the context is lost, with all its objects.
     pub fn present(&self) -> Result<()> {
         let swapped = self.surface.swap_buffers(&self.context);
         let problem = match (swapped, self.reset_status.cause()) {
@@ -128,7 +115,7 @@ impl Drop for Screen {
     }
 }
 
-/// No surface is empty, even where its window is.
+/// Sides of a surface. A surface is never empty, but a window may be.
 fn sides(size: [u32; 2]) -> [NonZeroU32; 2] {
     size.map(|side| NonZeroU32::new(side).unwrap_or(NonZeroU32::MIN))
 }

@@ -1,37 +1,36 @@
-//! How far two pictures are apart, in numbers that a test can hold a limit against.
+//! Differences between two pictures, as numbers that tests can bound and as a map.
 
 use std::path::Path;
 
 use serde::Serialize;
 
-use super::file::Format;
+use super::file::PictureFormat;
 use super::{Channel, Image, WriteOptions, flip, png};
 use crate::error::{Error, Result};
 use crate::file::write_file;
 
-/// Which pixels count.
+/// The pixels that a comparison counts.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Selection<'a> {
-    /// One a pixel, true where it counts; all count without it.
+    /// One value a pixel, true where the pixel counts. Without a mask, all pixels count.
     pub mask: Option<&'a [bool]>,
-    /// Share of the counted pixels, those with the largest squared error, that are left out of every number.
+    /// The fraction of the counted pixels that is left out of every number: those with the largest squared errors.
     pub trim: f32,
 }
 
-/// How the eye of FLIP gets to see the pictures: as [`Image::write`] makes them PNGs.
+/// How FLIP sees the pictures: as the PNGs that [`Image::write`] makes.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct View {
+pub struct ViewingConditions {
     /// In stops.
     pub exposure: f32,
-    /// Whether `a` and `b` have a tone curve behind them already, as pictures read from 8-bit files have.
+    /// Whether `a` and `b` have a tone curve applied already, as pictures from 8-bit files have.
     pub toned: [bool; 2],
 }
 
-/// Differences of picture `a` from reference `b` over the R, G and B of the selected pixels, all three weighted alike. Ratios to nothing
-/// are infinite, which JSON writes as null.
+/// Differences of picture `a` from reference `b` over R, G and B of the selected pixels. Ratios to zero are infinite, in JSON null.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Comparison {
-    /// Pixels that the numbers are over.
+    /// Number of counted pixels.
     pub pixels: usize,
     pub mean_a: f64,
     pub mean_b: f64,
@@ -43,31 +42,28 @@ pub struct Comparison {
     pub rmse: f64,
     /// `rmse / mean_b`
     pub relative_rmse: f64,
-    /// Mean of `(a - b)² / (b² + 0.01)`, the relMSE of papers on Monte Carlo rendering with their usual 0.01, which keeps black
-    /// references finite. What `rmse` hardly sees in the dark counts here.
+    /// Mean of `(a - b)² / (b² + 0.01)`, the relMSE of papers on Monte Carlo rendering. The usual 0.01 keeps black references finite. Errors
+    /// in dark pixels count here, and hardly in `rmse`.
     pub relative_mse: f64,
-    /// `20 log10(1 / rmse)` in dB. The peak is 1, white in a PNG, rather than the brightest of a picture's lights; infinite for equal
-    /// pictures.
+    /// `20 log10(1 / rmse)` in dB, infinite for equal pictures. The peak is 1, white in a PNG, and not the brightest light.
     pub psnr: f64,
-    /// Mean FLIP, from 0 to 1. Pixels left out look like the reference's, so that neighbours do not see them differ.
+    /// Mean FLIP, from 0 to 1. Left out pixels are replaced by the reference's, so that they do not change their neighbours' FLIP.
     pub flip: f64,
 }
 
-/// Where two pictures differ: `R`, `G` and `B` are those of `a - b`, `FLIP` is its map, and `A` is 1 where a pixel counts. All are 0 where
-/// it does not.
+/// A map of differences: `R`, `G` and `B` of `a - b`, `FLIP`, and `A`, which is 1 where a pixel counts. All channels are 0 elsewhere.
 #[derive(Clone, Debug)]
 pub struct ErrorMap(pub Image);
 
-/// In an [`ErrorMap`]'s PNG; grey is not among the colours of FLIP.
+/// The colour of left out pixels in an [`ErrorMap`]'s PNG: grey, which the colours of FLIP do not contain.
 const NOT_COUNTED: [u8; 3] = [96; 3];
 
 impl ErrorMap {
-    /// An EXR gets all channels. A PNG is to be looked at: FLIP from black for 0 over purple and orange to pale yellow for 1, grey where
-    /// pixels do not count.
+    /// Writes all channels to an EXR. A PNG shows FLIP: black for 0, then purple, orange, pale yellow for 1; grey where pixels do not count.
     pub fn write(&self, path: &Path) -> Result<()> {
-        match Format::of(path)? {
-            Format::Exr => self.0.write(path, &WriteOptions::default()),
-            Format::Png => write_file(path, &png::encode(self.0.width, self.0.height, &self.to_rgb8())?),
+        match PictureFormat::of(path)? {
+            PictureFormat::Exr => self.0.write(path, &WriteOptions::default()),
+            PictureFormat::Png => write_file(path, &png::encode(self.0.width, self.0.height, &self.to_rgb8())?),
         }
     }
 
@@ -78,13 +74,13 @@ impl ErrorMap {
     }
 }
 
-/// Compares `a` with the reference `b`, which must be of the same size. A sample that is not finite is an error wherever it counts.
+/// Compares `a` with the reference `b`. Both must have one size, and all counted samples must be finite.
 pub fn compare(a: &Image, b: &Image, selection: Selection) -> Result<Comparison> {
-    compare_as(a, b, selection, View::default()).map(|(comparison, _)| comparison)
+    compare_as(a, b, selection, ViewingConditions::default()).map(|(comparison, _)| comparison)
 }
 
-/// As [`compare`], for FLIP in this view, and with the map of differences.
-pub fn compare_as(a: &Image, b: &Image, selection: Selection, view: View) -> Result<(Comparison, ErrorMap)> {
+/// As [`compare`] with FLIP under these conditions, and with the map of differences.
+pub fn compare_as(a: &Image, b: &Image, selection: Selection, view: ViewingConditions) -> Result<(Comparison, ErrorMap)> {
     if (a.width, a.height) != (b.width, b.height) {
         let problem = format!("the pictures are {} x {} and {} x {}", a.width, a.height, b.width, b.height);
         return Err(Error::usage(problem, "compare pictures of one size"));
@@ -139,8 +135,7 @@ pub fn compare_as(a: &Image, b: &Image, selection: Selection, view: View) -> Res
     Ok((comparison, map))
 }
 
-/// The map of differences at these pixels.
-fn error_map(a: &Image, b: &Image, counted_pixels: impl Iterator<Item = usize>, view: View) -> Result<ErrorMap> {
+fn error_map(a: &Image, b: &Image, counted_pixels: impl Iterator<Item = usize>, view: ViewingConditions) -> Result<ErrorMap> {
     let mut counted = vec![false; a.width * a.height];
     counted_pixels.for_each(|pixel| counted[pixel] = true);
     let only_counted = |value: &dyn Fn(usize) -> f32| -> Vec<f32> {
@@ -156,24 +151,20 @@ fn error_map(a: &Image, b: &Image, counted_pixels: impl Iterator<Item = usize>, 
     let flip = flip::flip(a.width, a.height, &shown_a, &shown_b)?;
 
     let (rgb_a, rgb_b) = (a.rgb()?, b.rgb()?);
-    let channel = |name: &str, samples| Channel { name: name.into(), samples };
-    let channels = vec![
-        channel("R", only_counted(&|pixel| rgb_a[0][pixel] - rgb_b[0][pixel])),
-        channel("G", only_counted(&|pixel| rgb_a[1][pixel] - rgb_b[1][pixel])),
-        channel("B", only_counted(&|pixel| rgb_a[2][pixel] - rgb_b[2][pixel])),
-        channel("A", only_counted(&|_| 1.0)),
-        channel("FLIP", only_counted(&|pixel| flip[pixel])),
-    ];
+    let difference = |k: usize| only_counted(&|pixel| rgb_a[k][pixel] - rgb_b[k][pixel]);
+    let samples = [difference(0), difference(1), difference(2), only_counted(&|_| 1.0), only_counted(&|pixel| flip[pixel])];
+    let channels = ["R", "G", "B", "A", "FLIP"].into_iter().zip(samples);
+    let channels = channels.map(|(name, samples)| Channel { name: name.into(), samples }).collect();
     Ok(ErrorMap(Image { width: a.width, height: a.height, channels }))
 }
 
-/// The pixels where a picture is white: its R, or without one its first channel, is above one half.
+/// Returns true for the pixels whose R is above one half. A picture without R is judged by its first channel.
 pub fn mask_of(image: &Image) -> Vec<bool> {
     let samples = image.channel("R").or(image.channels.first().map(|channel| channel.samples.as_slice()));
     samples.unwrap_or_default().iter().map(|&sample| sample > 0.5).collect()
 }
 
-/// One pixel, each number the mean over its R, G and B.
+/// Numbers of one pixel, each the mean over R, G and B.
 struct Difference {
     pixel: usize,
     a: f64,
@@ -198,7 +189,7 @@ impl Difference {
     }
 }
 
-/// Nothing compared with nothing is no difference.
+/// `difference / reference`, and 0 where the difference is 0.
 fn ratio(difference: f64, reference: f64) -> f64 {
     if difference == 0.0 { 0.0 } else { difference / reference }
 }
@@ -255,27 +246,28 @@ mod tests {
         Image { width: 8, height: 8, channels: ["R", "G", "B"].map(channel).into() }
     }
 
-    fn flip_of(a: &Image, b: &Image, view: View) -> f64 {
+    fn flip_of(a: &Image, b: &Image, view: ViewingConditions) -> f64 {
         compare_as(a, b, Selection::default(), view).unwrap().0.flip
     }
 
-    /// Without edges FLIP is a formula of two colours; these values come from the paper's, worked out apart from the authors' code.
+    /// Without edges, FLIP is a formula of two colours. These values were computed from the paper's formula, without the authors' code.
     #[test]
     fn flip_of_plain_greys() {
         for (a, b, flip) in [(0.5, 0.25, 0.454_534), (0.25, 0.5, 0.454_534), (0.5, 0.0, 0.958_611)] {
-            let found = flip_of(&grey(a), &grey(b), View::default());
+            let found = flip_of(&grey(a), &grey(b), ViewingConditions::default());
             assert!((found - flip).abs() < 1e-4, "{a} and {b}: {found}, not {flip}");
         }
     }
 
     #[test]
     fn flip_is_of_what_a_png_shows() {
-        let (one, other, at) = (grey(50.0), grey(60.0), |exposure| View { exposure, ..View::default() });
+        let (one, other, at) =
+            (grey(50.0), grey(60.0), |exposure| ViewingConditions { exposure, ..ViewingConditions::default() });
         assert_eq!(flip_of(&one, &other, at(0.0)), 0.0, "both are white");
         assert!(flip_of(&one, &other, at(-7.0)) > 0.05);
 
         let png = Image::from_png(Path::new("a.png"), &grey(1.5).to_png(0.0).unwrap()).unwrap();
-        let toned = |toned| View { toned, ..View::default() };
+        let toned = |toned| ViewingConditions { toned, ..ViewingConditions::default() };
         assert_eq!(flip_of(&png, &grey(1.5), toned([true, false])), 0.0);
         assert_eq!(flip_of(&grey(1.5), &png, toned([false, true])), 0.0);
         assert!(flip_of(&png, &grey(1.5), toned([false, false])) > 0.0);
@@ -285,15 +277,16 @@ mod tests {
     fn flip_does_not_see_what_is_left_out() {
         let (mut a, b) = (grey(0.5), grey(0.5));
         a.channels[1].samples[27] = 7.0;
-        assert!(flip_of(&a, &b, View::default()) > 0.0);
+        assert!(flip_of(&a, &b, ViewingConditions::default()) > 0.0);
         let mask: Vec<bool> = (0..64).map(|pixel| pixel != 27).collect();
         let flip = |selection| compare(&a, &b, selection).unwrap().flip;
         assert_eq!(flip(Selection { mask: Some(&mask), trim: 0.0 }), 0.0);
         assert_eq!(flip(Selection { mask: None, trim: 1.0 / 64.0 }), 0.0);
-        // The mean is over what counts, too.
+        // The mean is also over the counted pixels alone.
         let one = [vec![true], vec![false; 63]].concat();
         let found = compare(&b, &grey(0.25), Selection { mask: Some(&one), trim: 0.0 }).unwrap();
-        let (_, map) = compare_as(&b, &grey(0.25), Selection { mask: Some(&one), trim: 0.0 }, View::default()).unwrap();
+        let (_, map) =
+            compare_as(&b, &grey(0.25), Selection { mask: Some(&one), trim: 0.0 }, ViewingConditions::default()).unwrap();
         assert!(found.flip > 0.0 && found.flip == f64::from(map.0.channel("FLIP").unwrap()[0]), "{found:?}");
     }
 
@@ -303,7 +296,7 @@ mod tests {
         a.channels[2].samples[27] = 0.25;
         let mask: Vec<bool> = (0..64).map(|pixel| pixel != 63).collect();
         a.channels[0].samples[63] = f32::NAN;
-        let (_, map) = compare_as(&a, &b, Selection { mask: Some(&mask), trim: 0.0 }, View::default()).unwrap();
+        let (_, map) = compare_as(&a, &b, Selection { mask: Some(&mask), trim: 0.0 }, ViewingConditions::default()).unwrap();
         let at = |name: &str, pixel: usize| map.0.channel(name).unwrap()[pixel];
         assert_eq!(["R", "G", "B", "A"].map(|name| at(name, 27)), [0.0, 0.0, -0.25, 1.0]);
         assert_eq!(["R", "G", "B", "A", "FLIP"].map(|name| at(name, 63)), [0.0; 5]);
@@ -319,7 +312,7 @@ mod tests {
     #[test]
     fn masks_are_white_where_pixels_count() {
         let mut mask = row(&[0.0, 0.5, 0.51, f32::NAN]);
-        // As an EXR has them: by name.
+        // An EXR orders channels by name.
         mask.channels.insert(0, Channel { name: "A".into(), samples: vec![1.0; 4] });
         assert_eq!(mask_of(&mask), [false, false, true, false]);
         let y = Channel { name: "Y".into(), samples: vec![1.0, 0.0, 0.0, 1.0] };
@@ -350,7 +343,7 @@ mod tests {
         assert!(says(&a, &grey, all).contains("no channel G"));
         assert!(says(&row(&[1.0, f32::NAN]), &a, all).contains("pixel (1, 0) of the picture has a sample NaN"));
         assert!(says(&a, &row(&[f32::INFINITY, 0.0]), all).contains("pixel (0, 0) of the reference has a sample inf"));
-        let dark = View { exposure: f32::NEG_INFINITY, ..View::default() };
+        let dark = ViewingConditions { exposure: f32::NEG_INFINITY, ..ViewingConditions::default() };
         assert!(compare_as(&a, &a, all, dark).unwrap_err().to_string().contains("exposure is -inf"));
         assert!(says(&a, &a, Selection { mask: Some(&[true]), ..all }).contains("mask"));
         assert!(says(&a, &a, Selection { mask: Some(&[false; 2]), ..all }).contains("no pixel"));

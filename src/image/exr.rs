@@ -1,4 +1,4 @@
-//! OpenEXR: every channel as it is, without loss, in bytes that depend on nothing but the picture.
+//! OpenEXR, lossless. The bytes depend on the picture and its metadata alone.
 
 use std::io::Cursor;
 use std::path::Path;
@@ -18,8 +18,7 @@ use crate::file::can_hold;
 const CHROMATICITIES: Chromaticities =
     Chromaticities { red: Vec2(0.64, 0.33), green: Vec2(0.30, 0.60), blue: Vec2(0.15, 0.06), white: Vec2(0.3127, 0.3290) };
 
-/// The name of the one attribute that OpenEXR does not define itself. The crate keeps such attributes in a hash map and
-/// writes them in its order, so that with a second one the bytes would vary between runs.
+/// The only attribute that OpenEXR does not define. A second one would make bytes vary between runs: the crate orders them by a hash map.
 const METADATA: &str = "finalgather";
 
 const CURE: &str = "give a flat OpenEXR picture";
@@ -30,10 +29,10 @@ fn metadata(path: &Path, bytes: &[u8]) -> Result<MetaData> {
 }
 
 impl Image {
-    /// One flat part with 32-bit float channels, ZIP-compressed in blocks of 16 lines; `metadata` is JSON.
+    /// Encodes one flat part with 32-bit float channels, ZIP-compressed in blocks of 16 lines. `metadata` is JSON.
     pub(super) fn to_exr(&self, metadata: Option<&str>) -> Result<Vec<u8>> {
         self.check()?;
-        // UTF-8 as it is: the format asks for no more than bytes, and what Text checks is Latin-1.
+        // Unchecked, because Text checks for Latin-1. The format takes any bytes, and these are UTF-8.
         let text = |utf8: &str| Text::from_slice_unchecked(utf8.as_bytes());
         let channels = self
             .channels
@@ -43,7 +42,7 @@ impl Image {
         let layer = Layer::new(
             (self.width, self.height),
             LayerAttributes::default(),
-            // Its line order is `Increasing`, which makes the parallel compressor write blocks in order.
+            // This encoding has the line order `Increasing`, with which the parallel compressor writes blocks in order.
             Encoding::SMALL_LOSSLESS,
             AnyChannels::sort(channels),
         );
@@ -58,7 +57,7 @@ impl Image {
         Ok(bytes.into_inner())
     }
 
-    /// The JSON that [`Self::to_exr`] was given, of the file's `bytes`.
+    /// Reads the metadata of [`Self::to_exr`] from the file's `bytes`.
     pub(crate) fn exr_metadata(path: &Path, bytes: &[u8]) -> Option<String> {
         let meta = metadata(path, bytes).ok()?;
         match meta.headers.first()?.own_attributes.other.get(METADATA.as_bytes())? {
@@ -67,26 +66,21 @@ impl Image {
         }
     }
 
-    /// Width and height that the header of the file's `bytes` states.
-    ///
-    /// # Errors
-    /// [`Error::Input`] when it is no OpenEXR file.
+    /// Reads width and height from the header of the file's `bytes`.
     pub(crate) fn exr_size(path: &Path, bytes: &[u8]) -> Result<[usize; 2]> {
         let meta = metadata(path, bytes)?;
-        // There is no file without a part.
         let largest = meta.headers.iter().map(|header| header.layer_size).max_by_key(|size| size.area());
         Ok(largest.map_or([0; 2], |size| [size.x(), size.y()]))
     }
 
-    /// The first flat part, at full resolution, whatever its sample types, channels in the file's (alphabetical) order.
-    /// `path` is where `bytes` came from.
+    /// Decodes the first flat part at full resolution, with samples of any type. Channels keep the file's (alphabetical) order.
     pub(super) fn from_exr(path: &Path, bytes: &[u8]) -> Result<Self> {
         let bad = |problem: String| Error::input(path, None, problem, CURE);
-        // Before there is memory for what the header says.
+        // Checked before any memory is reserved for it.
         for header in metadata(path, bytes)?.headers {
             let [width, height] = [header.layer_size.x(), header.layer_size.y()];
             let samples = width.checked_mul(height).and_then(|area| area.checked_mul(header.channels.list.len()));
-            // Of half precision at least.
+            // A sample takes 2 bytes or more.
             if samples.is_none_or(|samples| samples as u64 > MOST_SAMPLES || !can_hold(bytes, 2 * samples as u64)) {
                 let count = header.channels.list.len();
                 return Err(bad(format!(
@@ -125,7 +119,7 @@ mod tests {
 
     use super::*;
 
-    /// Another writer's file: half, float and unsigned channels in a named part.
+    /// A file of another writer has half, float and unsigned channels in a named part.
     #[test]
     fn reads_every_sample_type() {
         let list = [
@@ -156,7 +150,7 @@ mod tests {
         let meta = ::exr::meta::MetaData::read_from_buffered(Cursor::new(bytes), true).unwrap();
         let (shared, own) = (&meta.headers[0].shared_attributes, &meta.headers[0].own_attributes);
         assert_eq!(shared.chromaticities, Some(CHROMATICITIES));
-        // Read as the part's own, though written as the file's: with one part that is the same.
+        // The reader finds the file's attribute among the part's own. With one part, that is the same.
         assert_eq!((shared.other.len(), own.other.len()), (0, 1));
         let Some(AttributeValue::Text(json)) = own.other.get(METADATA.as_bytes()) else { panic!("no metadata") };
         assert_eq!(json.as_slice(), "{\"scene\":\"Bär\"}".as_bytes());

@@ -1,4 +1,4 @@
-//! Picture files: the format by the path's ending.
+//! Picture files. The path's ending selects the format.
 
 use std::path::Path;
 
@@ -6,22 +6,22 @@ use super::Image;
 use crate::error::{Error, Result};
 use crate::file::{self, MOST_BYTES, read_file, write_file};
 
-/// What a file says beside the picture's own samples.
+/// Options of the file formats.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct WriteOptions<'a> {
-    /// In stops; for 8-bit formats only.
+    /// In stops; only for 8-bit formats.
     pub exposure: f32,
-    /// JSON that goes into an EXR as its attribute `finalgather`.
+    /// JSON for the attribute `finalgather` of an EXR.
     pub metadata: Option<&'a str>,
 }
 
 #[derive(Clone, Copy)]
-pub(super) enum Format {
+pub(super) enum PictureFormat {
     Exr,
     Png,
 }
 
-impl Format {
+impl PictureFormat {
     pub(super) fn of(path: &Path) -> Result<Self> {
         let ending = path.extension().unwrap_or_default().to_ascii_lowercase();
         match ending.to_str() {
@@ -36,12 +36,11 @@ impl Format {
 }
 
 impl Image {
-    /// Writes the picture in the format that the path ends in, replacing a file that is there. The file appears complete
-    /// under its name or not at all.
+    /// Writes the picture in the format of the path's ending and replaces an existing file. The file is written whole or not at all.
     pub fn write(&self, path: &Path, options: &WriteOptions) -> Result<()> {
-        let bytes = match Format::of(path)? {
-            Format::Exr => self.to_exr(options.metadata)?,
-            Format::Png => self.to_png(options.exposure)?,
+        let bytes = match PictureFormat::of(path)? {
+            PictureFormat::Exr => self.to_exr(options.metadata)?,
+            PictureFormat::Png => self.to_png(options.exposure)?,
         };
         write_file(path, &bytes)
     }
@@ -53,17 +52,17 @@ impl Image {
         Self::decode(path, &bytes)
     }
 
-    /// The same of a file's `bytes`; `path` is where they came from.
+    /// As [`Self::read`], from the `bytes` of the file at `path`.
     pub fn decode(path: &Path, bytes: &[u8]) -> Result<Self> {
-        match Format::of(path)? {
-            Format::Exr => Self::from_exr(path, bytes),
-            Format::Png => Self::from_png(path, bytes),
+        match PictureFormat::of(path)? {
+            PictureFormat::Exr => Self::from_exr(path, bytes),
+            PictureFormat::Png => Self::from_png(path, bytes),
         }
     }
 }
 
-/// Whether [`Image::write`] to this path can be expected to work, for asking before the work of a render.
+/// Checks before a render that [`Image::write`] to this path should succeed.
 pub fn check_writable(path: &Path) -> Result<()> {
-    Format::of(path)?;
+    PictureFormat::of(path)?;
     file::check_writable(path)
 }

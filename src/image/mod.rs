@@ -1,4 +1,4 @@
-//! Pictures in memory: named channels of linear 32-bit floats, and what is done to them outside the renderer.
+//! Pictures in memory: named channels of linear 32-bit floats. Submodules read, write and compare them.
 
 use crate::error::{Error, Result};
 
@@ -8,14 +8,14 @@ mod file;
 mod flip;
 mod png;
 
-/// The most samples of a picture that is read, 4 GiB of them.
+/// A picture with more samples (4 GiB) is not read.
 const MOST_SAMPLES: u64 = 1 << 30;
 
 pub use file::{WriteOptions, check_writable};
 pub(crate) use png::encode as encode_png;
 pub use png::{encode_srgb, tone, write_srgb8};
 
-/// A picture: channels of equal size, rows from the top, linear values.
+/// A picture: channels of one size with linear values, rows from the top.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Image {
     pub width: usize,
@@ -26,19 +26,19 @@ pub struct Image {
 /// One plane of samples.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Channel {
-    /// As in EXR: `R`, `G`, `B`, `A` for the picture itself, `Direct.R` for a layer, `Z` for depth.
+    /// The name as in EXR: `R`, `G`, `B`, `A` for the picture itself, `Direct.R` for a layer, `Z` for depth.
     pub name: String,
     /// `width * height` values, row by row from the top left.
     pub samples: Vec<f32>,
 }
 
 impl Image {
-    /// The samples of the channel with this name.
+    /// Returns the samples of the channel with this name.
     pub fn channel(&self, name: &str) -> Option<&[f32]> {
         self.channels.iter().find(|channel| channel.name == name).map(|channel| channel.samples.as_slice())
     }
 
-    /// The samples of the picture itself, or which of its channels is missing.
+    /// Returns the samples of `R`, `G` and `B`, or an error that names the missing channel.
     pub fn rgb(&self) -> Result<[&[f32]; 3]> {
         self.check()?;
         let find = |name| {
@@ -53,7 +53,7 @@ impl Image {
         Ok([find("R")?, find("G")?, find("B")?])
     }
 
-    /// The fields are public; this is what the encoders rely on.
+    /// Checks what the encoders rely on, because the fields are public.
     fn check(&self) -> Result<()> {
         let pixels = self.width.checked_mul(self.height).filter(|&pixels| pixels > 0);
         let Some(pixels) = pixels.filter(|_| !self.channels.is_empty()) else {

@@ -1,4 +1,4 @@
-//! 8-bit PNG, for looking at: exposure, a tone curve that keeps highlights apart, sRGB.
+//! 8-bit PNG for display: exposure, then a tone curve that keeps detail in highlights, then sRGB.
 
 use std::io::Cursor;
 use std::path::Path;
@@ -10,40 +10,38 @@ use super::{Channel, Image, MOST_SAMPLES};
 use crate::error::{Error, Result};
 use crate::file::{can_hold, write_file};
 
-/// Where the tone curve's shoulder begins.
+/// The value at which the shoulder of the tone curve begins.
 const KNEE: f32 = 0.8;
 
 impl Image {
-    /// [`Self::to_srgb8`], opaque.
     pub(super) fn to_png(&self, exposure: f32) -> Result<Vec<u8>> {
         encode(self.width, self.height, &self.to_srgb8(exposure)?)
     }
 
-    /// R, G and B of each pixel in turn, as a PNG of this exposure in stops has them.
+    /// The bytes of a PNG with this exposure in stops: R, G and B of each pixel in turn.
     pub fn to_srgb8(&self, exposure: f32) -> Result<Vec<u8>> {
         self.to_rgb8(exposure, tone)
     }
 
-    /// R, G and B of each pixel in turn: times 2^`exposure`, through `curve`, which is [`tone`] or nothing, and [`encode_srgb`].
+    /// R, G and B of each pixel in turn: times 2^`exposure`, then `curve` ([`tone`] or the identity), then [`encode_srgb`].
     pub(super) fn to_rgb8(&self, exposure: f32, curve: fn(f32) -> f32) -> Result<Vec<u8>> {
-        let rgb = self.rgb()?;
         let scale = exposure.exp2();
-        let mut pixels = Vec::with_capacity(3 * self.width * self.height);
-        for pixel in 0..self.width * self.height {
-            pixels.extend(rgb.map(|samples| (encode_srgb(curve(samples[pixel] * scale)) * 255.0).round() as u8));
-        }
-        Ok(pixels)
+        self.to_bytes(|sample| encode_srgb(curve(sample * scale)))
     }
 
-    /// Writes R, G and B from 0 to 1 as they are, neither exposed nor curved, as a PNG: for data, such as openness and normals.
-    pub fn write_data_png(&self, path: &Path) -> Result<()> {
+    /// Maps each R, G and B by `encode`, from 0..1 to 0..255.
+    fn to_bytes(&self, encode: impl Fn(f32) -> f32) -> Result<Vec<u8>> {
         let rgb = self.rgb()?;
-        let byte = |sample: f32| (sample.clamp(0.0, 1.0) * 255.0).round() as u8;
-        let pixels: Vec<u8> = (0..self.width * self.height).flat_map(|pixel| rgb.map(|samples| byte(samples[pixel]))).collect();
-        write_srgb8(path, [self.width, self.height], &pixels)
+        let byte = |sample| (encode(sample) * 255.0).round() as u8;
+        Ok((0..self.width * self.height).flat_map(|pixel| rgb.map(|samples| byte(samples[pixel]))).collect())
     }
 
-    /// R, G and B made linear; alpha, if any, is ignored, and so is the tone curve. `path` is where `bytes` came from.
+    /// Writes R, G and B from 0 to 1 as a PNG without exposure, tone curve or sRGB, for data such as openness and normals.
+    pub fn write_data_png(&self, path: &Path) -> Result<()> {
+        write_srgb8(path, [self.width, self.height], &self.to_bytes(|sample| sample.clamp(0.0, 1.0))?)
+    }
+
+    /// Decodes R, G and B to linear values. Ignores alpha, and does not invert the tone curve.
     pub(super) fn from_png(path: &Path, bytes: &[u8]) -> Result<Self> {
         let bad = |problem: String| Error::input(path, None, problem, "give a PNG picture");
         let unreadable = |error| bad(format!("not readable as PNG: {error}"));
@@ -61,12 +59,12 @@ impl Image {
     }
 }
 
-/// Writes three bytes a pixel, as a display gets them, as PNG: the whole file or nothing.
+/// Writes three sRGB bytes a pixel as a PNG. The file is written whole or not at all.
 pub fn write_srgb8(path: &Path, [width, height]: [usize; 2], rgb8: &[u8]) -> Result<()> {
     write_file(path, &encode(width, height, rgb8)?)
 }
 
-/// Three bytes a pixel, as a display gets them.
+/// Encodes three sRGB bytes a pixel.
 pub(crate) fn encode(width: usize, height: usize, rgb8: &[u8]) -> Result<Vec<u8>> {
     let refused = |problem: String| Error::usage(format!("PNG cannot hold this picture: {problem}"), "render it smaller");
     let side = |length: usize| u32::try_from(length).map_err(|error| refused(error.to_string()));
@@ -77,14 +75,13 @@ pub(crate) fn encode(width: usize, height: usize, rgb8: &[u8]) -> Result<Vec<u8>
     Ok(bytes)
 }
 
-/// Maps radiance to [0, 1]: the identity up to 0.8, then an exponential shoulder that starts with slope 1 and approaches 1.
-/// Negative values and NaN become black, infinity white.
+/// Maps radiance to [0, 1]: the identity up to 0.8, then an exponential shoulder from slope 1. Negative values and NaN become 0, infinity 1.
 pub fn tone(x: f32) -> f32 {
     let room = 1.0 - KNEE;
     if x > KNEE { KNEE + room * (1.0 - ((KNEE - x) / room).exp()) } else { x.max(0.0) }
 }
 
-/// The sRGB curve, from linear values.
+/// The sRGB curve: linear to encoded values.
 pub fn encode_srgb(x: f32) -> f32 {
     if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 }
 }

@@ -11,9 +11,9 @@ use serde_json::{Value, json};
 use crate::bake::vertex_inset;
 use crate::blocks::Part;
 use crate::error::{Error, Result};
-use crate::export::{self, Lightmap, Surface, Values};
+use crate::export::{self, ExportMesh, Lightmap, PointValues};
 use crate::image::{self, Channel, Image, WriteOptions};
-use crate::points::{GatherPoint, LightMap, LightMapOptions, Resolution, Vertices, Visible, file};
+use crate::points::{GBuffer, GatherPoint, LightMap, LightMapOptions, Resolution, Vertices, file};
 use crate::quantity::Quantity;
 use crate::scene::{Mesh, Scene, UnitSpace};
 use crate::settings::Settings;
@@ -96,7 +96,7 @@ impl ReceiverKind {
         }
         match self {
             Self::LightMap | Self::Camera if is_picture(path) => image::check_writable(path),
-            Self::Vertices => export::check_writable(path, Values::ENDINGS),
+            Self::Vertices => export::check_writable(path, PointValues::ENDINGS),
             // PLY holds points without a mesh as well as glTF would.
             Self::Points(_) => export::check_writable(path, &["ply", "npy"]),
             Self::Camera => export::check_writable(path, &["exr", "png", "ply", "npy"]),
@@ -160,7 +160,7 @@ impl Receiver {
     ///
     /// # Errors
     /// [`Error::Usage`] when that is nothing.
-    pub(super) fn of_camera(visible: &Visible, size: [u32; 2], space: &UnitSpace) -> Result<Self> {
+    pub(super) fn of_camera(visible: &GBuffer, size: [u32; 2], space: &UnitSpace) -> Result<Self> {
         // As they would be written and read again, so that the same points in a file give the same values to the bit.
         let through_world =
             |point: GatherPoint| GatherPoint { position: space.enter_point(space.to_world(point.position)), ..point };
@@ -256,7 +256,7 @@ impl ReceiverValues {
     /// # Errors
     /// [`Error::Output`] when the file cannot be written.
     pub fn write(&self, path: &Path, scene: &Scene, options: &WriteOptions) -> Result<()> {
-        let surface = self.mesh.as_ref().map(|mesh| Surface { mesh, materials: &scene.materials, textures: &scene.textures });
+        let surface = self.mesh.as_ref().map(|mesh| ExportMesh { mesh, materials: &scene.materials, textures: &scene.textures });
         match (&self.image, surface) {
             (Some(image), _) if is_picture(path) => write_picture(image, path, options),
             (Some(image), Some(surface)) => {
@@ -265,7 +265,7 @@ impl ReceiverValues {
             }
             _ => {
                 let Self { positions, normals, columns, .. } = self;
-                Values { positions, normals, columns, surface }.write(path, options)
+                PointValues { positions, normals, columns, surface }.write(path, options)
             }
         }
     }

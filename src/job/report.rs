@@ -5,7 +5,7 @@ use std::fs;
 use serde::Serialize;
 use serde_json::Value;
 
-use crate::bake::{Plan, Statistics};
+use crate::bake::{BakeStatistics, Plan};
 use crate::photon::PhotonCounts;
 use crate::render::{GatherCounts, SceneCounts};
 use crate::settings::Settings;
@@ -40,7 +40,7 @@ pub enum TaskReport {
     },
     Bake {
         plan: Plan,
-        bake: Statistics,
+        bake: BakeStatistics,
         /// Those that are written.
         receivers: Vec<ReceiverReport>,
         /// Path of the shard's part.

@@ -1,8 +1,8 @@
-//! Caustics: light that mirrors and glass throw on diffuse surfaces, estimated at the points themselves.
+//! Caustics: light that reaches diffuse surfaces by mirrors and glass alone. It is estimated at the gather points.
 //!
-//! A grid's cell is far too coarse for the edge of a caustic. E(x) = Σ Φ k(r) over the photons on x's side of its surface within a disc of
-//! radius R, k(r) = 2/(πR²) (1 - r²/R²). Photons are traced afresh for each block of a picture and R falls from block to block, slowly enough
-//! that noise and blur of their mean both vanish (Knaus and Zwicker 2011, "Progressive photon mapping: a probabilistic approach").
+//! Cells of the grid are too coarse for the edge of a caustic. Instead, E(x) = Σ Φ k(r) over the photons within a disc of radius R on x's side of
+//! the surface, with k(r) = 2/(πR²) (1 - r²/R²). Each block of a picture traces new photons. R falls from block to block, so slowly that both
+//! noise and blur of the mean vanish (Knaus and Zwicker 2011, "Progressive photon mapping: a probabilistic approach").
 
 use std::collections::HashMap;
 use std::f32::consts::PI;
@@ -10,18 +10,18 @@ use std::ops::Range;
 
 use glam::{IVec3, Vec3};
 
-/// The first block's radius, in unit space: the sharpest that a million photons bear.
+/// The first block's radius, in unit space. With a million photons, a smaller one is too noisy.
 const RADIUS: f32 = 0.02;
-/// Of what a smaller radius costs in noise, how much more photons make up for: what Knaus and Zwicker recommend.
+/// Rate at which the radius falls, as Knaus and Zwicker recommend: 1 keeps the radius, a lower rate gives less blur and more noise.
 const ALPHA: f32 = 2.0 / 3.0;
-/// How far off the disc's plane a photon may lie, in radii: surfaces bend, and what stands on them is another surface.
+/// Greatest distance of a photon from the disc's plane, in radii. Surfaces may bend, but objects on the surface must not count.
 const THICKNESS: f32 = 0.25;
 
-/// What one photon brings to a diffuse surface by way of mirrors and glass alone.
+/// A photon that reached a diffuse surface by mirrors and glass alone.
 #[derive(Clone, Copy, Debug)]
 pub struct CausticPhoton {
     pub position: Vec3,
-    /// Unit normal of the side that it met.
+    /// Unit normal of the side that the photon hit.
     pub side: Vec3,
     pub flux: Vec3,
 }
@@ -29,13 +29,13 @@ pub struct CausticPhoton {
 /// The photons of one block.
 pub struct CausticMap {
     radius: f32,
-    /// Cell by cell, the cells two radii wide.
+    /// Sorted by cells, which are two radii wide.
     photons: Vec<CausticPhoton>,
     cells: HashMap<IVec3, Range<usize>>,
 }
 
 impl CausticMap {
-    /// With the radius of block `block`.
+    /// The map of block `block`, with its radius.
     pub fn new(mut photons: Vec<CausticPhoton>, block: u32) -> Self {
         let shrink: f32 = (1..=block).map(|i| (i as f32 - 1.0 + ALPHA) / i as f32).product();
         let radius = RADIUS * shrink.sqrt();
@@ -50,7 +50,7 @@ impl CausticMap {
         Self { radius, photons, cells }
     }
 
-    /// At a point of a surface with this unit normal.
+    /// Irradiance at a point of a surface with this unit normal.
     pub fn irradiance(&self, position: Vec3, normal: Vec3) -> Vec3 {
         let [low, high] = [-self.radius, self.radius].map(|reach| cell_of(position + reach, self.radius));
         let squared_radius = self.radius * self.radius;

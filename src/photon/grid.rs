@@ -1,10 +1,10 @@
 //! Density estimation: E = flux / area for each grid cell and each of six orientations.
 //!
-//! A cell sums the photons' flux and the true area of the surfaces inside it, triangles clipped to the cell. A disc around a
-//! photon would reach beyond a corner and darken it; the clipped area does not. Each of the six dominant normal directions
-//! has a bin of its own, and every surface counts in two, one a side: light on one side of a wall never shows on the other.
-//! Of the area, only the share counts that light can reach: floor under a closed block receives no photon, and would darken the
-//! floor around the block that shares its cells. Readers interpolate flux and area between cells and divide last.
+//! A cell sums the flux of photons and the area of the surfaces inside it, as triangles clipped to the cell. A disc around a photon would extend
+//! past corners and darken them; clipped area does not. Each of the six dominant normal directions has its own bin. A surface counts in two bins,
+//! one for each side, so light on one side of a wall never shows on the other. Only area that light can reach counts: the floor under a closed
+//! block receives no photons, and would darken the floor around the block in the same cells. Readers interpolate flux and area between cells
+//! and divide last.
 
 use glam::{IVec3, UVec3, Vec3, Vec4};
 use rayon::prelude::*;
@@ -13,12 +13,12 @@ use crate::math::{Aabb, cosine_direction, dominant_axis};
 use crate::random::Random;
 use crate::scene::{Bvh, Mesh, RAY_OFFSET};
 
-/// Orientations told apart: the two signs of each axis.
+/// Number of orientations: two signs of three axes.
 pub(super) const BINS: usize = 6;
 
-/// Points on a cell's face of area that are probed for light.
+/// Points that are probed for light, for each cell face of area.
 const PROBES: f32 = 64.0;
-/// Rays from each: a surface that light reaches sees some of it in almost all directions.
+/// Rays from each probed point. A surface that light reaches sees light in almost all directions.
 const TRIES: u32 = 4;
 
 /// Flux and surface area of each cell and orientation.
@@ -29,7 +29,7 @@ pub struct PhotonGrid {
     pub cells: UVec3,
     /// Side of a cell.
     pub cell_size: f32,
-    /// [red, green, blue flux, area] by `PhotonGrid::index_of`.
+    /// [red, green, blue flux, area] at `PhotonGrid::index_of`.
     pub sums: Vec<[f32; 4]>,
 }
 
@@ -38,7 +38,7 @@ impl PhotonGrid {
     pub fn new(mesh: &Mesh, cells: u32) -> Self {
         let bounds = mesh.bounds();
         let cell_size = bounds.extent().max_element() / cells as f32;
-        // A cell of margin on each side: look-ups interpolate between two cells, and never reach the tiles of other bins in the texture.
+        // Look-ups interpolate between two cells. One more cell on each side keeps them off the tiles of other bins in the texture.
         let cells = (bounds.extent() / cell_size).ceil().as_uvec3() + 2;
         let origin = bounds.center() - 0.5 * cell_size * cells.as_vec3();
         Self { origin, cells, cell_size, sums: vec![[0.0; 4]; BINS * cells.element_product() as usize] }
@@ -49,14 +49,14 @@ impl PhotonGrid {
         BINS * (cells as usize + 2).pow(3) * size_of::<[f32; 4]>()
     }
 
-    /// The bin of the side that a ray along `direction` meets at `position` on a triangle.
+    /// The bin of the side that a ray along `direction` hits at `position` on a triangle.
     pub fn index_of_hit(&self, mesh: &Mesh, triangle: usize, position: Vec3, direction: Vec3) -> usize {
         let side = mesh.side_met(triangle, direction);
         let cell = ((position - self.origin) / self.cell_size).as_uvec3();
         self.index_of(cell, dominant_axis(side), side)
     }
 
-    /// The axis is that of the triangle's geometric normal, so that the shaders, which are told it, agree.
+    /// `axis` is that of the triangle's geometric normal, as in the shaders.
     fn index_of(&self, cell: UVec3, axis: usize, side: Vec3) -> usize {
         let bin = 2 * axis + usize::from(side[axis] <= 0.0);
         let [x, y, z] = cell.min(self.cells - 1).to_array().map(|c| c as usize);
@@ -64,11 +64,11 @@ impl PhotonGrid {
         bin * self.cells.element_product() as usize + (z * height + y) * width + x
     }
 
-    /// Irradiance at `position` on the side of a surface that faces along the positive or negative `axis`: flux and area interpolated
-    /// between the centres of cells, then divided. The twin of `photon_irradiance` in `glsl/include/photon_grid.glsl`.
+    /// Irradiance at `position` on the side of a surface that faces along the positive or negative `axis`. Flux and area are interpolated between
+    /// the centres of cells, then divided. The twin of `photon_irradiance` in `glsl/include/photon_grid.glsl`.
     pub fn irradiance(&self, position: Vec3, axis: usize, positive: bool) -> Vec3 {
         let side = if positive { Vec3::AXES[axis] } else { -Vec3::AXES[axis] };
-        // From here on in cells, 0 at the centre of the first.
+        // In units of cells, with 0 at the centre of the first.
         let place = ((position - self.origin) / self.cell_size - 0.5).clamp(Vec3::ZERO, self.cells.as_vec3() - 1.0);
         let (first, share) = (place.floor(), place.fract());
         let mut sums = Vec4::ZERO;
@@ -80,24 +80,24 @@ impl PhotonGrid {
         if sums.w > 0.0 { sums.truncate() / sums.w } else { Vec3::ZERO }
     }
 
-    /// Adds the flux of a photon that met the surface of bin `index`.
+    /// Adds the flux of a photon to bin `index`.
     pub fn add_flux(&mut self, index: usize, flux: Vec3) {
         for (sum, flux) in self.sums[index].iter_mut().zip(flux.to_array()) {
             *sum += flux;
         }
     }
 
-    /// Takes the flux out again and leaves the area, for fresh photons.
+    /// Removes the flux and keeps the area, for new photons.
     pub fn clear_flux(&mut self) {
         for sums in &mut self.sums {
             sums[..3].fill(0.0);
         }
     }
 
-    /// Adds the area of `mesh` that light reaches; call once, when there is flux.
+    /// Adds the area of `mesh` that light reaches. Call it once, after flux was added.
     pub fn add_area(&mut self, mesh: &Mesh, bvh: &Bvh, seed: u64) {
-        // Clipped and probed in parallel, summed in the order of triangles: the same sums for any number of threads.
-        let pieces: Vec<Vec<Piece>> = (0..mesh.triangles.len())
+        // Clipped and probed in parallel, summed in the order of triangles: any number of threads gives the same sums.
+        let pieces: Vec<Vec<CellArea>> = (0..mesh.triangles.len())
             .into_par_iter()
             .map(|triangle| {
                 let mut random = Random::new(seed, triangle as u64);
@@ -105,7 +105,7 @@ impl PhotonGrid {
                 let mut pieces = Vec::new();
                 for (cell, polygon) in self.clip(mesh.corners(triangle)) {
                     for side in [normal, -normal] {
-                        pieces.push(Piece {
+                        pieces.push(CellArea {
                             index: self.index_of(cell, dominant_axis(normal), side),
                             area: area(&polygon) * self.cell_size * self.cell_size,
                             probes: self.probe(mesh, bvh, triangle, side, &polygon, &mut random),
@@ -124,7 +124,7 @@ impl PhotonGrid {
         }
         for (index, [lit, probes]) in probes.into_iter().enumerate() {
             if probes > 0 {
-                // Where photons are, some of the area was reached, whatever the probes missed.
+                // If photons arrived, light reaches some of the area, even if no probe found it.
                 let lit = lit.max(u32::from(self.is_lit(index)));
                 self.sums[index][3] *= lit as f32 / probes as f32;
             }
@@ -132,15 +132,14 @@ impl PhotonGrid {
         self.settle();
     }
 
-    /// Puts flux that met a cell without area into the nearest with some: a surface between two cells has its area in one of them, and of the
-    /// photons that meet it, rounding takes some to the other. Where a reader is almost alone with it, the quotient would be without bounds.
-    /// Changes nothing before there is area.
+    /// Moves flux in cells without area to the nearest cell with area. A surface on the border of two cells has its area in one of them, but
+    /// rounding puts some of its photons into the other. Readers near such a cell would divide by almost no area. Does nothing before area is added.
     pub(super) fn settle(&mut self) {
         let size = self.cells.as_ivec3();
         for bin in 0..BINS {
             let first = bin * self.cells.element_product() as usize;
             let index = |cell: IVec3| first + ((cell.z * size.y + cell.y) * size.x + cell.x) as usize;
-            // Across the surface first, then beyond its edges.
+            // Nearest cells first; of these, those across the surface before those along it.
             let mut steps: Vec<IVec3> = (0..27).map(|step| IVec3::new(step % 3, step / 3 % 3, step / 9) - 1).collect();
             steps.sort_by_key(|step| (step.length_squared(), step[bin / 2] == 0));
             for at in 0..size.element_product() {
@@ -164,8 +163,8 @@ impl PhotonGrid {
         self.sums[index][..3].iter().any(|&flux| flux > 0.0)
     }
 
-    /// Of points on one side of a part of a triangle, as many as its area asks for: how many are not shut in, but see out of the scene or
-    /// a surface that received photons; and how many there are.
+    /// Probes points on one side of a part of a triangle, in proportion to its area. Returns how many of them see the outside of the scene or a
+    /// surface that received photons, and how many there are.
     fn probe(&self, mesh: &Mesh, bvh: &Bvh, triangle: usize, side: Vec3, polygon: &[Vec3], random: &mut Random) -> [u32; 2] {
         let probes = (area(polygon) * PROBES + random.uniform()) as u32;
         let lit = (0..probes).filter(|_| {
@@ -191,14 +190,14 @@ impl PhotonGrid {
 }
 
 /// One side of a triangle's part in one cell.
-struct Piece {
+struct CellArea {
     index: usize,
     area: f32,
     /// See [`PhotonGrid::probe`].
     probes: [u32; 2],
 }
 
-/// Cuts a convex polygon into slabs of unit thickness along `axis`, each with its coordinate put into `cell`.
+/// Cuts a convex polygon into slabs of unit thickness along `axis`. Each slab gets `cell` with its own coordinate along the axis.
 fn slice(cell: UVec3, polygon: Vec<Vec3>, axis: usize) -> Vec<(UVec3, Vec<Vec3>)> {
     let bounds = Aabb::from_points(polygon.iter().copied());
     let [first, last] = [bounds.min, bounds.max].map(|corner| corner[axis].max(0.0) as u32);
@@ -243,7 +242,7 @@ fn area(polygon: &[Vec3]) -> f32 {
     0.5 * fan.sum::<Vec3>().length()
 }
 
-/// A uniformly distributed point of a convex polygon.
+/// A uniformly distributed random point of a convex polygon.
 fn point_in(polygon: &[Vec3], random: &mut Random) -> Vec3 {
     let mut rest = random.uniform() * area(polygon);
     let mut chosen = [polygon[0], polygon[1], polygon[2]];

@@ -1,11 +1,10 @@
-//! The grid photon map: the rough solution that final gathering looks at.
+//! The photon map on a grid. Gather rays read the light of surfaces from it.
 //!
-//! Photons leave the lights and the environment in proportion to power, are traced on the CPU (`trace.rs`) and stored in a uniform grid (`grid.rs`);
-//! the irradiance of a surface is estimated as the flux that its cell received over the true surface area in that cell.
-//! [`PhotonTexture`] takes the grid to the shaders. What mirrors and glass throw on surfaces is for the points themselves, finer than a grid
-//! (`caustics.rs`). Lengths are those of unit space.
+//! Lights and environment emit photons in proportion to their power. The CPU traces them (`trace.rs`) and stores them in a uniform grid
+//! (`grid.rs`). The irradiance of a surface is estimated as the flux in its cell over the surface area in that cell. [`PhotonTexture`] takes
+//! the grid to the shaders. Caustics need a finer resolution and are estimated at the points themselves (`caustics.rs`). Lengths are in unit space.
 //!
-//! Source: Jensen 1996, "Global illumination using photon maps"; the grid follows Hachisuka 2004, "Final gathering on GPU".
+//! Source: Jensen 1996, "Global illumination using photon maps". The grid follows Hachisuka 2004, "Final gathering on GPU".
 
 mod caustics;
 mod grid;

@@ -6,7 +6,7 @@ use super::grid::{BINS, PhotonGrid};
 use crate::error::Result;
 use crate::gpu::{Format, Gpu, Texture, Uniform};
 
-/// A grid as a 3D texture: the six bins as tiles, three along x and two along y.
+/// A grid as a 3D texture. The six bins are tiles, three along x and two along y.
 pub struct PhotonTexture {
     texture: Texture,
     origin: Vec3,
@@ -16,11 +16,11 @@ pub struct PhotonTexture {
 
 impl PhotonTexture {
     /// # Errors
-    /// [`crate::Error::Usage`] when the grid has more cells than the device's 3D textures.
+    /// [`crate::Error::Usage`] if the grid exceeds the device's limit for 3D textures.
     pub fn upload(gpu: &Gpu, grid: &PhotonGrid) -> Result<Self> {
         let [width, height, depth] = grid.cells.to_array().map(|side| side as usize);
         let mut texels = vec![[0.0f32; 4]; BINS * width * height * depth];
-        // Flux and area enter as a quotient: any common unit will do, and a cell's face keeps the numbers near 1.
+        // Shaders use flux over area, so the unit of area cancels. With a cell's face as the unit, numbers stay near 1.
         let unit = grid.cell_size.powi(-2);
         for (i, sums) in grid.sums.iter().enumerate() {
             let (x, y, z, bin) = (i % width, i / width % height, i / (width * height) % depth, i / (width * height * depth));

@@ -1,10 +1,10 @@
-//! Photon tracing on the CPU, in parallel, with the same result for any number of threads.
+//! Photon tracing on the CPU, in parallel. Any number of threads gives the same result.
 //!
-//! A photon starts at a light chosen by power ([`Lights::emit`]). At every surface
-//! it is stored; then Russian roulette reflects it with the share that its strongest channel keeps, so that the survivors
-//! carry about as much flux as was emitted with each. Mirrors and glass send it on in one direction and store nothing; but a mirror that photons
-//! reach from a diffuse surface stores them, for gather rays take it for a Lambertian one. What goes from a light by mirrors and glass
-//! alone to a diffuse surface is what [`PhotonTracer::caustics`] returns.
+//! A photon starts at a light, chosen by power ([`Lights::emit`]).
+//! Every diffuse surface stores it. Then Russian roulette reflects it with the probability that its strongest channel keeps, so survivors
+//! carry about the flux that was emitted with each. Mirrors and glass send it on in one direction and do not store it. One exception: a mirror
+//! stores photons that come from a diffuse surface, because gather rays treat mirrors as Lambertian. [`PhotonTracer::caustics`] returns photons
+//! that reach a diffuse surface from a light by mirrors and glass alone.
 
 use std::ops::{AddAssign, Range};
 
@@ -18,9 +18,9 @@ use crate::math::cosine_direction;
 use crate::random::{Random, Recurrence};
 use crate::scene::{Bvh, Lights, MOST_SPECULAR, Path, Scene, Surface};
 
-/// Photons traced between two sums: bounds the memory that their hits take.
+/// Number of photons between two sums. It limits the memory of their hits.
 const ROUND: u64 = 1 << 18;
-/// Photons that one task traces.
+/// Number of photons of one task.
 const CHUNK: u64 = 1 << 12;
 
 /// Traces photons through one scene.
@@ -33,24 +33,24 @@ pub struct PhotonTracer<'a> {
     bounces: u32,
 }
 
-/// How a photon's flight ends.
-enum End {
+/// How a photon's path ends.
+enum PhotonEnd {
     Absorbed,
     Escaped,
     Cut,
 }
 
-/// How many photons there were: each one emitted was absorbed, escaped or was cut.
+/// Numbers of photons. Each emitted photon was absorbed, escaped or was cut.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct PhotonCounts {
     pub emitted: u64,
-    /// A photon counts once for every surface that it was stored at.
+    /// A photon counts once for each surface that stores it.
     pub stored: u64,
-    /// Ended at a surface, by Russian roulette.
+    /// Photons that Russian roulette ended at a surface.
     pub absorbed: u64,
-    /// Met no surface any more.
+    /// Photons that left the scene.
     pub escaped: u64,
-    /// Would have flown on from the last surface that a limit allows: of surfaces that store it, or of mirrors and glass in a row.
+    /// Photons that reached the limit of stored hits, or of mirrors and glass in a row.
     pub cut: u64,
 }
 
@@ -65,13 +65,13 @@ impl AddAssign for PhotonCounts {
 }
 
 impl<'a> PhotonTracer<'a> {
-    /// `bounces` is the most surfaces that one photon is stored at. `scene` is in unit space.
+    /// `bounces` is the most surfaces that store one photon. `scene` is in unit space.
     pub fn new(scene: &'a Scene, bvh: &'a Bvh, lights: &'a Lights, seed: u64, bounces: u32) -> Self {
         Self { scene, bvh, lights, starts: Recurrence::new(seed), seed, bounces }
     }
 
-    /// Emits the photons with these numbers, which share the whole power of lights and environment, and adds what they leave at surfaces to `grid`.
-    /// Other numbers give other photons, and together they cover what shines evenly.
+    /// Emits the photons with these numbers, which share the whole power of lights and environment, and adds their flux at surfaces to `grid`.
+    /// Other numbers give other photons. All together they sample the lights evenly.
     pub fn trace(&self, photons: Range<u64>, grid: &mut PhotonGrid) -> PhotonCounts {
         let emitted = photons.end - photons.start;
         let mut counts = PhotonCounts::default();
@@ -85,9 +85,9 @@ impl<'a> PhotonTracer<'a> {
                     let (mut counts, mut hits) = (PhotonCounts::default(), Vec::new());
                     for photon in chunk..(chunk + CHUNK).min(end) {
                         match self.trace_one(photon, 1.0 / emitted as f32, grid, &mut hits) {
-                            End::Absorbed => counts.absorbed += 1,
-                            End::Escaped => counts.escaped += 1,
-                            End::Cut => counts.cut += 1,
+                            PhotonEnd::Absorbed => counts.absorbed += 1,
+                            PhotonEnd::Escaped => counts.escaped += 1,
+                            PhotonEnd::Cut => counts.cut += 1,
                         }
                         counts.emitted += 1;
                     }
@@ -106,7 +106,7 @@ impl<'a> PhotonTracer<'a> {
         counts
     }
 
-    /// What the photons with these numbers, which share the lights' whole power, bring to diffuse surfaces by way of mirrors and glass alone.
+    /// Traces photons as [`Self::trace`] does, and returns those that reach a diffuse surface by mirrors and glass alone.
     pub fn caustics(&self, photons: Range<u64>) -> Vec<CausticPhoton> {
         let share = 1.0 / (photons.end - photons.start) as f32;
         let chunks: Vec<u64> = photons.clone().step_by(CHUNK as usize).collect();
@@ -124,21 +124,21 @@ impl<'a> PhotonTracer<'a> {
         chunks.into_par_iter().flat_map_iter(|chunk| (chunk..(chunk + CHUNK).min(photons.end)).filter_map(trace)).collect()
     }
 
-    /// Where a photon starts, and what it carries.
+    /// The start of a photon's path, its flux, and its random numbers.
     fn emit(&self, photon: u64, share: f32) -> (Path, Vec3, Random) {
         let (path, flux) = self.lights.emit(self.starts.point(photon));
         (path, share * flux, Random::new(self.seed, photon))
     }
 
-    fn trace_one(&self, photon: u64, share: f32, grid: &PhotonGrid, hits: &mut Vec<(usize, Vec3)>) -> End {
+    fn trace_one(&self, photon: u64, share: f32, grid: &PhotonGrid, hits: &mut Vec<(usize, Vec3)>) -> PhotonEnd {
         let (mut path, mut flux, mut random) = self.emit(photon, share);
         let mesh = &self.scene.mesh;
-        // Diffuse surfaces so far, and mirrors and glass since the last of them.
+        // Numbers of diffuse surfaces so far, and of mirrors and glass since the last of them.
         let (mut diffuse, mut specular) = (0, 0);
         loop {
-            let Some(triangle) = path.advance(self.bvh) else { return End::Escaped };
+            let Some(triangle) = path.advance(self.bvh) else { return PhotonEnd::Escaped };
             let surface = self.scene.material(triangle).surface;
-            // The light that a mirror throws straight from a lamp is a caustic, and gather rays are not to see it again.
+            // Light of a lamp that mirrors reflect is a caustic. Gather rays must not count it again.
             if surface == Surface::Diffuse || surface == Surface::Mirror && diffuse > 0 {
                 hits.push((grid.index_of_hit(mesh, triangle, path.origin, path.direction), flux));
             }
@@ -149,14 +149,14 @@ impl<'a> PhotonTracer<'a> {
             };
             let reflected = flux * kept.unwrap_or_else(|| self.scene.albedo(triangle, mesh.barycentric(triangle, path.origin)));
             let survival = reflected.max_element() / flux.max_element();
-            // What comes from beside a bright texel of the environment may carry nothing, and ends here too.
+            // A photon from a dark place beside a bright texel of the environment may carry no flux. It ends here too.
             if flux == Vec3::ZERO || random.uniform() >= survival {
-                return End::Absorbed;
+                return PhotonEnd::Absorbed;
             }
             flux = reflected / survival;
             (diffuse, specular) = if kept.is_some() { (diffuse, specular + 1) } else { (diffuse + 1, 0) };
             if diffuse == self.bounces || specular > MOST_SPECULAR {
-                return End::Cut;
+                return PhotonEnd::Cut;
             }
             if kept.is_none() {
                 path.leave(side, cosine_direction(side, random.uniform(), random.uniform()));

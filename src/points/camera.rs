@@ -1,4 +1,4 @@
-//! The points that a pinhole camera sees, one a pixel, by rasterisation. Mirrors `glsl/visible_points.frag`.
+//! Rasterises the points that a pinhole camera sees, one a pixel. Mirrors `glsl/visible_points.frag`.
 
 use glam::camera::rh::{proj, view};
 use glam::{Mat4, Vec2, Vec3, Vec4};
@@ -11,32 +11,31 @@ use crate::gpu::{DepthTest, Format, Gpu, Program, Target, Uniform};
 use crate::scene::{Camera, Scene};
 use crate::shaders;
 
-/// Finds visible points for one picture size.
+/// Rasterises G-buffers of one picture size.
 pub struct CameraPoints {
     program: Program,
     target: Target,
 }
 
-/// What the camera saw last: a read-back copy of the picture's surfaces, row by row from the bottom.
-pub struct Visible {
+/// The G-buffer: the surface that each pixel sees, read back from the device, row by row from the bottom.
+pub struct GBuffer {
     /// xyz: position in unit space; w as in [`Points`].
     pub position: Vec<Vec4>,
-    /// xyz: unit shading normal on the side that is seen, zero where there is no point; w as in [`Points`].
+    /// xyz: unit shading normal on the visible side, zero where there is no point; w as in [`Points`].
     pub normal: Vec<Vec4>,
-    /// rgb: albedo, times what mirrors and glass before the point let pass.
+    /// rgb: albedo times the transmittance of mirrors and glass before the point.
     pub albedo: Vec<Vec4>,
-    /// rgb: emitted radiance, and that of the environment where the pixel looks past all surfaces; a: distance along the view axis of the first surface,
-    /// 0 where there is none.
+    /// rgb: emitted radiance, of the environment if the pixel sees no surface; a: distance of the first surface along the view axis, or 0.
     pub emission: Vec<Vec4>,
-    /// How many pixels see a surface.
+    /// Number of pixels that see a diffuse surface.
     pub count: u32,
-    /// How many rays were given up among mirrors and glass.
+    /// Number of rays that ended at the limit of mirrors and glass.
     pub cut: u32,
 }
 
 impl CameraPoints {
     /// # Errors
-    /// When the picture is beyond the device's limits.
+    /// If the picture exceeds the device's limits.
     pub fn new(gpu: &Gpu, size: [u32; 2]) -> Result<Self> {
         Ok(Self {
             program: Program::new(gpu, &shaders::VISIBLE_POINTS)?,
@@ -49,8 +48,8 @@ impl CameraPoints {
         Target::bytes(size, &[Format::Rgba32F; 4], true)
     }
 
-    /// Looks through every pixel at `offset`, in [0, 1)², from its lower left corner.
-    pub fn see(&self, geometry: &Geometry, camera: &Camera, offset: Vec2) -> Visible {
+    /// Rasterises one point a pixel, at `offset`, in [0, 1)², from its lower left corner.
+    pub fn see(&self, geometry: &Geometry, camera: &Camera, offset: Vec2) -> GBuffer {
         let size = self.target.size().map(|side| side as f32);
         let forward = (camera.target - camera.eye).normalize();
         let (projection, near) = projection(camera, geometry, size[0] / size[1]);
@@ -68,7 +67,7 @@ impl CameraPoints {
         });
         let normal: Vec<Vec4> = self.target.color(1).read();
         let count = normal.iter().filter(|normal| normal.truncate() != Vec3::ZERO).count() as u32;
-        Visible {
+        GBuffer {
             position: self.target.color(0).read(),
             normal,
             albedo: self.target.color(2).read(),
@@ -78,20 +77,20 @@ impl CameraPoints {
         }
     }
 
-    /// The points seen last, as gather points.
-    pub fn points(&self, visible: &Visible) -> Points<'_> {
-        Points { position: self.target.color(0), normal: self.target.color(1), subset: Subset::ALL, count: visible.count }
+    /// The points of the last G-buffer, which is `g_buffer`, as gather points.
+    pub fn points(&self, g_buffer: &GBuffer) -> Points<'_> {
+        Points { position: self.target.color(0), normal: self.target.color(1), subset: Subset::ALL, count: g_buffer.count }
     }
 }
 
-impl Visible {
+impl GBuffer {
     /// Bytes of so many pixels.
     pub fn bytes(pixels: usize) -> usize {
         4 * size_of::<Vec4>() * pixels
     }
 
-    /// Lets pixels that see no surface see what lies beyond, through their places at `offset`.
-    pub fn see_beyond(&mut self, scene: &Scene, camera: &Camera, [width, height]: [u32; 2], offset: Vec2) {
+    /// Adds the environment to pixels that see no surface. `offset` is that of [`CameraPoints::see`].
+    pub fn add_environment(&mut self, scene: &Scene, camera: &Camera, [width, height]: [u32; 2], offset: Vec2) {
         let Some(environment) = &scene.environment else { return };
         let size = Vec2::new(width as f32, height as f32);
         let look = |(i, (emission, normal)): (usize, (&mut Vec4, &Vec4))| {
@@ -105,10 +104,10 @@ impl Visible {
     }
 }
 
-/// Unit space to clip space, and the distance of the near plane: so near that it cuts off nothing that a camera stands before.
+/// Returns the matrix from unit space to clip space, and the distance of the near plane, which is too near to clip what a camera looks at.
 ///
-/// The depth in clip space is the constant -near: the near plane then is exact, and no far plane can cut off what rounding moves across it. Depth in
-/// the target is the shader's own, see `glsl/visible_points.frag`.
+/// The depth in clip space is the constant -near. So the near plane is exact, and no far plane can clip surfaces that rounding moves across
+/// it. The shader computes the depth of the target, see `glsl/visible_points.frag`.
 fn projection(camera: &Camera, geometry: &Geometry, aspect: f32) -> (Mat4, f32) {
     let view = view::look_at_mat4(camera.eye, camera.target, camera.up);
     let depths = geometry.positions.iter().map(|&position| -view.transform_point3(position).z);

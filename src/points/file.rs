@@ -1,7 +1,6 @@
-//! Points from a file: positions and normals in world space, from PLY (`x y z nx ny nz` of the element `vertex`), NumPy (`[n, 6]`)
-//! or CSV (a column each, by name or in this order). [`read`] is the entry point; whatever the file holds, it returns sound points
-//! or says what is wrong and where. CSV is read without a crate: lines of numbers need no quoting, and `csv` misplaces a record
-//! behind blank lines.
+//! Reads points from a file: positions and normals in world space, from PLY (`x y z nx ny nz` of the element `vertex`), NumPy (`[n, 6]`) or CSV
+//! (one column each, by name or in this order). For any file, [`read`] returns valid points or an error that tells what is wrong and where.
+//! CSV is read without a crate, because lines of numbers need no quoting, and the crate `csv` miscounts lines after blank ones.
 
 use std::path::Path;
 
@@ -13,21 +12,21 @@ use crate::error::{Error, Result};
 use crate::file::{MOST_BYTES, read_file};
 use crate::npy;
 
-/// Positions and normals, in the order in which a CSV without names has them.
+/// Names of the columns, in the order of a CSV without names.
 const COLUMNS: [&str; 6] = ["x", "y", "z", "nx", "ny", "nz"];
 
-/// How far from 1 the length of a normal is by rounding to 32 bits alone.
+/// Rounding to 32 bits changes the length of a unit normal by less than this.
 const UNIT: f64 = 1e-6;
 
-/// A place on a surface, in world space.
+/// A point on a surface, in world space.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OrientedPoint {
     pub position: Vec3,
-    /// Of unit length; one that has it in the file keeps its bits.
+    /// Unit normal. A unit normal in the file keeps its bits.
     pub normal: Vec3,
 }
 
-/// All points of a `.ply`, `.npy` or `.csv` file, in its order: at least one, every number finite, every normal of unit length.
+/// Reads all points of a `.ply`, `.npy` or `.csv` file in its order: at least one, with finite numbers and unit normals.
 pub fn read(path: &Path) -> Result<Vec<OrientedPoint>> {
     parser_of(path)?;
     let bytes = read_file(path, MOST_BYTES).map_err(|error| {
@@ -36,10 +35,10 @@ pub fn read(path: &Path) -> Result<Vec<OrientedPoint>> {
     parse(path, &bytes)
 }
 
-/// The same of a file's `bytes`; `path` is where they came from.
+/// As [`read`], from the `bytes` of the file at `path`.
 pub fn parse(path: &Path, bytes: &[u8]) -> Result<Vec<OrientedPoint>> {
     let parse = parser_of(path)?;
-    let mut rows = Rows { path, points: Vec::new(), without_normal: 0, first_without_normal: (0, None) };
+    let mut rows = PointReader { path, points: Vec::new(), without_normal: 0, first_without_normal: (0, None) };
     if bytes.is_empty() {
         return Err(rows.refused(None, "the file is empty"));
     }
@@ -47,9 +46,9 @@ pub fn parse(path: &Path, bytes: &[u8]) -> Result<Vec<OrientedPoint>> {
     rows.finish()
 }
 
-type Parse = fn(&[u8], &mut Rows) -> Result<()>;
+type Parse = fn(&[u8], &mut PointReader) -> Result<()>;
 
-/// By the ending.
+/// Selects a parser by the path's ending.
 fn parser_of(path: &Path) -> Result<Parse> {
     match path.extension().unwrap_or_default().to_ascii_lowercase().to_str() {
         Some("ply") => Ok(read_ply),
@@ -62,16 +61,16 @@ fn parser_of(path: &Path) -> Result<Parse> {
     }
 }
 
-/// The points read so far.
-struct Rows<'a> {
+/// Checks and collects points.
+struct PointReader<'a> {
     path: &'a Path,
     points: Vec<OrientedPoint>,
     without_normal: usize,
-    /// Its number from 1, and its line.
+    /// The point's number, from 1, and its line.
     first_without_normal: (usize, Option<usize>),
 }
 
-impl Rows<'_> {
+impl PointReader<'_> {
     fn refused(&self, line: Option<usize>, problem: impl Into<String>) -> Error {
         Error::input(self.path, line, problem, "give one x, y, z, nx, ny, nz a point")
     }
@@ -104,7 +103,7 @@ impl Rows<'_> {
         } else if (normal.length() - 1.0).abs() < UNIT {
             normal
         } else {
-            // Squares of the very long and the very short would not fit.
+            // Divided first, because squares of very large or small numbers overflow or underflow.
             (normal / longest).normalize()
         };
         self.points.push(OrientedPoint { position: position.as_vec3(), normal: normal.as_vec3() });
@@ -124,7 +123,7 @@ impl Rows<'_> {
     }
 }
 
-fn read_npy(bytes: &[u8], rows: &mut Rows) -> Result<()> {
+fn read_npy(bytes: &[u8], rows: &mut PointReader) -> Result<()> {
     let array = npy::Array::parse(rows.path, bytes)?;
     match *array.shape {
         [count, 6] => (0..count).try_for_each(|i| rows.push(None, std::array::from_fn(|k| array.at(&[i, k])))),
@@ -133,7 +132,7 @@ fn read_npy(bytes: &[u8], rows: &mut Rows) -> Result<()> {
     }
 }
 
-fn read_csv(bytes: &[u8], rows: &mut Rows) -> Result<()> {
+fn read_csv(bytes: &[u8], rows: &mut PointReader) -> Result<()> {
     let text = String::from_utf8_lossy(bytes);
     let lines = (1..).zip(text.trim_start_matches('\u{feff}').lines());
     let lines = lines.filter(|(_, text)| !text.trim().is_empty() && !text.starts_with('#'));
@@ -160,8 +159,8 @@ fn read_csv(bytes: &[u8], rows: &mut Rows) -> Result<()> {
     Ok(())
 }
 
-/// Where the columns are by the names of a CSV's first line.
-fn named_columns(names: &[String], line: usize, rows: &Rows) -> Result<[usize; 6]> {
+/// The places of [`COLUMNS`] among the names in a CSV's first line.
+fn named_columns(names: &[String], line: usize, rows: &PointReader) -> Result<[usize; 6]> {
     let find = |column: &str| names.iter().position(|name| name.eq_ignore_ascii_case(column));
     if let Some(missing) = COLUMNS[..3].iter().find(|column| find(column).is_none()) {
         return Err(rows.refused(Some(line), format!("the first line has neither numbers nor the name {missing}")));
@@ -173,8 +172,8 @@ fn named_columns(names: &[String], line: usize, rows: &Rows) -> Result<[usize; 6
     Ok(columns)
 }
 
-/// Where they are without names.
-fn counted_columns(fields: &[String], line: usize, rows: &Rows) -> Result<[usize; 6]> {
+/// The places of [`COLUMNS`] in a CSV without names.
+fn counted_columns(fields: &[String], line: usize, rows: &PointReader) -> Result<[usize; 6]> {
     match fields.len() {
         6 => Ok([0, 1, 2, 3, 4, 5]),
         3 => Err(rows.no_normals()),
@@ -182,17 +181,17 @@ fn counted_columns(fields: &[String], line: usize, rows: &Rows) -> Result<[usize
     }
 }
 
-fn read_ply(bytes: &[u8], rows: &mut Rows) -> Result<()> {
+fn read_ply(bytes: &[u8], rows: &mut PointReader) -> Result<()> {
     let path = rows.path;
     let broken = |error: ParseError| {
-        // The crate goes on to quote the line, in a form for programmers.
+        // Keep the first line: after it, the crate quotes the file's line in a debug format.
         let problem = error.to_string();
         let (_, problem) = problem.split_once(": ").filter(|_| error.line().is_some()).unwrap_or(("", &problem));
         let problem = format!("this is not a sound PLY: {}", problem.lines().next().unwrap_or_default());
         Error::input(path, error.line(), problem, "export it again, as PLY with x, y, z, nx, ny, nz")
     };
     let mut reader = Reader::new(bytes);
-    let header = Parser::<Row>::new().read_header(&mut reader).map_err(broken)?;
+    let header = Parser::<PlyVertex>::new().read_header(&mut reader).map_err(broken)?;
     let header_lines = || bytes[..bytes.len() - reader.get_ref().len()].split(|&byte| byte == b'\n');
     let stated = |word: &[u8]| header_lines().filter(|line| line.starts_with(word)).count();
     let properties: usize = header.elements.values().map(|element| element.properties.len()).sum();
@@ -217,12 +216,12 @@ fn read_ply(bytes: &[u8], rows: &mut Rows) -> Result<()> {
             let problem = format!("the header says {} of {name}, but {left} bytes are left for them", element.count);
             return Err(rows.refused(None, problem));
         }
-        // Nothing stands for an element without properties, however many there are.
+        // Elements without properties take no bytes.
         if element.properties.is_empty() {
             continue;
         }
         let first_line = reader.line();
-        let parsed = Parser::<Row>::new().read_payload_for_element(&mut reader, element, &header).map_err(broken)?;
+        let parsed = Parser::<PlyVertex>::new().read_payload_for_element(&mut reader, element, &header).map_err(broken)?;
         if is_vertex {
             return (first_line..).zip(parsed).try_for_each(|(line, row)| rows.push(is_ascii.then_some(line), row.0));
         }
@@ -230,12 +229,12 @@ fn read_ply(bytes: &[u8], rows: &mut Rows) -> Result<()> {
     Ok(())
 }
 
-/// The bytes that one of an element takes at least.
+/// The least bytes that one instance of an element takes.
 fn least_size(element: &ElementDef, is_ascii: bool) -> usize {
     let least = |kind: &PropertyType| match kind {
-        // A digit and what parts it from the next.
+        // A digit and a separator.
         _ if is_ascii => 2,
-        // A list may be empty but for its length.
+        // An empty list still has its length.
         PropertyType::Scalar(scalar) | PropertyType::List(scalar, _) => match scalar {
             ScalarType::Char | ScalarType::UChar => 1,
             ScalarType::Short | ScalarType::UShort => 2,
@@ -246,10 +245,10 @@ fn least_size(element: &ElementDef, is_ascii: bool) -> usize {
     element.properties.values().map(|property| least(&property.data_type)).sum()
 }
 
-/// What counts of a PLY's vertex.
-struct Row([f64; 6]);
+/// The columns of a PLY's vertex.
+struct PlyVertex([f64; 6]);
 
-impl PropertyAccess for Row {
+impl PropertyAccess for PlyVertex {
     fn new() -> Self {
         Self([0.0; 6])
     }

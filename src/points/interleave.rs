@@ -1,19 +1,19 @@
-//! Interleaved subsets: of each square of neighbouring pixels, every direction is gathered by one pixel only, and what the pixels of a
-//! surface found is then shared among them (after Keller and Heidrich 2001, "Interleaved sampling").
+//! Interleaved sampling: in each square of neighbouring pixels, one pixel gathers along a given direction. Pixels of one surface then share
+//! their sums (after Keller and Heidrich 2001, "Interleaved sampling").
 //!
-//! All points share the directions of a bundle, so that at low counts their error is not noise but bands. With squares of k × k pixels, k²
-//! times as many directions cost the same passes over points, and the bands of one pixel's directions are no longer its neighbour's.
+//! All points share the directions of a bundle, so with few directions the error shows as bands and not as noise. With squares of k × k pixels,
+//! k² times as many directions cost the same passes over points, and neighbours have different directions.
 
 use glam::Vec4;
 use rayon::prelude::*;
 
-use super::{GatherPoint, Visible};
+use super::{GBuffer, GatherPoint};
 use crate::random::Random;
 
-/// Surfaces that bend or step more than this between two pixels, as the sine of an angle, share nothing.
+/// Pixels share sums only if the surface between them bends and steps less than this, as the sine of an angle.
 const FLAT: f32 = 0.2;
 
-/// The points at `offset`, and every `stride`-th from there along both axes of the textures.
+/// The points at `offset` and at every `stride`-th texel from there, along both axes of the textures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Subset {
     pub stride: u32,
@@ -23,18 +23,18 @@ pub struct Subset {
 impl Subset {
     pub const ALL: Self = Self { stride: 1, offset: [0, 0] };
 
-    /// Width and height of the part of [`super::Sums`] that holds this subset, for points of this size; the same for all offsets.
+    /// Width and height of the tile of [`super::Accumulator`] for this subset; `points` is the size of the textures. All offsets have the same.
     pub fn size(self, points: [u32; 2]) -> [u32; 2] {
         points.map(|side| side.div_ceil(self.stride))
     }
 
-    /// Its number among those of the same stride.
+    /// The subset's number among the subsets of its stride.
     pub fn index(self) -> usize {
         (self.offset[1] * self.stride + self.offset[0]) as usize
     }
 }
 
-/// Shares directions out to the pixels of a picture.
+/// Assigns directions to the pixels of a picture.
 #[derive(Clone, Copy, Debug)]
 pub struct Interleave {
     stride: u32,
@@ -43,10 +43,10 @@ pub struct Interleave {
 }
 
 impl Interleave {
-    /// For pictures of `size` pixels, in squares with a side of `stride`.
+    /// For pictures of `size` pixels, with squares of `stride` × `stride` pixels.
     ///
     /// # Panics
-    /// When `stride` is neither 1 nor even: the window of neighbours could not hold as many pixels of every subset.
+    /// If `stride` is neither 1 nor even: a window of neighbours would not hold equally many pixels of each subset.
     pub fn new(stride: u32, size: [u32; 2], seed: u64) -> Self {
         assert!(stride == 1 || stride > 0 && stride.is_multiple_of(2), "a square of {stride} pixels");
         Self { stride, size, seed }
@@ -57,32 +57,32 @@ impl Interleave {
         (self.stride * self.stride) as usize
     }
 
-    /// Which points gather along direction `index`, in `block`. Directions go round all subsets, in each block beginning with another: what a
-    /// neighbourhood has at any time is then evenly spread. Runs of the sequence for each subset, which are so for the single pixel, were
-    /// measured and are worse (1.70 in place of 1.53 % for squares of 2 and 1000 directions).
+    /// The subset that gathers along direction `index` of `block`. Consecutive directions go to consecutive subsets, and each block begins with
+    /// another subset. So the directions of a neighbourhood are spread evenly at any time. A run of consecutive directions for each subset
+    /// spreads those of a single pixel evenly, but it measured worse (1.70 against 1.53 % error, squares of 2 × 2, 1000 directions).
     pub fn subset(&self, index: u32, block: u32) -> Subset {
         let turn = Random::new(self.seed ^ 0x1e4f, block.into()).bits() as u32;
         let number = index.wrapping_add(turn) % self.subsets() as u32;
         Subset { stride: self.stride, offset: [number % self.stride, number / self.stride] }
     }
 
-    /// The subset that a pixel belongs to, counted row by row.
+    /// The subset of a pixel; pixels are counted row by row.
     pub fn subset_of(&self, pixel: usize) -> Subset {
         let [x, y] = [pixel as u32 % self.size[0], pixel as u32 / self.size[0]];
         Subset { stride: self.stride, offset: [x % self.stride, y % self.stride] }
     }
 
-    /// Width and height of what holds one value for each pixel of a subset.
+    /// Width and height of a tile with one value for each pixel of a subset.
     pub fn tile(&self) -> [u32; 2] {
         Subset { stride: self.stride, offset: [0, 0] }.size(self.size)
     }
 
-    /// Size of the sums of all subsets, one tile each.
+    /// Size of the sums of all subsets, with one tile for each.
     pub fn sums_size(&self) -> [u32; 2] {
         self.tile().map(|side| side * self.stride)
     }
 
-    /// Sums as the GL side holds them, subset by subset, in the order of pixels.
+    /// Reorders sums from the GL side, which are in tiles of subsets, to the order of pixels.
     pub fn in_order(&self, tiles: Vec<Vec4>) -> Vec<Vec4> {
         if self.stride == 1 {
             return tiles;
@@ -96,21 +96,21 @@ impl Interleave {
         self.pixels().map(place).collect()
     }
 
-    /// The sums that each pixel would have if it had gathered along all directions of a block, of which subset i took `taken[i]`: its own
-    /// and those of neighbours on the same surface, of every subset as many, scaled to the whole count.
-    pub fn share(&self, sums: Vec<Vec4>, taken: &[u32], visible: &Visible) -> Vec<Vec4> {
+    /// Estimates the sums of each pixel over all directions of a block. Subset i gathered along `taken[i]` of them. The estimate adds the sums
+    /// of the pixel and of its neighbours on the same surface, with equal weight for each subset, and scales them to all directions.
+    pub fn share(&self, sums: Vec<Vec4>, taken: &[u32], g_buffer: &GBuffer) -> Vec<Vec4> {
         if self.stride == 1 {
             return sums;
         }
         let all = taken.iter().sum::<u32>() as f32;
         let reach = self.stride as i32 / 2;
-        let points = visible.pixels();
+        let points = g_buffer.pixels();
         let share = |here: usize| {
             let (mut total, mut directions) = (Vec4::ZERO, 0.0);
             for dy in -reach..=reach {
                 for dx in -reach..=reach {
                     let Some(there) = self.neighbour(&points, here, [dx, dy]) else { continue };
-                    // Both ends of a window of odd side see the same subset: each counts half.
+                    // The two ends of the window belong to the same subset, so each counts half.
                     let weight = [dx, dy].map(|d| if d.abs() == reach { 0.5 } else { 1.0 }).iter().product::<f32>();
                     total += weight * sums[there];
                     directions += weight * taken[self.subset_of(there).index()] as f32;
@@ -121,8 +121,7 @@ impl Interleave {
         (0..sums.len()).into_par_iter().map(share).collect()
     }
 
-    /// The pixel a step away from pixel `here`, if it sees the same surface.
-    /// So must the one half way, where there is one: what lies beyond something else is another surface.
+    /// The pixel at `step` from pixel `here`, if both and the pixel half way between them see the same surface.
     fn neighbour(&self, points: &[Option<GatherPoint>], here: usize, step: [i32; 2]) -> Option<usize> {
         let half = step.map(|d| d / 2);
         if half != [0, 0] {
@@ -141,7 +140,7 @@ impl Interleave {
     }
 }
 
-/// Whether two points lie on one surface, flat enough for the irradiance of one to be that of the other.
+/// Whether two points lie on one surface that is flat enough between them to share irradiance.
 fn same_surface(a: &GatherPoint, b: &GatherPoint) -> bool {
     let way = b.position - a.position;
     let step = a.surface_normal.dot(way).abs().max(b.surface_normal.dot(way).abs());
@@ -157,12 +156,12 @@ mod tests {
 
     const SIZE: [u32; 2] = [7, 5];
 
-    /// A floor, and from column `wall` on a wall that rises from it.
-    fn corner(wall: u32) -> Visible {
+    /// A floor with a wall that rises from column `wall` on.
+    fn corner(wall: u32) -> GBuffer {
         let pixels = || (0..SIZE[1]).flat_map(|y| (0..SIZE[0]).map(move |x| (x, y)));
         let position = |(x, y): (u32, u32)| Vec3::new(x.min(wall) as f32, x.saturating_sub(wall) as f32, y as f32);
         let normal = |(x, _): (u32, u32)| if x < wall { Vec3::Y } else { Vec3::NEG_X };
-        Visible {
+        GBuffer {
             position: pixels().map(|pixel| position(pixel).extend(octahedral_encode(normal(pixel)).x)).collect(),
             normal: pixels().map(|pixel| normal(pixel).extend(octahedral_encode(normal(pixel)).y)).collect(),
             albedo: Vec::new(),
@@ -187,7 +186,7 @@ mod tests {
     #[test]
     fn tiles_go_back_to_their_pixels() {
         let interleave = Interleave::new(2, SIZE, 0);
-        // Four tiles of 4 x 3; each texel holds the pixel that it is about, as the shaders place it.
+        // Four tiles of 4 x 3. Each texel holds its pixel's number, where the shaders put it.
         let mut tiles = vec![Vec4::NEG_ONE; 8 * 6];
         for y in 0..SIZE[1] {
             for x in 0..SIZE[0] {
@@ -201,7 +200,7 @@ mod tests {
 
     #[test]
     fn shared_sums_are_those_of_all_directions_and_stay_on_their_surface() {
-        // Each pixel found 1 per direction on the floor and 5 on the wall; subsets took unlike numbers of directions.
+        // Each pixel found 1 per direction on the floor and 5 on the wall. Subsets took different numbers of directions.
         let (stride, taken, wall) = (2, [1, 2, 3, 4], 3);
         let interleave = Interleave::new(stride, SIZE, 0);
         let radiance = |pixel: usize| if pixel as u32 % SIZE[0] < wall { 1.0 } else { 5.0 };
@@ -209,14 +208,14 @@ mod tests {
         let found = |pixel: usize| one(pixel) * taken[interleave.subset_of(pixel).index()] as f32;
         let sums: Vec<_> = (0..(SIZE[0] * SIZE[1]) as usize).map(found).collect();
         for (pixel, sum) in interleave.share(sums, &taken, &corner(wall)).iter().enumerate() {
-            // All ten directions of the block; rounding only.
+            // All ten directions of the block, up to rounding.
             assert!((*sum - 10.0 * one(pixel)).abs().max_element() < 1e-4, "{pixel}: {sum}");
         }
     }
 
     #[test]
     fn a_pixel_far_from_edges_weighs_all_subsets_alike() {
-        // One subset alone found anything: a quarter of what all would have.
+        // Only one subset found something, so each pixel has a quarter of it.
         let interleave = Interleave::new(2, SIZE, 0);
         let found = |pixel: usize| Vec4::splat(if interleave.subset_of(pixel).index() == 2 { 8.0 } else { 0.0 });
         let sums: Vec<_> = (0..(SIZE[0] * SIZE[1]) as usize).map(found).collect();

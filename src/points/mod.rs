@@ -1,47 +1,104 @@
-//! Gather points: where irradiance is wanted, and on which side of which surface. Whatever they come from (camera pixels, vertices,
-//! texels), the gather sees the same pair of textures, laid out as `glsl/include/points.glsl` says.
+//! Gather points: positions and normals at which irradiance is gathered. They come from camera pixels, vertices, texels of light maps, or files.
+//! Every source yields the same pair of textures, with the layout of `glsl/include/points.glsl`.
 
+mod accumulator;
 mod camera;
 pub mod file;
 mod interleave;
 mod lightmap;
 mod list;
-mod sums;
 mod traced;
 mod vertices;
 
-pub use camera::{CameraPoints, Visible};
+pub use accumulator::Accumulator;
+pub use camera::{CameraPoints, GBuffer};
 pub use interleave::{Interleave, Subset};
 pub use lightmap::{LightMap, LightMapCounts, LightMapOptions, Mended, Resolution, UvSource};
 pub use list::{GatherPoint, PointList};
-pub use sums::Sums;
-pub use traced::{EyeRays, TracedPoints};
+pub use traced::EyeRays;
 pub use vertices::{VertexCounts, Vertices};
 
-use crate::gpu::{Texture, Uniform};
+use glam::Vec4;
+use rayon::prelude::*;
 
-/// Borrowed point textures, a texel a point.
+use crate::error::Result;
+use crate::gpu::{Blend, DepthTest, Draw, Filter, Format, Gpu, Program, Shape, Target, Texture, Uniform, Wrap};
+
+/// A point lies inside something if more than this fraction of its hits are back faces. Inside, all hits are, except for leaks. Outside none are,
+/// except on surfaces without thickness, such as leaves, of which about half show their backs.
+const INSIDE: f32 = 0.5;
+
+/// Owned point textures, one texel for each point.
+pub struct PointTextures {
+    position: Texture,
+    normal: Texture,
+    count: u32,
+}
+
+impl PointTextures {
+    /// Uploads texels with the layout of [`Points`], of which `count` are points.
+    ///
+    /// # Errors
+    /// If `size` exceeds the device's limits.
+    pub fn upload(gpu: &Gpu, size: [u32; 2], position: &[Vec4], normal: &[Vec4], count: u32) -> Result<Self> {
+        let upload = |texels| Texture::from_texels(gpu, Format::Rgba32F, size, Filter::Nearest, Wrap::Clamp, texels);
+        Ok(Self { position: upload(position)?, normal: upload(normal)?, count })
+    }
+
+    /// Bytes that [`Self::upload`] takes.
+    pub fn bytes(size: [u32; 2]) -> usize {
+        Target::bytes(size, &[Format::Rgba32F; 2], false)
+    }
+
+    pub fn points(&self) -> Points<'_> {
+        Points { position: &self.position, normal: &self.normal, subset: Subset::ALL, count: self.count }
+    }
+}
+
+/// Borrowed point textures, one texel for each point.
 #[derive(Clone, Copy)]
 pub struct Points<'a> {
     /// xyz: position in unit space; w: geometric normal, octahedral x.
     pub position: &'a Texture,
     /// xyz: unit shading normal, zero where there is no point; w: octahedral y.
     pub normal: &'a Texture,
-    /// Which of them are meant.
+    /// The texels that a pass covers.
     pub subset: Subset,
-    /// How many these are, or about as many.
+    /// The approximate number of points in the subset.
     pub count: u32,
 }
 
 impl<'a> Points<'a> {
-    /// Of all points those in `subset`.
+    /// Restricts all points to `subset`.
     pub fn only(self, subset: Subset) -> Self {
         Self { subset, count: self.count.div_ceil(subset.stride * subset.stride), ..self }
     }
 
-    /// Width and height of what holds one value for each point.
+    /// Width and height of a texture with one value for each point of the subset.
     pub fn size(&self) -> [u32; 2] {
         self.subset.size([self.position.width(), self.position.height()])
+    }
+
+    /// All points, whatever the subset, row by row from the bottom.
+    pub fn read(&self) -> Vec<Option<GatherPoint>> {
+        let (position, normal) = (self.position.read::<Vec4>(), self.normal.read::<Vec4>());
+        position.par_iter().zip(&normal).map(|(&position, &normal)| GatherPoint::decode(position, normal)).collect()
+    }
+
+    /// Runs a full-screen pass of `program` over the points. Each subset of points has a tile of its own in the target.
+    pub(crate) fn draw(&self, (target, blend): (&Target, Blend), program: &Program, uniforms: &[(&'static str, Uniform)]) {
+        let [width, height] = self.size().map(|side| side as i32);
+        let [x, y] = [self.subset.offset[0] as i32 * width, self.subset.offset[1] as i32 * height];
+        Draw {
+            target,
+            region: Some([x, y, width, height]),
+            program,
+            uniforms: &[uniforms, &self.uniforms(), &[("first_texel", Uniform::IVec2([x, y]))]].concat(),
+            depth: DepthTest::Off,
+            blend,
+            geometry: Shape::FullScreen,
+        }
+        .run();
     }
 
     /// The uniforms that the shaders read.

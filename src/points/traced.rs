@@ -1,20 +1,19 @@
-//! The points of a picture by rays: through mirrors and glass, and through a lens, to the first diffuse surface. Same pixels as `camera`, and
-//! where nothing is specular the same points.
+//! Finds the points of a picture by rays, through a lens, mirrors and glass, to the first diffuse surface. Pixels are those of `camera`, and
+//! without specular surfaces and a lens the points are too.
 //!
-//! At glass a ray takes one of two ways, on the lens it has one place: numbers of low discrepancy over the blocks of a picture choose, shifted
-//! for each pixel. Lights that are seen by way of glass are so bright that to choose would show as specks: there all ways are followed. What the path lets pass multiplies the albedo of the point at its end, so that whoever gathers there knows nothing of it.
+//! At glass, a ray is either reflected or refracted, and it starts at one place on the lens. Low-discrepancy numbers over the blocks of a
+//! picture choose, with a random shift for each pixel. Lights seen through glass are so bright that a choice would show as specks, so emission
+//! follows all paths. The path's transmittance multiplies the albedo of its end point, so gathering needs no knowledge of mirrors and glass.
 
 use glam::{Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
+use super::GBuffer;
 use super::list::octahedral_encode;
-use super::{Points, Subset, Visible};
-use crate::error::Result;
-use crate::gpu::{Filter, Format, Gpu, Target, Texture, Wrap};
 use crate::random::{Random, Recurrence};
 use crate::scene::{Bvh, Camera, MOST_SPECULAR, Path, Scene, Split};
 
-/// The least share of a light that a way is followed for.
+/// Paths to emission end where their transmittance falls below this.
 const LEAST: f32 = 1e-3;
 
 /// Casts eye rays through one scene.
@@ -23,14 +22,14 @@ pub struct EyeRays<'a> {
     pub scene: &'a Scene,
     pub bvh: &'a Bvh,
     pub camera: &'a Camera,
-    /// Of the picture in pixels.
+    /// Width and height of the picture in pixels.
     pub size: [u32; 2],
     pub seed: u64,
 }
 
-/// What one ray found, as in [`Visible`].
+/// One pixel of a [`GBuffer`].
 #[derive(Clone, Copy, Default)]
-struct Seen {
+struct GBufferTexel {
     position: Vec4,
     normal: Vec4,
     albedo: Vec4,
@@ -39,11 +38,11 @@ struct Seen {
 }
 
 impl EyeRays<'_> {
-    /// Looks through every pixel at `offset`, in [0, 1)², from its lower left corner; `block` numbers the rays of a pixel.
-    pub fn see(&self, offset: Vec2, block: u32) -> Visible {
+    /// Traces one ray a pixel, at `offset`, in [0, 1)², from its lower left corner. `block` numbers the rays of a pixel.
+    pub fn see(&self, offset: Vec2, block: u32) -> GBuffer {
         let numbers: [f32; 3] = Recurrence::new(self.seed ^ 0x1e25).point(block.into());
         let [width, height] = self.size;
-        let seen: Vec<Seen> = (0..width * height)
+        let texels: Vec<GBufferTexel> = (0..width * height)
             .into_par_iter()
             .map(|pixel| {
                 let corner = Vec2::new((pixel % width) as f32, (pixel / width) as f32);
@@ -55,24 +54,25 @@ impl EyeRays<'_> {
                 self.follow(Path { origin: eye, direction, triangle: None }, choice)
             })
             .collect();
-        let column = |of: fn(&Seen) -> Vec4| seen.iter().map(of).collect();
-        Visible {
-            position: column(|seen| seen.position),
-            normal: column(|seen| seen.normal),
-            albedo: column(|seen| seen.albedo),
-            emission: column(|seen| seen.emission),
-            count: seen.iter().filter(|seen| seen.normal.truncate() != Vec3::ZERO).count() as u32,
-            cut: seen.iter().filter(|seen| seen.cut).count() as u32,
+        let column = |of: fn(&GBufferTexel) -> Vec4| texels.iter().map(of).collect();
+        let count = |is: fn(&GBufferTexel) -> bool| texels.iter().filter(|texel| is(texel)).count() as u32;
+        GBuffer {
+            position: column(|texel| texel.position),
+            normal: column(|texel| texel.normal),
+            albedo: column(|texel| texel.albedo),
+            emission: column(|texel| texel.emission),
+            count: count(|texel| texel.normal.truncate() != Vec3::ZERO),
+            cut: count(|texel| texel.cut),
         }
     }
 
-    fn follow(&self, mut path: Path, mut choice: f32) -> Seen {
+    fn follow(&self, mut path: Path, mut choice: f32) -> GBufferTexel {
         let (mesh, forward) = (&self.scene.mesh, -self.camera.axes().z_axis);
-        let mut seen = Seen::default();
+        let mut seen = GBufferTexel::default();
         let mut throughput = Vec3::ONE;
         for surfaces in 0.. {
             let Some(triangle) = path.advance(self.bvh) else {
-                // Past glass and mirrors, what lies beyond is seen by all ways already.
+                // Behind glass and mirrors, `emitted` has added the environment already.
                 if surfaces == 0 {
                     seen.emission = self.scene.beyond(path.direction).extend(0.0);
                 }
@@ -83,7 +83,7 @@ impl EyeRays<'_> {
             }
             let side = mesh.side_met(triangle, path.direction);
             let barycentric = mesh.barycentric(triangle, path.origin);
-            // Where the path ends without a point, this is still where the surface is.
+            // Stored also if the path ends without a point.
             let code = octahedral_encode(side);
             seen.position = path.origin.extend(code.x);
             let Some(share) = path.scatter(self.scene, &mut choice) else {
@@ -100,7 +100,7 @@ impl EyeRays<'_> {
         seen
     }
 
-    /// Emitted radiance from where a path is on a surface, by all ways on, and from beyond all surfaces.
+    /// The radiance that surfaces and environment emit along all paths that continue this one, times `throughput`.
     fn emitted(&self, path: &Path, throughput: Vec3, surfaces: u32) -> Vec3 {
         let Some(triangle) = path.triangle else { return Vec3::ZERO };
         let front = self.scene.mesh.geometric_normal(triangle).dot(path.direction) < 0.0;
@@ -117,30 +117,5 @@ impl EyeRays<'_> {
         };
         let ways = [(reflected, reflectance * kept[0]), (refracted, (1.0 - reflectance) * kept[1])];
         own + ways.map(|(way, share)| beyond((way, throughput * share))).into_iter().sum::<Vec3>()
-    }
-}
-
-/// The points that rays found last, on the GL side.
-pub struct TracedPoints {
-    position: Texture,
-    normal: Texture,
-    count: u32,
-}
-
-impl TracedPoints {
-    /// # Errors
-    /// When the picture is beyond the device's limits.
-    pub fn upload(gpu: &Gpu, size: [u32; 2], visible: &Visible) -> Result<Self> {
-        let upload = |texels: &[Vec4]| Texture::from_texels(gpu, Format::Rgba32F, size, Filter::Nearest, Wrap::Clamp, texels);
-        Ok(Self { position: upload(&visible.position)?, normal: upload(&visible.normal)?, count: visible.count })
-    }
-
-    /// Bytes that [`Self::upload`] takes.
-    pub fn bytes(size: [u32; 2]) -> usize {
-        Target::bytes(size, &[Format::Rgba32F; 2], false)
-    }
-
-    pub fn points(&self) -> Points<'_> {
-        Points { position: &self.position, normal: &self.normal, subset: Subset::ALL, count: self.count }
     }
 }

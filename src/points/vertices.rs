@@ -1,46 +1,43 @@
 //! The vertices of a mesh as gather points.
 //!
-//! A vertex has the normal of the file or, where that has none, the mean of the faces around it by their angles; faces that meet there at more than
-//! [`CREASE`] do not mix, and the vertex is split. Vertices lie on edges, where a bundle's layers show either side: each is gathered a little inside
-//! the widest of its faces instead.
+//! A vertex has the normal of the file. If the file has none, it has the mean normal of its faces, weighted by their angles. Faces that meet at
+//! more than [`CREASE`] do not mix, and the vertex is split. Vertices lie on edges, where a layer of a bundle may show either side of the edge.
+//! So each point is moved a little into the face with the widest angle at the vertex.
 
 use std::collections::HashMap;
 
 use glam::Vec3;
 use serde::Serialize;
 
-use super::GatherPoint;
+use super::{GatherPoint, INSIDE};
 use crate::image::Channel;
 use crate::scene::{Mesh, Triangle};
 
-/// Cosine of the angle between faces beyond which an edge is one, 40 degrees.
+/// An edge between faces is a crease if the cosine of the angle between their normals is less than this, 40 degrees.
 const CREASE: f32 = 0.766;
-/// A point that sees surfaces from behind in more than this share of its hemisphere lies inside something: outside closed bodies nobody does, and
-/// inside all do, but for what aliases.
-pub(super) const INSIDE: f32 = 0.5;
 
-/// The vertices of a mesh, split where faces meet in an edge.
+/// The vertices of a mesh, split at creases.
 pub struct Vertices {
     mesh: Mesh,
     points: Vec<GatherPoint>,
-    /// As [`VertexCounts::turned`].
+    /// See [`VertexCounts::turned`].
     turned: usize,
 }
 
-/// What became of vertices.
+/// Numbers of vertices by their treatment.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct VertexCounts {
     pub vertices: usize,
-    /// With a normal in the file that points away from the face: they have the face's.
+    /// Vertices whose normal in the file points to the back of the face. They get a normal from their faces.
     pub turned: usize,
-    /// Inside something, and given the mean of their neighbours.
+    /// Vertices inside something that got the mean of their neighbours.
     pub filled: usize,
-    /// Inside something, with all neighbours: they keep what they found.
+    /// Vertices inside something with no neighbour outside. They keep their values.
     pub hidden: usize,
 }
 
 impl Vertices {
-    /// Of a mesh in unit space; points are gathered `inset` from their vertex, or a third of the way to the middle of their face, whichever is less.
+    /// `mesh` is in unit space. Points lie `inset` from their vertex or a third of the way to the centre of their face, whichever is less.
     pub fn new(mesh: &Mesh, inset: f32) -> Self {
         let faces: Vec<Vec3> = (0..mesh.triangles.len()).map(|triangle| mesh.geometric_normal(triangle)).collect();
         let corners = (0..faces.len()).flat_map(|triangle| (0..3).map(move |corner| (triangle, corner)));
@@ -93,18 +90,17 @@ impl Vertices {
         new
     }
 
-    /// The mesh with split vertices, its triangles in their order; every vertex has a normal.
+    /// The mesh with split vertices. Triangles keep their order, and every vertex has a normal.
     pub fn mesh(&self) -> &Mesh {
         &self.mesh
     }
 
-    /// One for each vertex of [`Self::mesh`].
+    /// One point for each vertex of [`Self::mesh`].
     pub fn points(&self) -> &[GatherPoint] {
         &self.points
     }
 
-    /// Gives vertices inside something the mean of their neighbours, from outside in. `inside` is the share of its hemisphere
-    /// in which each saw surfaces from behind.
+    /// Gives vertices inside something the mean of their neighbours, from outside inwards. `inside` is the fraction of back-face hits of each.
     pub fn fill(&self, columns: &mut [Channel], inside: &[f32]) -> VertexCounts {
         let mut known: Vec<bool> = inside.iter().map(|&share| share <= INSIDE).collect();
         let edges = |triangle: &Triangle| {
@@ -113,7 +109,7 @@ impl Vertices {
         };
         let mut filled = 0;
         loop {
-            // Neighbours that are known, of those that are not.
+            // For each vertex without a value, its neighbours that have one.
             let mut next: HashMap<usize, Vec<usize>> = HashMap::new();
             for (a, b) in self.mesh.triangles.iter().flat_map(edges) {
                 for (from, to) in [(a, b), (b, a)] {
@@ -139,7 +135,7 @@ impl Vertices {
     }
 }
 
-/// Of a triangle at one of its corners.
+/// The angle of a triangle at one of its corners.
 fn angle(corners: [Vec3; 3], corner: usize) -> f32 {
     let [here, next, last] = [0, 1, 2].map(|step| corners[(corner + step) % 3]);
     (next - here).angle_between(last - here)

@@ -78,7 +78,7 @@ impl Apart {
 }
 
 impl Render {
-    /// Peels one direction for show, as [`crate::gather::KillGather`] peels it: the farthest layers, as many as are kept.
+    /// Peels one direction for show, as [`crate::gather::KillFinder`] peels it: the farthest layers, as many as are kept.
     ///
     /// # Errors
     /// When a program does not compile or the device fails.

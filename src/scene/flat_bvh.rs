@@ -71,17 +71,17 @@ impl FlatBvh {
 
     /// Appends the nodes in the order for an octant.
     fn add_order(&mut self, tree: &Bvh2, kept: &[bool], octant: usize) {
-        enum Task {
+        enum BuildStep {
             Visit(usize),
             /// The subtree of the node at this place is complete.
             Close(usize),
         }
         let sign = Vec3A::from_array([0, 1, 2].map(|axis| if octant >> axis & 1 == 1 { -1.0 } else { 1.0 }));
-        let mut tasks = vec![Task::Visit(0)];
+        let mut tasks = vec![BuildStep::Visit(0)];
         while let Some(task) = tasks.pop() {
             let index = match task {
-                Task::Visit(index) => index,
-                Task::Close(place) => {
+                BuildStep::Visit(index) => index,
+                BuildStep::Close(place) => {
                     self.nodes[place][3] = self.nodes.len() as u32;
                     continue;
                 }
@@ -94,13 +94,13 @@ impl FlatBvh {
                 continue;
             }
             if kept[index] {
-                tasks.push(Task::Close(self.nodes.len()));
+                tasks.push(BuildStep::Close(self.nodes.len()));
                 self.nodes.push([x, y, z, 0]);
             }
             let [first, second] = children(tree, index);
             let center = |child: usize| tree.nodes[child].aabb().center();
             let (near, far) = if (center(second) - center(first)).dot(sign) >= 0.0 { (first, second) } else { (second, first) };
-            tasks.extend([Task::Visit(far), Task::Visit(near)]);
+            tasks.extend([BuildStep::Visit(far), BuildStep::Visit(near)]);
         }
     }
 

@@ -39,7 +39,7 @@ pub use light::{Environment, LightPoint, Lights};
 pub use material::{Material, Surface};
 pub use mesh::{Mesh, Triangle};
 pub use specular::{MOST_SPECULAR, Path, Split, fresnel};
-pub use texture::Texture;
+pub use texture::ImageTexture;
 pub use unit_space::UnitSpace;
 pub use world::{Instance, World};
 
@@ -48,7 +48,7 @@ pub use world::{Instance, World};
 pub struct Scene {
     pub mesh: Mesh,
     pub materials: Vec<Material>,
-    pub textures: Vec<Texture>,
+    pub textures: Vec<ImageTexture>,
     /// Radiance along rays that meet no surface; black without.
     pub environment: Option<Environment>,
     /// `None`: framed to fit, see [`Scene::camera`].

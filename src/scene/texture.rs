@@ -1,6 +1,6 @@
 //! Picture files into textures, and texels into linear reflectance.
 //!
-//! [`Textures::load`] reads each file once; [`Texture::sample_linear`] samples as the GPU does.
+//! [`Textures::load`] reads each file once; [`ImageTexture::sample_linear`] samples as the GPU does.
 
 use std::collections::HashMap;
 use std::io::{Cursor, ErrorKind};
@@ -17,7 +17,7 @@ use crate::math::neighbours;
 
 /// An sRGB-encoded picture, repeated in both directions.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Texture {
+pub struct ImageTexture {
     pub width: u32,
     pub height: u32,
     /// RGBA, row by row, the top row (v = 1) first; alpha is ignored.
@@ -33,7 +33,7 @@ const MOST_TEXELS: usize = 1 << 30;
 
 /// The textures loaded so far.
 pub struct Textures<'a> {
-    pub list: Vec<Texture>,
+    pub list: Vec<ImageTexture>,
     by_file: HashMap<PathBuf, usize>,
     texels: usize,
     reader: &'a Reader<'a>,
@@ -75,7 +75,7 @@ impl<'a> Textures<'a> {
     }
 }
 
-fn decode(path: &Path, bytes: &[u8]) -> Result<Texture, ImageError> {
+fn decode(path: &Path, bytes: &[u8]) -> Result<ImageTexture, ImageError> {
     let mut reader = ImageReader::new(Cursor::new(bytes));
     // TGA is known by nothing else.
     if let Ok(format) = ImageFormat::from_path(path) {
@@ -94,7 +94,7 @@ fn decode(path: &Path, bytes: &[u8]) -> Result<Texture, ImageError> {
     }
     let picture = DynamicImage::from_decoder(decoder)?.into_rgba8();
     let (width, height) = picture.dimensions();
-    Ok(Texture { width, height, texels: picture.into_raw().as_chunks().0.to_vec() })
+    Ok(ImageTexture { width, height, texels: picture.into_raw().as_chunks().0.to_vec() })
 }
 
 /// sRGB decoding of a byte (IEC 61966-2-1).
@@ -105,7 +105,7 @@ static LINEAR: LazyLock<[f32; 256]> = LazyLock::new(|| {
     })
 });
 
-impl Texture {
+impl ImageTexture {
     /// Linear reflectance at `uv`: texels are decoded, then interpolated, and repeat in both directions. Equals GL_LINEAR with
     /// GL_REPEAT on an sRGB texture that holds these rows and is sampled at (u, 1 - v).
     pub fn sample_linear(&self, uv: Vec2) -> Vec3 {

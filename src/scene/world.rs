@@ -5,7 +5,7 @@ use std::collections::HashSet;
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 
 use super::mesh::has_area;
-use super::{Camera, Environment, Material, Mesh, Scene, Texture, Triangle, UnitSpace};
+use super::{Camera, Environment, ImageTexture, Material, Mesh, Scene, Triangle, UnitSpace};
 use crate::math::Aabb;
 
 /// A world of meshes, placed once or more.
@@ -19,7 +19,7 @@ pub struct World {
     pub instances: Vec<Instance>,
     /// Of the triangles of all meshes.
     pub materials: Vec<Material>,
-    pub textures: Vec<Texture>,
+    pub textures: Vec<ImageTexture>,
     /// With their names; a render looks through the first. Without one the whole world is framed to fit.
     pub cameras: Vec<(String, Camera)>,
     /// Radiance from beyond all surfaces; black without.

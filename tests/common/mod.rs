@@ -1,10 +1,14 @@
 //! What several tests share: scenes built in code, a gather on the GL side, and how far two gathers are apart.
 #![allow(dead_code, reason = "each test uses a part")]
 
+pub mod khronos;
+pub mod need;
+pub mod tool;
+
+use std::env;
 use std::f32::consts::{PI, TAU};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::{Mutex, MutexGuard, PoisonError};
-use std::{env, fs};
 
 use finalgather::direction::{Direction, Directions};
 use finalgather::error::Result;
@@ -45,17 +49,15 @@ pub fn sized<T>(gpu: &Gpu, usual: T, small: T) -> T {
     if gpu.info().renderer.contains("softpipe") { small } else { usual }
 }
 
-/// A file in `folder`: the Cornell box with settings that the reference rasteriser does in seconds.
-pub fn small_scene(folder: &Path) -> PathBuf {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes");
-    for name in ["cornell.obj", "cornell.mtl"] {
-        fs::copy(root.join(name), folder.join(name)).unwrap();
+/// Whether shaders can write to images, as they can on every device that CI has but softpipe, which stands for devices without.
+pub fn writes_images(gpu: &Gpu) -> bool {
+    let renderer = &gpu.info().renderer;
+    if renderer.contains("softpipe") {
+        assert!(!gpu.writes_images(), "{renderer} writes to images: which device stands for those that do not?");
+        return false;
     }
-    // The settings are the file's last table.
-    let settings = "photons = 10000\nlayer_size = 64\nlight_samples = 32\nshadow_size = 64\n";
-    let path = folder.join("small.toml");
-    fs::write(&path, fs::read_to_string(root.join("cornell.toml")).unwrap() + settings).unwrap();
-    path
+    let found = if gpu.writes_images() { Ok(()) } else { Err(format!("{renderer} has no OpenGL 4.2")) };
+    need::need("shaders that write to images", found).is_some()
 }
 
 /// A scene in the making, in coordinates of its own. Fronts of faces are the sides that wind counter-clockwise, and the sides that points lie on.

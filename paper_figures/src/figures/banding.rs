@@ -1,11 +1,10 @@
-//! Bands: the structured error of few shared directions, and interleaved subsets against it.
+//! Bands: the structured error of few shared directions, and interleaved subsets, which break it.
 
-use finalgather::{Image, Pipeline, Settings};
 use serde::{Deserialize, Serialize};
 
+use crate::draw::{Axis, Curve, Panel, plot, short_percent, whole};
 use crate::figure::{Figure, Result, Task};
-use crate::picture::Pictures;
-use crate::plot::{self, Axis, Curve};
+use crate::lab::{Image, Measured, Pictures, Pipeline, Settings};
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -34,13 +33,11 @@ struct Run {
     interleave: u32,
     directions: u32,
     directions_per_pixel: u32,
-    bias: f64,
-    relative_rmse: f64,
+    #[serde(flatten)]
+    measured: Measured,
     flip: f64,
     /// Share of the squared error that is left of it after averaging over 8 x 8 pixels: 1/64 of noise, all of wide bands.
     correlated: f64,
-    /// Of a machine that may be shared.
-    gather_seconds: f64,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -51,73 +48,56 @@ struct Profile {
 }
 
 impl Figure for Banding {
-    const KIND: &'static str = "banding";
     type Parameters = Parameters;
 
     fn measure(parameters: &Parameters, task: &Task) -> Result<Self> {
-        let scale = task.scale;
         let pictures = Pictures::new()?;
         let (mut runs, mut profiles) = (Vec::new(), Vec::new());
         for &interleave in &parameters.interleaves {
             let squares = interleave * interleave;
             let few = parameters.few.iter().map(|&count| (count, count * squares));
             for (per_pixel, directions) in few.chain(parameters.many.iter().map(|&all| (all / squares, all))) {
-                let directions = scale.of(directions, squares);
-                // Exact rays, so that no aliasing of layers is in it.
+                let directions = task.scale.of(directions, squares);
+                // Exact rays, to exclude the aliasing of layers.
                 let settings = Settings { pipeline: Pipeline::Raycast, interleave, ..pictures.settings(directions) };
-                let (picture, statistics) = pictures.render(&settings)?;
-                let error = pictures.against_path_tracing(&picture)?;
+                let found = pictures.measure(&settings)?;
                 runs.push(Run {
                     interleave,
                     directions,
                     directions_per_pixel: directions / squares,
-                    bias: error.bias,
-                    relative_rmse: error.relative_rmse,
-                    flip: error.flip,
-                    correlated: pictures.correlated(&picture)?,
-                    gather_seconds: statistics.seconds.gather,
+                    measured: found.measured(),
+                    flip: found.error.flip,
+                    correlated: pictures.correlated(&found.picture)?,
                 });
                 if per_pixel == parameters.shown {
-                    profiles.push(profile(name(interleave), &picture, parameters)?);
+                    profiles.push(profile(name(interleave), &found.picture, parameters)?);
                 }
             }
         }
-        profiles.push(profile("path traced".into(), pictures.path_traced(), parameters)?);
+        profiles.push(profile("path traced".into(), &pictures.path_traced, parameters)?);
         Ok(Self { runs, profiles })
     }
 
     fn draw(&self, parameters: &Parameters) -> Result<String> {
         let colors = [plot::ORANGE, plot::BLUE, plot::GREEN, plot::GREY];
-        let curve = |(&interleave, &color): (&u32, &plot::RGBColor)| {
-            let mut points: Vec<_> = self.runs.iter().filter(|run| run.interleave == interleave).collect();
-            points.sort_by_key(|run| run.directions_per_pixel);
-            let points = points.into_iter().map(|run| (run.directions_per_pixel.into(), run.relative_rmse)).collect();
-            Curve { name: name(interleave), color, faint: false, points }
+        let curve = |(&interleave, color): (&u32, plot::RGBColor)| {
+            let mut runs: Vec<_> = self.runs.iter().filter(|run| run.interleave == interleave).collect();
+            runs.sort_by_key(|run| run.directions_per_pixel);
+            let points = runs.into_iter().map(|run| (run.directions_per_pixel, run.measured.relative_rmse));
+            Curve::new(name(interleave), color, points)
         };
-        let errors: Vec<Curve> = parameters.interleaves.iter().zip(&colors).map(curve).collect();
-        let along: Vec<Curve> = (self.profiles.iter().zip(colors))
-            .map(|(profile, color)| Curve {
-                name: profile.name.clone(),
-                color,
-                faint: false,
-                points: (parameters.columns[0]..)
-                    .zip(&profile.radiance)
-                    .map(|(x, &radiance)| (x as f64, radiance.into()))
-                    .collect(),
-            })
-            .collect();
-        plot::svg((900, 860), |area| {
-            let (above, below) = area.split_vertically(430);
-            let [xs, ys] = plot::values(&errors);
-            let x = Axis::log("directions to a pixel", xs.into_iter(), plot::whole);
-            let y = Axis::log("against path tracing", ys.into_iter(), plot::percent);
-            plot::lines(&above, "Relative RMSE of the Cornell box, 256 x 256", [&x, &y], &errors)?;
-            let [xs, ys] = plot::values(&along);
-            let x = Axis::linear("pixel", xs.into_iter(), plot::whole);
-            let y = Axis::linear("radiance, green", ys.into_iter(), |radiance| format!("{radiance:.2}"));
-            let title = format!("A row of the back wall, {} directions to a pixel", parameters.shown);
-            plot::lines(&below, &title, [&x, &y], &along)
-        })
+        let errors = parameters.interleaves.iter().zip(colors).map(curve).collect();
+        let profile = |(profile, color): (&Profile, plot::RGBColor)| {
+            Curve::new(&profile.name, color, (parameters.columns[0] as u32..).zip(profile.radiance.iter().copied()))
+        };
+        let profiles = self.profiles.iter().zip(colors).map(profile).collect();
+        let along = [Axis::linear("pixel", whole), Axis::linear("radiance, green", |radiance| format!("{radiance:.2}"))];
+        let axes = [Axis::log("directions to a pixel", whole), Axis::log("against path tracing", short_percent)];
+        let title = format!("A row of the back wall, {} directions to a pixel", parameters.shown);
+        plot::svg([
+            Panel::lines(430, "Relative RMSE of the Cornell box, 256 x 256", axes, errors),
+            Panel::lines(430, title, along, profiles),
+        ])
     }
 }
 

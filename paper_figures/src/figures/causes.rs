@@ -1,29 +1,27 @@
-//! What a picture's error is made of: from the default settings, one thing at a time is made worse or better.
+//! The parts of a picture's error: one setting at a time is made worse or better than the default.
 //!
-//! Each picture is held against the path-traced one, which has noise of its own, and against the default's: where two errors are
-//! independent, the squares of their sizes add up, and a cause whose cure changes little has a small share.
+//! Each picture is compared with the path-traced one, which has noise too, and with the default's picture. The squares of two independent
+//! errors add up. So where a better setting changes the picture little, that cause has a small share in the error.
 
-use finalgather::settings::LayerSize;
-use finalgather::{Image, Pipeline, Settings};
 use serde::{Deserialize, Serialize};
 
+use crate::draw::{Axis, Bar, Panel, count, percent, plot, short_percent};
 use crate::figure::{Figure, Result, Task};
-use crate::picture::Pictures;
-use crate::plot::{self, Axis, Bar};
+use crate::lab::{Image, LayerSize, Measured, Pictures, Pipeline, Settings};
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Parameters {
     pipeline: Pipeline,
     directions: u32,
-    /// What is changed, one at a time; beside layers of these sizes, exact rays.
+    /// The changes, one at a time. Exact rays are one more, in place of layers.
     layer_sizes: Vec<u32>,
-    /// As many times the directions.
+    /// Of the default's number of directions.
     direction_factors: Vec<f64>,
     photons: Vec<u32>,
     grid_cells: Vec<u32>,
     light_samples: Vec<u32>,
-    /// Which tell how far two pictures are apart that differ in every random number.
+    /// Another seed changes every random number. Its picture shows the size of all random errors.
     seeds: Vec<u64>,
 }
 
@@ -35,32 +33,23 @@ pub struct Causes {
 
 #[derive(Serialize, Deserialize)]
 struct Run {
-    /// What is not as by default, and how it is; empty for the default run.
+    /// The setting that is changed, and its value; empty for the default run.
     cause: String,
     value: String,
-    /// Against path tracing.
-    bias: f64,
-    relative_rmse: f64,
+    #[serde(flatten)]
+    measured: Measured,
     /// Against the default run; of the two pictures' means and of their pixels.
     mean_from_default: f64,
     relative_rmse_from_default: f64,
-    gather_seconds: f64,
 }
 
-/// Settings that differ from the default in one thing.
-struct Change {
-    cause: &'static str,
-    value: String,
-    settings: Settings,
-}
-
-/// All runs but the default.
-fn changes(default: &Settings, parameters: &Parameters) -> Vec<Change> {
-    let mut changes = Vec::new();
+/// Cause, value and settings of all runs, the default first.
+fn changes(default: &Settings, parameters: &Parameters) -> Vec<(&'static str, String, Settings)> {
+    let mut changes = vec![("", String::new(), default.clone())];
     let mut change = |cause, value: String, of: &dyn Fn(&mut Settings)| {
         let mut settings = default.clone();
         of(&mut settings);
-        changes.push(Change { cause, value, settings });
+        changes.push((cause, value, settings));
     };
     for &size in &parameters.layer_sizes {
         change("layers", format!("{size}²"), &|settings| settings.layer_size = LayerSize::Texels(size));
@@ -71,7 +60,7 @@ fn changes(default: &Settings, parameters: &Parameters) -> Vec<Change> {
         change("directions", directions.to_string(), &|settings| settings.directions = directions);
     }
     for &photons in &parameters.photons {
-        change("photons", plot::count(photons), &|settings| settings.photons = photons.into());
+        change("photons", count(photons), &|settings| settings.photons = photons.into());
     }
     for &cells in &parameters.grid_cells {
         change("grid cells", cells.to_string(), &|settings| settings.grid_cells = cells);
@@ -86,55 +75,38 @@ fn changes(default: &Settings, parameters: &Parameters) -> Vec<Change> {
 }
 
 impl Figure for Causes {
-    const KIND: &'static str = "causes";
     type Parameters = Parameters;
 
     fn measure(parameters: &Parameters, task: &Task) -> Result<Self> {
-        let scale = task.scale;
         let pictures = Pictures::new()?;
-        // Of both ends, rays on the CPU have one only.
-        let mut default = Settings { pipeline: parameters.pipeline, ..pictures.settings(scale.of(parameters.directions, 8)) };
-        // For more directions would have finer ones.
+        let directions = task.scale.of(parameters.directions, 8);
+        let mut default = Settings { pipeline: parameters.pipeline, ..pictures.settings(directions) };
+        // The default layer size depends on the number of directions, which some runs change.
         default.layer_size = LayerSize::Texels(default.layers());
-        let changes = changes(&default, parameters);
         let mut first: Option<Image> = None;
-        let mut run = |Change { cause, value, settings }| {
-            let (picture, statistics) = pictures.render(&settings)?;
-            let default = first.get_or_insert_with(|| picture.clone());
-            let (error, change) = (pictures.against_path_tracing(&picture)?, pictures.compare(&picture, default)?);
-            eprintln!(
-                "  {cause} {value}: {:.2} %, {:.2} % off the default",
-                100.0 * error.relative_rmse,
-                100.0 * change.relative_rmse
-            );
-            Ok(Run {
-                cause: cause.to_owned(),
-                value,
-                bias: error.bias,
-                relative_rmse: error.relative_rmse,
-                mean_from_default: change.bias,
-                relative_rmse_from_default: change.relative_rmse,
-                gather_seconds: statistics.seconds.gather,
-            })
+        let run = |(cause, value, settings): (&str, String, Settings)| {
+            let found = pictures.measure(&settings)?;
+            let (picture, measured) = (&found.picture, found.measured());
+            let change = pictures.compare(picture, first.get_or_insert_with(|| picture.clone()))?;
+            let [error, off] = [measured.relative_rmse, change.relative_rmse].map(percent);
+            eprintln!("  {cause} {value}: {error}, {off} off the default");
+            let (mean_from_default, relative_rmse_from_default) = (change.bias, change.relative_rmse);
+            Ok(Run { cause: cause.to_owned(), value, measured, mean_from_default, relative_rmse_from_default })
         };
-        let by_default = Change { cause: "", value: String::new(), settings: default.clone() };
-        let runs = [by_default].into_iter().chain(changes).map(&mut run).collect::<Result<_>>()?;
-        Ok(Self { directions: default.directions, runs })
+        Ok(Self { directions, runs: changes(&default, parameters).into_iter().map(run).collect::<Result<_>>()? })
     }
 
     fn draw(&self, _: &Parameters) -> Result<String> {
-        let bar = |run: &Run| Bar {
-            name: if run.cause.is_empty() { "default".into() } else { format!("{}: {}", run.cause, run.value) },
-            values: vec![
-                (run.relative_rmse, format!("{:.2} %, bias {:+.2} %", 100.0 * run.relative_rmse, 100.0 * run.bias)),
-                (run.relative_rmse_from_default, format!("{:.2} %", 100.0 * run.relative_rmse_from_default)),
-            ],
+        let bar = |run: &Run| {
+            let Measured { bias, relative_rmse, .. } = run.measured;
+            let note = format!("{}, bias {:+.2} %", percent(relative_rmse), 100.0 * bias);
+            let off = run.relative_rmse_from_default;
+            let name = if run.cause.is_empty() { "default".into() } else { format!("{}: {}", run.cause, run.value) };
+            Bar { name, values: vec![(relative_rmse, note), (off, percent(off))] }
         };
-        let bars: Vec<_> = self.runs.iter().map(bar).collect();
+        let bars = self.runs.iter().map(bar).collect();
         let title = format!("Error of the Cornell box, 256 x 256, {} directions, one thing changed at a time", self.directions);
-        plot::svg((900, 120 + 44 * bars.len() as u32), |area| {
-            let x = Axis::linear("relative RMSE", bars.iter().flat_map(|bar| &bar.values).map(|value| value.0), plot::percent);
-            plot::bars(area, &title, &x, &[("from path tracing", plot::BLUE), ("from the default run", plot::ORANGE)], &bars)
-        })
+        let series = [("from path tracing", plot::BLUE), ("from the default run", plot::ORANGE)];
+        plot::svg([Panel::bars(120, title, Axis::linear("relative RMSE", short_percent), 1.0, &series, bars)])
     }
 }

@@ -1,333 +1,322 @@
 //! The poster's figure 1, "relation between depth layer and final gathering", from a slice of a real bundle.
 //!
 //! A vertical plane cuts the Cornell box through both blocks. The direction lies in the plane, and so does one row of texels of its
-//! layers; each layer is peeled, offered to a few points on the section by KILL, and read back.
+//! layers. Each layer is peeled and read back, and a few points in the plane sample it by KILL.
+//!
+//! The drawing has the whole slice above, and below it a small one for each layer in peeling order. It is 800 wide with a smallest text
+//! of 20, so that text is still readable at half the size, on a telephone.
 
-mod drawing;
+use glam::{Vec2, vec2};
+use serde::Deserialize;
+use svg::Document;
+use svg::node::element::{Circle, Group, Line, Polygon, Polyline, Rectangle, Text, Title};
 
-use std::collections::VecDeque;
-
-use finalgather::gather::{Bundle, Kill, Peel};
-use finalgather::geometry::Geometry;
-use finalgather::math::frame;
-use finalgather::points::{GatherPoint, PointList};
-use finalgather::scene::{Bvh, Mesh, RAY_OFFSET, Scene};
-use finalgather::{Direction, Gpu};
-use glam::{Vec2, Vec3, Vec4, vec2, vec3};
-use serde::{Deserialize, Serialize};
-
-use crate::cornell::Cornell;
 use crate::figure::{Figure, Result, Task};
-use crate::machine::gpu;
+use crate::lab::{Look, Place, Point, Sight, Slice, Surface, Texel};
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Parameters {
     /// Texels on a side: so few that they can be seen.
     layer_size: u32,
-    /// Where the section leaves the walls on the left and on the right, as shares of the box's depth from the near side.
+    /// Where the slice leaves the walls on the left and on the right, as shares of the box's depth from the near side.
     depths: [f32; 2],
     /// Of the direction above the horizontal.
     elevation_degrees: f32,
     points: Vec<Look>,
 }
 
-/// Where a point is looked for: from a place, in shares of the section's width and height, to the first surface along an axis.
-#[derive(Clone, Copy, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Look {
-    from: [f32; 2],
-    towards: [f32; 2],
-}
-
-/// In the section: to the right and up, in unit space.
-type Place = [f32; 2];
-/// What a point sees of each layer; `None` where nothing is in its texel.
-type Sights = Vec<Option<Sight>>;
-
-#[derive(Serialize, Deserialize)]
-pub struct Figure1 {
-    layer_size: u32,
-    /// From gather points towards what they gather.
-    direction: Place,
-    surfaces: Vec<Surface>,
-    /// The middle of each column of texels, through the whole depth of the bundle.
-    rays: Vec<[Place; 2]>,
-    /// The row of texels in the section, the farthest layer first.
-    layers: Vec<Vec<Texel>>,
-    points: Vec<Point>,
-}
-
-/// Where the section cuts surfaces of one albedo that are joined.
-#[derive(Serialize, Deserialize)]
-struct Surface {
-    albedo: [f32; 3],
-    line: Vec<Place>,
-}
-
-/// Depth and slope, as places.
-#[derive(Serialize, Deserialize)]
-struct Texel {
-    column: usize,
-    center: Place,
-    /// From the centre to where the surface's plane is in the middle of the next column.
-    step: Place,
-}
-
-#[derive(Serialize, Deserialize)]
-struct Point {
-    place: Place,
-    normal: Place,
-    column: usize,
-    sights: Sights,
-}
-
-/// What a point sees of a layer.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-struct Sight {
-    /// Or culled by KILL.
-    sampled: bool,
-    /// Along the direction from the point, negative behind it.
-    distance: f32,
-}
-
-impl Point {
-    /// The distance at which the point's ray ends.
-    fn hit(&self) -> Option<f32> {
-        self.sights.iter().flatten().filter(|sight| sight.sampled).map(|sight| sight.distance).next_back()
-    }
-}
-
-impl Figure1 {
-    /// Fails unless each point's last sample is where its ray ends, to a hundredth of a texel's width: the point evaluates the texel's plane on its
-    /// own ray, so that what is left is rounding.
-    fn check(&self, exact: &[Option<f32>], texel: f32) -> Result<()> {
-        for (point, &exact) in self.points.iter().zip(exact) {
-            let hit = point.hit();
-            let off = hit.zip(exact).map_or(f32::INFINITY, |(hit, exact)| (hit - exact).abs());
-            if off > 0.01 * texel {
-                return Err(format!("the point at {:?} samples {hit:?}, and its ray ends at {exact:?}", point.place).into());
-            }
-        }
-        Ok(())
-    }
-}
-
-/// A vertical plane.
-struct Section {
-    origin: Vec3,
-    right: Vec3,
-    /// Width and height.
-    size: Vec2,
-}
-
-impl Section {
-    /// Seen from the camera's side, on which the box is open.
-    fn of(mesh: &Mesh, [left, right]: [f32; 2]) -> Self {
-        let bounds = mesh.bounds();
-        // The camera looks along +z with y up, so that x grows to the left.
-        let [left, right] = [(bounds.max.x, left), (bounds.min.x, right)]
-            .map(|(x, depth)| Vec3::new(x, bounds.min.y, bounds.min.z + depth * bounds.extent().z));
-        Self { origin: left, right: (right - left).normalize(), size: vec2((right - left).length(), bounds.extent().y) }
-    }
-
-    fn vector(&self, flat: Vec2) -> Vec3 {
-        flat.x * self.right + flat.y * Vec3::Y
-    }
-
-    fn flat(&self, vector: Vec3) -> Vec2 {
-        vec2(vector.dot(self.right), vector.y)
-    }
-
-    fn place(&self, position: Vec3) -> Place {
-        self.flat(position - self.origin).to_array()
-    }
-
-    /// The two places where the plane leaves a triangle, if it meets it.
-    fn cut(&self, corners: [Vec3; 3]) -> Option<[Vec2; 2]> {
-        let side = |corner: Vec3| (corner - self.origin).dot(self.right.cross(Vec3::Y));
-        let crossing = |k: usize| {
-            let [from, to] = [corners[k], corners[(k + 1) % 3]];
-            let [a, b] = [from, to].map(side);
-            (a.signum() != b.signum()).then(|| self.flat(from.lerp(to, a / (a - b)) - self.origin))
-        };
-        let mut crossings = (0..3).filter_map(crossing);
-        crossings.next().zip(crossings.next()).map(|(a, b)| [a, b])
-    }
-
-    /// All that the plane meets; what is of one albedo and touches is one.
-    fn surfaces(&self, scene: &Scene) -> Vec<Surface> {
-        let part = |triangle| Some((scene.material(triangle).albedo, self.cut(scene.mesh.corners(triangle))?));
-        let mut parts: Vec<(Vec3, [Vec2; 2])> = (0..scene.mesh.triangles.len()).filter_map(part).collect();
-        let mut surfaces = Vec::new();
-        while let Some((albedo, ends)) = parts.pop() {
-            let mut line = VecDeque::from(ends);
-            let near = |a: Vec2, b: Vec2| a.distance(b) < 1e-5;
-            let touches = |line: &VecDeque<Vec2>, end: Vec2| near(end, line[0]) || near(end, line[line.len() - 1]);
-            while let Some(next) =
-                parts.iter().position(|&(of, ends)| of == albedo && ends.iter().any(|&end| touches(&line, end)))
-            {
-                let (_, [a, b]) = parts.swap_remove(next);
-                let (end, other) = if touches(&line, a) { (a, b) } else { (b, a) };
-                if near(end, line[0]) { line.push_front(other) } else { line.push_back(other) }
-            }
-            surfaces.push(Surface { albedo: albedo.to_array(), line: line.into_iter().map(Place::from).collect() });
-        }
-        surfaces
-    }
-
-    /// The surface point that is first met from a place towards an axis, on the side that is met.
-    fn look(&self, mesh: &Mesh, bvh: &Bvh, look: Look) -> Result<GatherPoint> {
-        let [from, towards] = [look.from, look.towards].map(Vec2::from);
-        let (from, towards) = (self.origin + self.vector(from * self.size), self.vector(towards));
-        let hit = bvh.nearest(from, towards, None).ok_or("a gather point has no surface to lie on")?;
-        Ok(GatherPoint::flat(from + hit.distance * towards, mesh.side_met(hit.triangle, towards)))
-    }
-}
-
-/// The bundle along the section's direction, with the middles of a row of texels in the plane; and the number of the row.
-fn bundle(section: &Section, vector: Vec3, positions: &[Vec3], layer_size: u32) -> (Bundle, usize) {
-    let [x, y, _] = frame(vector).to_cols_array_2d().map(Vec3::from);
-    let across = section.right.cross(Vec3::Y).cross(vector);
-    let turn = across.dot(y).atan2(across.dot(x));
-    let with = |shift| Bundle::new(&Direction { vector, turn, shift }, positions, layer_size);
-    let row = |bundle: &Bundle| bundle.to_layer.transform_point3(section.origin).y;
-    let bundle = with(vec2(0.5, (0.5 - row(&with(Vec2::ZERO))).rem_euclid(1.0)));
-    (bundle, row(&bundle) as usize)
-}
-
-/// The row of each layer down to the first that is empty there, and what each point saw of each.
-fn sample(
-    gpu: &Gpu,
-    geometry: &Geometry,
-    bundle: &Bundle,
-    (row, layer_size): (usize, u32),
-    points: &[GatherPoint],
-) -> Result<(Vec<Vec<Vec4>>, Vec<Sights>)> {
-    let list = PointList::upload(gpu, points)?;
-    let (mut peel, kill) = (Peel::new(gpu, layer_size)?, Kill::new(gpu, list.points().size())?);
-    let (mut layers, mut sights) = (Vec::new(), vec![Sights::new(); points.len()]);
-    let length = bundle.to_layer.inverse().z_axis.length();
-    peel.start();
-    kill.start();
-    for index in 0.. {
-        let before = kill.hits().read::<[f32; 2]>();
-        let layer = peel.next(geometry, bundle);
-        kill.sample(list.points(), bundle, layer, index);
-        let size = layer_size as usize;
-        let texels: Vec<Vec4> = layer.read()[row * size..][..size].to_vec();
-        if texels.iter().all(|texel| texel.w == 0.0) {
-            break;
-        }
-        let hits = kill.hits().read::<[f32; 2]>().into_iter().zip(before);
-        for ((point, sights), (hit, before)) in points.iter().zip(&mut sights).zip(list.in_order(hits.collect())) {
-            let place = bundle.to_layer.transform_point3(point.position);
-            let texel = texels[place.x as usize];
-            let ahead = texel.x + texel.y * (place.x.fract() - 0.5) - place.z;
-            sights.push(match hit != before {
-                true => Some(Sight { sampled: true, distance: hit[0] }),
-                false => (texel.w > 0.0).then_some(Sight { sampled: false, distance: ahead * length }),
-            });
-        }
-        layers.push(texels);
-    }
-    gpu.check("sampling layers")?;
-    Ok((layers, sights))
-}
-
-/// How far along a direction a point's ray goes.
-fn exact(bvh: &Bvh, point: &GatherPoint, direction: Vec3) -> Option<f32> {
-    bvh.nearest(point.position + RAY_OFFSET * point.normal, direction, None).map(|hit| hit.distance)
-}
-
-impl Figure for Figure1 {
-    const KIND: &'static str = "layers_of_a_slice";
+impl Figure for Slice {
     type Parameters = Parameters;
 
     fn measure(parameters: &Parameters, _: &Task) -> Result<Self> {
-        let layer_size = parameters.layer_size;
-        let mut cornell = Cornell::load()?;
-        // The lamp hangs a tenth of a millimetre below the ceiling: two layers that no drawing can tell apart.
-        let Scene { mesh, materials, .. } = &mut cornell.scene;
-        mesh.triangles.retain(|triangle| !materials[triangle.material as usize].is_emissive());
-        let (scene, bvh) = (&cornell.scene, Bvh::new(&cornell.scene.mesh));
-
-        let section = Section::of(&scene.mesh, parameters.depths);
-        let vector = section.vector(Vec2::from_angle(parameters.elevation_degrees.to_radians()));
-        let points = parameters.points.iter().map(|&look| section.look(&scene.mesh, &bvh, look)).collect::<Result<Vec<_>>>()?;
-        let gpu = gpu()?;
-        let geometry = Geometry::upload(&gpu, scene)?;
-        let (bundle, row) = bundle(&section, vector, &geometry.positions, layer_size);
-        let (layers, sights) = sample(&gpu, &geometry, &bundle, (row, layer_size), &points)?;
-
-        let from_layer = bundle.to_layer.inverse();
-        let in_layer = |x: f32, depth: f32| from_layer.transform_point3(vec3(x, row as f32 + 0.5, depth));
-        let texel = |(column, texel): (usize, &Vec4)| {
-            let center = column as f32 + 0.5;
-            let [here, next] = [in_layer(center, texel.x), in_layer(center + 1.0, texel.x + texel.y)];
-            Texel { column, center: section.place(here), step: section.flat(next - here).into() }
-        };
-        let layer = |row: &Vec<Vec4>| row.iter().enumerate().filter(|(_, texel)| texel.w > 0.0).map(texel).collect();
-        let ray = |column| [0.0, 1.0].map(|depth| section.place(in_layer(column as f32 + 0.5, depth)));
-        let point = |(point, sights): (&GatherPoint, Vec<_>)| Point {
-            place: section.place(point.position),
-            normal: section.flat(point.normal).into(),
-            column: bundle.to_layer.transform_point3(point.position).x as usize,
-            sights,
-        };
-        let figure = Self {
-            layer_size,
-            direction: section.flat(vector).into(),
-            surfaces: section.surfaces(scene),
-            rays: (0..layer_size).map(ray).collect(),
-            layers: layers.iter().map(layer).collect(),
-            points: points.iter().zip(sights).map(point).collect(),
-        };
-        let exact: Vec<_> = points.iter().map(|point| exact(&bvh, point, vector)).collect();
-        figure.check(&exact, in_layer(1.0, 0.0).distance(in_layer(0.0, 0.0)))?;
-        Ok(figure)
+        let Parameters { layer_size, depths, elevation_degrees, points } = parameters;
+        Slice::measure(*depths, *elevation_degrees, *layer_size, points)
     }
 
     fn draw(&self, _: &Parameters) -> Result<String> {
-        drawing::draw(self)
+        draw(self)
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::figure::Declaration;
+const WIDTH: f32 = 800.0;
+/// Left and right of everything.
+const MARGIN: f32 = 20.0;
+/// From one line of text to the next.
+const LINE: f32 = 28.0;
+/// Pixels to a unit of the whole slice.
+const SCALE: f32 = 490.0;
+/// Small slices in a row, and the height of the text above each.
+const COLUMNS: usize = 3;
+const STEP_TEXT: f32 = 3.2 * LINE;
 
-    fn figure() -> Figure1 {
-        let out = tempfile::tempdir().unwrap();
-        let document = Declaration::load("figure1").unwrap().measure("1".parse().unwrap(), out.path()).unwrap();
-        document.data().unwrap()
+const TITLE: &str = "Relation between depth layer and final gathering";
+const STEPS: [&str; 2] = [
+    "Layer by layer, from far to near: each point samples what lies",
+    "ahead of it. What it samples last is the nearest: its hit.",
+];
+
+/// Far to near, in even steps of lightness, which any kind of colour vision can tell apart: plasma of S. van der Walt and N. Smith, without
+/// its brightest part.
+const COLORS: [&str; 6] = ["#f99a3e", "#e56b5d", "#c5407e", "#9410a2", "#5601a4", "#0d0887"];
+const INK: &str = "#222";
+const SOLID: &str = "#ececec";
+
+fn draw(figure: &Slice) -> Result<String> {
+    let layers = figure.layers.len();
+    if layers > COLORS.len() {
+        return Err(format!("{layers} layers, and colours for {}", COLORS.len()).into());
+    }
+    let extent = figure.surfaces.iter().flat_map(|surface| &surface.line).fold(Vec2::ZERO, |most, &place| most.max(place.into()));
+    let whole = View { figure, origin: vec2(0.5 * (WIDTH - SCALE * extent.x), 150.0 + SCALE * extent.y), scale: SCALE };
+    let key = whole.origin.y + 75.0;
+    let steps = key + 3.0 * LINE;
+    let mut page = Group::new().add(heading(layers)).add(whole.slice()).add(whole.order()).add(self::key(key));
+    for (line, content) in STEPS.into_iter().enumerate() {
+        page = page.add(text(vec2(MARGIN, steps + LINE * line as f32), content));
     }
 
-    #[test]
-    fn layers_come_far_to_near_and_points_sample_those_ahead() {
-        let figure = figure();
-        let along = |place: Place| Vec2::from(place).dot(figure.direction.into());
-        for column in 0..figure.layer_size as usize {
-            let texels: Vec<_> = figure.layers.iter().flatten().filter(|texel| texel.column == column).collect();
-            assert!(texels.is_sorted_by(|far, near| along(far.center) > along(near.center)), "column {column}");
+    let column = (WIDTH - MARGIN) / COLUMNS as f32;
+    // Beside the left wall there is room for a point's name.
+    let scale = (column - MARGIN - 12.0) / extent.x;
+    let row = STEP_TEXT + scale * extent.y + 40.0;
+    let top = steps + 2.0 * LINE;
+    for layer in 0..layers {
+        let corner = vec2(MARGIN + (layer % COLUMNS) as f32 * column, top + (layer / COLUMNS) as f32 * row);
+        let view = View { figure, origin: corner + vec2(12.0, STEP_TEXT + scale * extent.y), scale };
+        page = page.add(view.step(layer, corner));
+    }
+
+    let height = (top + layers.div_ceil(COLUMNS) as f32 * row).round();
+    let document = Document::new()
+        .set("width", WIDTH)
+        .set("height", height)
+        .set("viewBox", (0, 0, WIDTH, height))
+        .set("font-family", "sans-serif")
+        .set("font-size", 20)
+        .set("fill", INK)
+        .add(Title::new(TITLE))
+        .add(Rectangle::new().set("width", WIDTH).set("height", height).set("fill", "white"))
+        .add(page);
+    Ok(document.to_string() + "\n")
+}
+
+/// What this is, and which layer has which colour.
+fn heading(layers: usize) -> Group {
+    let mut group = Group::new()
+        .add(text(vec2(MARGIN, 36.0), TITLE).set("font-size", 26))
+        .add(text(vec2(MARGIN, 72.0), "A slice of the Cornell box, one direction, and its layers:"))
+        .add(text(vec2(MARGIN, 108.0), "far"));
+    for layer in 0..layers {
+        group = group.add(swatch(vec2(75.0 + 82.0 * layer as f32, 108.0), layer, &(layer + 1).to_string()));
+    }
+    group.add(text(vec2(75.0 + 82.0 * layers as f32, 108.0), "near"))
+}
+
+/// A layer's colour, and text beside it.
+fn swatch(at: Vec2, layer: usize, name: &str) -> Group {
+    let square = Rectangle::new().set("x", at.x).set("y", at.y - 16.0).set("width", 26).set("height", 18);
+    Group::new().add(square.set("fill", COLORS[layer])).add(text(at + vec2(34.0, 0.0), name))
+}
+
+/// What the signs in the slice mean.
+fn key(top: f32) -> Group {
+    let middle = |column: f32, row: f32| vec2(MARGIN + 20.0 + 400.0 * column, top + LINE * row - 7.0);
+    let name = |at: Vec2, name| text(at + vec2(34.0, 7.0), name);
+    let [point, sample, texel, culled] = [middle(0.0, 0.0), middle(0.0, 1.0), middle(1.0, 0.0), middle(1.0, 1.0)];
+    let piece =
+        |from: f32| line(texel + vec2(from, 0.0), texel + vec2(from + 16.0, 0.0)).set("stroke", COLORS[2]).set("stroke-width", 7);
+    Group::new()
+        .add(arrow(point - vec2(10.0, 0.0), point + vec2(20.0, 0.0), INK, 1.5))
+        .add(dot(point - vec2(10.0, 0.0), 7.0, INK))
+        .add(name(point, "gather point and normal"))
+        .add(arrow(sample - vec2(18.0, 0.0), sample + vec2(20.0, 0.0), COLORS[2], 3.5))
+        .add(name(sample, "the layer that it samples"))
+        .add(piece(-18.0))
+        .add(piece(2.0))
+        .add(name(texel, "texels: depth and slope"))
+        .add(line(culled - vec2(18.0, 0.0), culled + vec2(18.0, 0.0)).set("stroke", COLORS[2]).set("stroke-width", 7))
+        .add(line(culled - vec2(15.0, 0.0), culled + vec2(15.0, 0.0)).set("stroke", "white").set("stroke-width", 3))
+        .add(cross(culled, 7.0))
+        .add(name(culled, "behind a point: KILL"))
+}
+
+/// The section somewhere on the page.
+struct View<'a> {
+    figure: &'a Slice,
+    /// Of the section's (0, 0).
+    origin: Vec2,
+    /// Pixels to a unit.
+    scale: f32,
+}
+
+impl View<'_> {
+    fn at(&self, place: Place) -> Vec2 {
+        self.origin + self.step_of(place.into())
+    }
+
+    fn step_of(&self, step: Vec2) -> Vec2 {
+        self.scale * step * vec2(1.0, -1.0)
+    }
+
+    fn on_ray(&self, point: &Point, distance: f32) -> Vec2 {
+        self.at(point.place) + distance * self.step_of(self.figure.direction.into())
+    }
+
+    /// Which way is against a point's normal.
+    fn below(&self, point: &Point) -> Vec2 {
+        -self.step_of(point.normal.into()).normalize()
+    }
+
+    /// Solid bodies, and a hint of what their surfaces look like.
+    fn bodies(&self, width: f32) -> Group {
+        let outline =
+            |surface: &Surface| Polyline::new().set("points", corners(surface.line.iter().map(|&place| self.at(place))));
+        let bodies =
+            self.figure.surfaces.iter().fold(Group::new(), |group, surface| group.add(outline(surface).set("fill", SOLID)));
+        self.figure.surfaces.iter().fold(bodies, |group, surface| {
+            let [r, g, b] = surface.albedo.map(|share| (120.0 + 100.0 * share.powf(1.0 / 2.2)).round());
+            let line = outline(surface).set("fill", "none").set("stroke", format!("rgb({r},{g},{b})"));
+            group.add(line.set("stroke-width", width).set("stroke-linejoin", "round"))
+        })
+    }
+
+    /// The middles of columns, as far as there is something on them.
+    fn rays(&self) -> Group {
+        let group = Group::new().set("stroke", INK).set("stroke-width", 1).set("stroke-opacity", 0.15);
+        let beyond = 20.0 * self.step_of(self.figure.direction.into()).normalize();
+        (0..self.figure.rays.len()).fold(group, |group, column| {
+            let mut texels = self.figure.layers.iter().flatten().filter(|texel| texel.column == column);
+            let Some(far) = texels.next() else { return group };
+            let near = texels.next_back().unwrap_or(far);
+            group.add(line(self.at(near.center) - beyond, self.at(far.center) + beyond))
+        })
+    }
+
+    fn texel(&self, texel: &Texel, share: f32) -> Line {
+        let (center, half) = (self.at(texel.center), 0.5 * share * self.step_of(texel.step.into()));
+        line(center - half, center + half)
+    }
+
+    fn layer(&self, layer: usize, width: f32) -> Group {
+        let group = Group::new().set("stroke", COLORS[layer]).set("stroke-width", width);
+        self.figure.layers[layer].iter().fold(group, |group, texel| group.add(self.texel(texel, 0.86)))
+    }
+
+    fn slice(&self) -> Group {
+        let layers = self.figure.layers.len();
+        let behind = Group::new().add(self.bodies(14.0)).add(self.rays());
+        let mut group = (0..layers).fold(behind, |group, layer| group.add(self.layer(layer, 7.0)));
+        for (name, point) in ('A'..).zip(&self.figure.points) {
+            let at = self.at(point.place);
+            let culled = || {
+                (0_usize..).zip(&point.sights).filter_map(|(layer, sight)| Some((layer, sight.filter(|sight| !sight.sampled)?)))
+            };
+            if let Some((_, last)) = culled().last() {
+                group = group.add(dotted(at, self.on_ray(point, last.distance)));
+            }
+            for (layer, sight) in culled() {
+                if let Some(texel) = self.figure.layers[layer].iter().find(|texel| texel.column == point.column) {
+                    group = group.add(self.texel(texel, 0.7).set("stroke", "white").set("stroke-width", 3));
+                }
+                if is_apart(sight) {
+                    group = group.add(cross(self.on_ray(point, sight.distance), 7.0));
+                }
+            }
+            if let Some((layer, distance)) = point.last_sample(layers) {
+                group = group.add(arrow(at, self.on_ray(point, distance), COLORS[layer], 3.5));
+            }
+            let name = text(at + 26.0 * self.below(point) + vec2(0.0, 9.0), &name.to_string());
+            group = group
+                .add(arrow(at, at - 35.0 * self.below(point), INK, 1.5))
+                .add(dot(at, 7.0, INK))
+                .add(name.set("text-anchor", "middle").set("font-size", 24).set("font-weight", "bold"));
         }
-        for point in &figure.points {
-            let sights: Vec<_> = point.sights.iter().flatten().collect();
-            assert!(sights.is_sorted_by(|far, near| far.distance > near.distance), "{:?}", point.sights);
-            // Its own surface is as far as rounding.
-            assert!(sights.iter().all(|sight| sight.sampled == (sight.distance > 1e-5)), "{:?}", point.sights);
-            assert!(sights.iter().any(|sight| sight.sampled) && sights.iter().any(|sight| !sight.sampled));
-        }
+        group
     }
 
-    #[test]
-    fn a_hit_off_its_ray_is_an_error() {
-        let figure = figure();
-        let exact: Vec<_> = figure.points.iter().map(Point::hit).collect();
-        assert!(figure.check(&exact, 0.04).is_ok());
-        let moved: Vec<_> = exact.iter().map(|hit| hit.map(|hit| hit + 0.001)).collect();
-        assert!(figure.check(&moved, 0.04).is_err());
-        assert!(figure.check(&vec![None; exact.len()], 0.04).is_err());
+    /// An arrow against the direction.
+    fn order(&self) -> Group {
+        let along = self.step_of(self.figure.direction.into()).normalize();
+        let middle = self.at([0.5, 0.9]);
+        let turn = along.y.atan2(along.x).to_degrees();
+        let label = text(Vec2::ZERO, "peeled from far to near").set("text-anchor", "middle");
+        let place = middle + 16.0 * vec2(along.y, -along.x);
+        Group::new()
+            .add(arrow(middle + 140.0 * along, middle - 140.0 * along, INK, 5.0))
+            .add(label.set("transform", format!("translate({:.1} {:.1}) rotate({turn:.2})", place.x, place.y)))
     }
+
+    /// After a layer: what each point has sampled last, and what of this layer is culled.
+    fn step(&self, layer: usize, corner: Vec2) -> Group {
+        let mut group = Group::new().add(self.bodies(6.0)).add(self.layer(layer, 5.0));
+        let mut names = [String::new(), String::new()];
+        for (name, point) in ('A'..).zip(&self.figure.points) {
+            let at = self.at(point.place);
+            let sight = point.sights[layer];
+            if let Some((from, distance)) = point.last_sample(layer) {
+                group = group.add(arrow(at, self.on_ray(point, distance), COLORS[from], 2.5));
+            }
+            let sampled = sight.is_some_and(|sight| sight.sampled);
+            if sight.is_some() {
+                names[usize::from(!sampled)] += &format!(" {name}");
+            }
+            if let Some(sight) = sight.filter(|sight| is_apart(*sight)).filter(|sight| !sight.sampled) {
+                let culled = self.on_ray(point, sight.distance);
+                group = group.add(dotted(at, culled)).add(cross(culled, 5.0));
+            }
+            let name = text(at + 17.0 * self.below(point) + vec2(0.0, 7.0), &name.to_string()).set("text-anchor", "middle");
+            group = group.add(dot(at, 5.0, if sampled { INK } else { "white" })).add(name);
+        }
+        let said = ["sampled by", "KILL:"].iter().zip(&names).filter(|(_, names)| !names.is_empty());
+        let lines = (1_u8..)
+            .zip(said)
+            .map(|(row, (says, names))| text(corner + vec2(0.0, 16.0 + LINE * f32::from(row)), &format!("{says}{names}")));
+        lines.fold(group.add(swatch(corner + vec2(0.0, 16.0), layer, &format!("layer {}", layer + 1))), Group::add)
+    }
+}
+
+/// Whether it is not the point's own surface.
+fn is_apart(sight: Sight) -> bool {
+    sight.distance.abs() > 1e-3
+}
+
+/// To a tenth of a pixel.
+fn pixels(length: f32) -> f32 {
+    (10.0 * length).round() / 10.0
+}
+
+fn corners(places: impl IntoIterator<Item = Vec2>) -> String {
+    let corner = |at: Vec2| format!("{},{}", pixels(at.x), pixels(at.y));
+    places.into_iter().map(corner).collect::<Vec<_>>().join(" ")
+}
+
+fn line(from: Vec2, to: Vec2) -> Line {
+    Line::new().set("x1", pixels(from.x)).set("y1", pixels(from.y)).set("x2", pixels(to.x)).set("y2", pixels(to.y))
+}
+
+fn dotted(from: Vec2, to: Vec2) -> Line {
+    line(from, to).set("stroke", INK).set("stroke-width", 1.5).set("stroke-dasharray", "2 5")
+}
+
+fn text(at: Vec2, content: &str) -> Text {
+    Text::new(content).set("x", pixels(at.x)).set("y", pixels(at.y))
+}
+
+fn dot(at: Vec2, radius: f32, fill: &str) -> Circle {
+    let circle = Circle::new().set("cx", pixels(at.x)).set("cy", pixels(at.y)).set("r", radius);
+    circle.set("fill", fill).set("stroke", INK).set("stroke-width", 2)
+}
+
+fn arrow(from: Vec2, to: Vec2, color: &str, width: f32) -> Group {
+    let along = (to - from).normalize_or_zero();
+    let (base, side) = (to - 4.0 * width * along, 1.8 * width * along.perp());
+    Group::new()
+        .add(line(from, base).set("stroke", color).set("stroke-width", width))
+        .add(Polygon::new().set("points", corners([to, base + side, base - side])).set("fill", color))
+}
+
+fn cross(at: Vec2, radius: f32) -> Group {
+    let [down, up] = [vec2(radius, radius), vec2(radius, -radius)].map(|arm| line(at - arm, at + arm));
+    Group::new().set("stroke", INK).set("stroke-width", 0.4 * radius).add(down).add(up)
 }

@@ -1,31 +1,32 @@
-//! The kinds of figures, a file each.
+//! The kinds of figures, a file or folder for each.
 
-pub mod banding;
+mod banding;
 pub mod bench;
-pub mod causes;
+mod causes;
 pub mod comparison;
-pub mod convergence;
-pub mod figure1;
-pub mod path_tracing;
+mod convergence;
+mod figure1;
+mod path_tracing;
 pub mod photon_grid;
 pub mod scaling;
 pub mod stop_fraction;
-pub mod time_to_error;
+mod time_to_error;
 pub mod times;
 
 use crate::figure::Kind;
+use crate::lab::Slice;
 
 pub const KINDS: [Kind; 12] = [
-    Kind::of::<figure1::Figure1>(),
-    Kind::of::<comparison::PictureComparison>(),
-    Kind::of::<times::Times>(),
-    Kind::of::<convergence::Convergence>(),
-    Kind::of::<photon_grid::PhotonGridErrors>(),
-    Kind::of::<stop_fraction::StopFraction>(),
-    Kind::of::<banding::Banding>(),
-    Kind::of::<causes::Causes>(),
-    Kind::of::<bench::SideBySide>(),
-    Kind::of::<path_tracing::PathTracing>(),
-    Kind::of::<scaling::Scaling>(),
-    Kind::of::<time_to_error::TimeToError>(),
+    Kind::of::<Slice>("layers_of_a_slice"),
+    Kind::of::<comparison::PictureComparison>("comparison"),
+    Kind::of::<times::Times>("times"),
+    Kind::of::<convergence::Convergence>("convergence"),
+    Kind::of::<photon_grid::PhotonGridErrors>("photon_grid"),
+    Kind::of::<stop_fraction::StopFraction>("stop_fraction"),
+    Kind::of::<banding::Banding>("banding"),
+    Kind::of::<causes::Causes>("causes"),
+    Kind::of::<bench::SideBySide>("bench"),
+    Kind::of::<path_tracing::PathTracing>("path_tracing"),
+    Kind::of::<scaling::Scaling>("scaling"),
+    Kind::of::<time_to_error::TimeToError>("time_to_error"),
 ];

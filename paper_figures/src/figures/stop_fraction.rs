@@ -1,11 +1,10 @@
 //! The poster's stop criterion: error against path tracing and cost of the gather for each threshold.
 
-use finalgather::{Pipeline, Settings};
 use serde::{Deserialize, Serialize};
 
+use crate::draw::{Axis, Curve, Panel, percent, plot, short_percent, whole};
 use crate::figure::{Figure, Result, Task};
-use crate::picture::Pictures;
-use crate::plot::{self, Axis, Curve};
+use crate::lab::{Measured, Pictures, Pipeline, Settings};
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -25,62 +24,45 @@ pub struct StopFraction {
 pub struct Run {
     pub stop_fraction: f64,
     pub layers_mean: f64,
-    /// Of a machine that may be shared.
-    gather_seconds: f64,
-    bias: f64,
-    pub relative_rmse: f64,
+    #[serde(flatten)]
+    pub measured: Measured,
 }
 
 impl Figure for StopFraction {
-    const KIND: &'static str = "stop_fraction";
     type Parameters = Parameters;
 
     fn measure(parameters: &Parameters, task: &Task) -> Result<Self> {
-        let scale = task.scale;
         let pictures = Pictures::new()?;
-        let mut settings = Settings { pipeline: parameters.pipeline, ..pictures.settings(scale.of(parameters.directions, 8)) };
-        let mut run = |stop_fraction| {
-            settings.stop_fraction = stop_fraction;
-            let (picture, statistics) = pictures.render(&settings)?;
-            let error = pictures.against_path_tracing(&picture)?;
-            Ok(Run {
-                stop_fraction: stop_fraction.into(),
-                layers_mean: statistics.gather.layers_mean,
-                gather_seconds: statistics.seconds.gather,
-                bias: error.bias,
-                relative_rmse: error.relative_rmse,
-            })
+        let directions = task.scale.of(parameters.directions, 8);
+        let run = |&stop_fraction: &f32| {
+            let settings = Settings { pipeline: parameters.pipeline, stop_fraction, ..pictures.settings(directions) };
+            let found = pictures.measure(&settings)?;
+            let layers_mean = found.statistics.gather.layers_mean;
+            Ok(Run { stop_fraction: stop_fraction.into(), layers_mean, measured: found.measured() })
         };
-        let runs = parameters.stop_fractions.iter().copied().map(&mut run).collect::<Result<_>>()?;
-        Ok(Self { directions: settings.directions, runs })
+        Ok(Self { directions, runs: parameters.stop_fractions.iter().map(run).collect::<Result<_>>()? })
     }
 
     fn draw(&self, _: &Parameters) -> Result<String> {
-        let curve = |name: &str, color, of: fn(&Run) -> f64, text: fn(f64) -> String| {
+        let curve = |name: &str, color, text: fn(f64) -> String, of: fn(&Run) -> f64| {
             let (at_zero, others): (Vec<&Run>, Vec<&Run>) = self.runs.iter().partition(|run| run.stop_fraction == 0.0);
             let at_zero: String = at_zero.into_iter().map(|run| format!(" ({} at 0)", text(of(run)))).collect();
-            let points = others.into_iter().map(|run| (run.stop_fraction, of(run))).collect();
-            Curve { name: format!("{name}{at_zero}"), color, faint: false, points }
+            Curve::new(format!("{name}{at_zero}"), color, others.into_iter().map(|run| (run.stop_fraction, of(run))))
         };
         let errors = vec![
-            curve("relative RMSE", plot::BLUE, |run| run.relative_rmse, |error| format!("{:.2} %", 100.0 * error)),
-            curve("bias, absolute", plot::ORANGE, |run| run.bias.abs(), |error| format!("{:.2} %", 100.0 * error)),
+            curve("relative RMSE", plot::BLUE, percent, |run| run.measured.relative_rmse),
+            curve("bias, absolute", plot::ORANGE, percent, |run| run.measured.bias.abs()),
         ];
-        let layers = vec![curve("layers", plot::GREEN, |run| run.layers_mean, |layers| format!("{layers:.2}"))];
-        let times = vec![curve("gather", plot::BLUE, |run| run.gather_seconds, |seconds| format!("{seconds:.1} s"))];
-        plot::svg((900, 1100), |area| {
-            let fractions: Vec<_> = self.runs.iter().map(|run| run.stop_fraction).filter(|&fraction| fraction > 0.0).collect();
-            let x = Axis::log_at("stop fraction", &fractions, plot::percent);
-            let of = |curves: &[Curve]| plot::values(curves)[1].clone().into_iter();
-            let error = Axis::log("against path tracing", of(&errors), plot::percent);
-            let (above, below) = area.split_vertically(420);
-            let title = format!("Error of the Cornell box, 256 x 256, {} directions", self.directions);
-            plot::lines(&above, &title, [&x, &error], &errors)?;
-            let count = Axis::linear("layers a direction", of(&layers), plot::whole);
-            let (middle, below) = below.split_vertically(340);
-            plot::lines(&middle, "Layers peeled", [&x, &count], &layers)?;
-            let seconds = Axis::linear("seconds", of(&times), plot::whole);
-            plot::lines(&below, "Time of the gather", [&x, &seconds], &times)
-        })
+        let layers = vec![curve("layers", plot::GREEN, |layers| format!("{layers:.2}"), |run| run.layers_mean)];
+        let times = vec![curve("gather", plot::BLUE, |seconds| format!("{seconds:.1} s"), |run| run.measured.gather_seconds)];
+        let fractions = self.runs.iter().map(|run| run.stop_fraction).filter(|&fraction| fraction > 0.0);
+        let x = Axis::log_at("stop fraction", short_percent, fractions);
+        let title = format!("Error of the Cornell box, 256 x 256, {} directions", self.directions);
+        let axes = |y| [x.clone(), y];
+        plot::svg([
+            Panel::lines(420, title, axes(Axis::log("against path tracing", short_percent)), errors),
+            Panel::lines(340, "Layers peeled", axes(Axis::linear("layers a direction", whole)), layers),
+            Panel::lines(340, "Time of the gather", axes(Axis::linear("seconds", whole)), times),
+        ])
     }
 }

@@ -2,20 +2,16 @@
 
 use std::time::Instant;
 
-use finalgather::Pipeline;
 use serde::{Deserialize, Serialize};
 
-use crate::contestants::color;
+use crate::draw::{Axis, Curve, Panel, percent, plot, plot_in_page, seconds, table, whole};
 use crate::figure::{Figure, Format, Result, Task};
-use crate::html::{seconds, table};
-use crate::machine::Machine;
-use crate::picture::Pictures;
-use crate::plot::{self, Axis, Curve};
+use crate::lab::{Machine, Pictures, Pipeline, Stages};
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Parameters {
-    /// What the poster was measured on.
+    /// Of the poster's measurements.
     poster_hardware: String,
     pipelines: Vec<Pipeline>,
     size: u32,
@@ -37,7 +33,7 @@ pub struct Picture {
 
 #[derive(Serialize, Deserialize)]
 pub struct Times {
-    /// What it was measured on.
+    /// Of this measurement.
     hardware: String,
     size: u32,
     /// In the order of the declaration.
@@ -47,7 +43,7 @@ pub struct Times {
 #[derive(Serialize, Deserialize)]
 pub struct OfPicture {
     pub declared: Picture,
-    /// As many as were gathered along.
+    /// Of this run; fewer than declared at a small scale.
     pub directions: u32,
     points: u32,
     pub runs: Vec<Run>,
@@ -57,10 +53,8 @@ pub struct OfPicture {
 #[derive(Serialize, Deserialize)]
 pub struct Run {
     pub pipeline: String,
-    pub photons: f64,
-    pub visible_points: f64,
-    pub direct: f64,
-    pub gather: f64,
+    #[serde(flatten)]
+    pub stages: Stages,
     /// Reading back and averaging too.
     pub total: f64,
     pub ms_per_direction: f64,
@@ -78,7 +72,6 @@ pub struct Run {
 const PARTS: u32 = 8;
 
 impl Figure for Times {
-    const KIND: &'static str = "times";
     const FORMAT: Format = Format::Html;
     type Parameters = Parameters;
 
@@ -91,35 +84,27 @@ impl Figure for Times {
             let run = |&pipeline: &Pipeline| -> Result<Run> {
                 let mut settings = pictures.settings(directions);
                 (settings.size, settings.pipeline) = ([size; 2], pipeline);
+                let mut progress: Vec<(u32, f64)> = Vec::new();
                 let start = Instant::now();
-                let mut render = pictures.start(&settings)?;
-                let mut progress = Vec::new();
-                while !render.is_done() {
-                    render.step()?;
-                    let done = render.directions_done();
+                let (picture, statistics) = pictures.render_in_steps(&settings, |done, seconds| {
                     if done >= (progress.len() as u32 + 1) * directions / PARTS {
-                        progress.push((done, render.statistics().seconds.gather));
+                        progress.push((done, seconds));
                     }
-                }
-                let picture = render.picture();
+                })?;
                 let total = start.elapsed().as_secs_f64();
-                let statistics = render.statistics().clone();
                 points = statistics.gather.points;
                 let ends = if pipeline == Pipeline::Fused { 1.0 } else { 0.5 };
                 let samples = ends * f64::from(points) * f64::from(directions);
                 let pipeline = pipeline.name().to_owned();
-                let of = statistics.seconds;
-                eprintln!("  {} by {pipeline}: {:.1} s, gather {:.1} s", declared.name, total, of.gather);
+                let stages = Stages::of(&statistics);
+                eprintln!("  {} by {pipeline}: {total:.1} s, gather {:.1} s", declared.name, stages.gather);
                 settings.directions = directions.div_ceil(PARTS);
                 Ok(Run {
                     pipeline,
-                    photons: of.photons,
-                    visible_points: of.visible_points,
-                    direct: of.direct,
-                    gather: of.gather,
+                    stages,
                     total,
                     ms_per_direction: statistics.gather.ms_per_direction,
-                    ns_per_sample: 1e9 * of.gather / samples,
+                    ns_per_sample: 1e9 * stages.gather / samples,
                     layers_mean: statistics.gather.layers_mean,
                     peel_share: pictures.share_of_stage("peel", &settings)?,
                     progress,
@@ -129,16 +114,13 @@ impl Figure for Times {
             let runs = parameters.pipelines.iter().map(run).collect::<Result<_>>()?;
             Ok(OfPicture { declared: declared.clone(), directions, points, runs })
         };
-        Ok(Self {
-            hardware: Machine::here()?.described(),
-            size,
-            pictures: parameters.pictures.iter().map(of_picture).collect::<Result<_>>()?,
-        })
+        let pictures = parameters.pictures.iter().map(of_picture).collect::<Result<_>>()?;
+        Ok(Self { hardware: Machine::here()?.described(), size, pictures })
     }
 
     fn draw(&self, parameters: &Parameters) -> Result<String> {
         let tables: String = self.pictures.iter().map(|picture| picture.table(self, parameters)).collect();
-        Ok(format!("{tables}<div class=\"plot\">\n{}</div>\n", self.plot()?))
+        Ok(tables + &plot_in_page(&self.plot()?))
     }
 }
 
@@ -149,28 +131,28 @@ impl OfPicture {
             [name.to_owned(), poster.unwrap_or_default()].into_iter().chain(runs.iter().map(of)).collect::<Vec<_>>()
         };
         let of_share =
-            |run: &Run, of: fn(f64) -> f64| run.peel_share.map_or(String::new(), |share| seconds(of(share) * run.gather));
+            |run: &Run, of: fn(f64) -> f64| run.peel_share.map_or(String::new(), |share| seconds(of(share) * run.stages.gather));
         let per_direction = 1e3 * declared.poster_gather / f64::from(declared.directions);
-        // At as many of its pixels as here.
+        // Assumes the same share of pixels with points as here.
         let poster_points = f64::from(*points) * (f64::from(parameters.size) / f64::from(*size)).powi(2);
         let per_sample = 1e6 * per_direction / (0.5 * poster_points);
         let rows = [
-            row("Photons", None, &|run| seconds(run.photons)),
-            row("Visible points", None, &|run| seconds(run.visible_points)),
-            row("Direct light", None, &|run| seconds(run.direct)),
-            row("<strong>Final gathering</strong>", Some(seconds(declared.poster_gather)), &|run| seconds(run.gather)),
+            row("Photons", None, &|run| seconds(run.stages.photons)),
+            row("Visible points", None, &|run| seconds(run.stages.visible_points)),
+            row("Direct light", None, &|run| seconds(run.stages.direct)),
+            row("<strong>Final gathering</strong>", Some(seconds(declared.poster_gather)), &|run| seconds(run.stages.gather)),
             row("– of it peeling", None, &|run| of_share(run, |share| share)),
             row("– of it at the points", None, &|run| of_share(run, |share| 1.0 - share)),
             row("<strong>All</strong>", declared.poster_total.map(seconds), &|run| seconds(run.total)),
             row("Gather, a direction", Some(format!("{per_direction:.1} ms")), &|run| format!("{:.1} ms", run.ms_per_direction)),
             row("Gather, a sample", Some(format!("≈ {per_sample:.0} ns")), &|run| format!("{:.0} ns", run.ns_per_sample)),
             row("Layers, a direction", None, &|run| format!("{:.2}", run.layers_mean)),
-            row("Relative RMSE", None, &|run| format!("{:.2} %", 100.0 * run.relative_rmse)),
+            row("Relative RMSE", None, &|run| percent(run.relative_rmse)),
         ];
         let head: Vec<_> = ["", "poster"].into_iter().chain(runs.iter().map(|run| run.pipeline.as_str())).collect();
         format!(
             "<p><strong>{}</strong>, {size} × {size} pixels, {points} visible points, {directions} directions, on {hardware}. The poster: \
-             {1} directions on {2}; it does not say how many points, which are taken to be as many of its pixels as here.</p>\n{3}",
+             {1} directions on {2}; it does not state the number of points. The table assumes the same share of pixels as here.</p>\n{3}",
             declared.name,
             declared.directions,
             parameters.poster_hardware,
@@ -181,23 +163,17 @@ impl OfPicture {
 
 impl Times {
     fn plot(&self) -> Result<String> {
-        let mut curves = Vec::new();
-        for (i, OfPicture { declared, runs, .. }) in self.pictures.iter().enumerate() {
-            curves.extend(runs.iter().map(|run| Curve {
-                name: format!("{}, {}", run.pipeline, declared.name.to_lowercase()),
-                color: color(&run.pipeline),
-                faint: i == 0,
-                points: run.progress.iter().map(|&(directions, seconds)| (directions.into(), seconds)).collect(),
-            }));
-        }
-        let poster = self.pictures.iter().map(|OfPicture { declared, .. }| (declared.directions.into(), declared.poster_gather));
-        let origin = [(0.0, 0.0)].into_iter();
-        curves.push(Curve { name: "the poster".into(), color: plot::GREY, faint: true, points: origin.chain(poster).collect() });
-        let [x, y] = plot::values(&curves);
-        plot::svg((900, 520), |area| {
-            let directions = Axis::linear("directions", x.into_iter(), plot::whole);
-            let seconds = Axis::linear("seconds of gathering", y.into_iter(), plot::whole);
-            plot::lines(area, &format!("Time against directions, {0} x {0}", self.size), [&directions, &seconds], &curves)
-        })
+        let curve = |run: &Run, of: &str, faint| {
+            let name = format!("{}, {}", run.pipeline, of.to_lowercase());
+            Curve::new(name, plot::color(&run.pipeline), run.progress.iter().copied()).faint(faint)
+        };
+        let of_picture = |(i, OfPicture { declared, runs, .. }): (usize, &OfPicture)| {
+            runs.iter().map(|run| curve(run, &declared.name, i == 0)).collect::<Vec<_>>()
+        };
+        let mut curves: Vec<_> = self.pictures.iter().enumerate().flat_map(of_picture).collect();
+        let poster = self.pictures.iter().map(|OfPicture { declared, .. }| (declared.directions, declared.poster_gather));
+        curves.push(Curve::new("the poster", plot::GREY, [(0, 0.0)].into_iter().chain(poster)).faint(true));
+        let axes = [Axis::linear("directions", whole), Axis::linear("seconds of gathering", whole)];
+        plot::svg([Panel::lines(520, format!("Time against directions, {0} x {0}", self.size), axes, curves)])
     }
 }

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::thread::available_parallelism;
 
 use clap::builder::{PossibleValue, PossibleValuesParser};
-use finalgather::bench::{Bench, CONTESTANTS, Contestant, FUSED, Plan, Row, Where};
+use finalgather::bench::{Bench, BenchPlan, CONTESTANTS, Contestant, FUSED, Row, Where};
 use finalgather::error::{Error, Result};
 use finalgather::job::Watch;
 use finalgather::scene::Loaded;
@@ -90,7 +90,7 @@ pub fn run(args: &BenchArgs) -> Result<u8> {
     terminal.stage("measuring");
     let asked = |contestant: &&Contestant| args.pipelines.is_empty() || args.pipelines.iter().any(|name| name == contestant.name);
     let contestants: Vec<_> = CONTESTANTS.iter().filter(asked).collect();
-    let plan = Plan { directions: args.directions, rounds: args.rounds, stages: true, converged: CONVERGED };
+    let plan = BenchPlan { directions: args.directions, rounds: args.rounds, stages: true, converged: CONVERGED };
     let rows = bench.measure(&contestants, plan)?;
     terminal.clear();
 

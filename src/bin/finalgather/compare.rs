@@ -4,7 +4,7 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
 use finalgather::error::{Error, Result};
-use finalgather::image::compare::{Comparison, Selection, View, compare_as, mask_of};
+use finalgather::image::compare::{Comparison, Selection, ViewingConditions, compare_as, mask_of};
 use finalgather::image::{Image, check_writable};
 use finalgather::job::check_kept;
 
@@ -53,7 +53,7 @@ pub fn run(args: &CompareArgs) -> Result<u8> {
     let (picture, reference) = (read(&args.picture)?, read(&args.reference)?);
     let mask = args.mask.as_deref().map(|path| read_mask(path, &picture)).transpose()?;
     let selection = Selection { mask: mask.as_deref(), trim: args.trim };
-    let view = View { exposure: args.exposure, toned: [is_png(&args.picture), is_png(&args.reference)] };
+    let view = ViewingConditions { exposure: args.exposure, toned: [is_png(&args.picture), is_png(&args.reference)] };
     // The options are sound, so that what is wrong is wrong with the files.
     let (comparison, map) = compare_as(&picture, &reference, selection, view).map_err(|error| match error {
         Error::Usage { problem, cure } => {

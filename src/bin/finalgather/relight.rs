@@ -4,7 +4,7 @@ use std::f32::consts::{FRAC_1_PI, PI};
 use std::path::{Path, PathBuf};
 
 use finalgather::error::{Error, Result};
-use finalgather::export::{self, Surface, Values, read_prt};
+use finalgather::export::{self, ExportMesh, PointValues, read_prt};
 use finalgather::harmonics::project;
 use finalgather::image::{self, Channel, Image, WriteOptions};
 use finalgather::job::{SceneRequest, check_kept};
@@ -102,14 +102,14 @@ pub fn run(args: &RelightArgs) -> Result<u8> {
                 model.picture(&irradiance, &environment, size).write(path, &options)?;
             }
             (Some(model), _) => {
-                let surface = Surface { mesh: &model.mesh, materials: &model.unit.materials, textures: &model.unit.textures };
+                let surface = ExportMesh { mesh: &model.mesh, materials: &model.unit.materials, textures: &model.unit.textures };
                 let (positions, normals) = (&model.mesh.positions, &model.mesh.normals);
-                Values { positions, normals, columns: &columns, surface: Some(surface) }.write(path, &options)?;
+                PointValues { positions, normals, columns: &columns, surface: Some(surface) }.write(path, &options)?;
             }
             // NumPy's file holds the columns alone.
             (None, _) => {
                 let nowhere = vec![Vec3::ZERO; irradiance.len()];
-                Values { positions: &nowhere, normals: &nowhere, columns: &columns, surface: None }.write(path, &options)?;
+                PointValues { positions: &nowhere, normals: &nowhere, columns: &columns, surface: None }.write(path, &options)?;
             }
         }
     }

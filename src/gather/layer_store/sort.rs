@@ -4,7 +4,7 @@
 use super::{Bundle, Slots};
 use crate::error::Result;
 use crate::geometry::Geometry;
-use crate::gpu::{Blend, DepthTest, Draw, Format, Geometry as Shape, Gpu, Program, Target, Texture, Uniform};
+use crate::gpu::{Blend, DepthTest, Draw, Format, Gpu, Program, Shape, Target, Texture, Uniform};
 use crate::shaders;
 
 /// Tiles whose lists are kept at a time: enough to keep a device busy, and few, for a surface in a list takes 16 bytes.

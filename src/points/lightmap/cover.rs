@@ -1,19 +1,18 @@
-//! Which texels the triangles touch, and where in them samples are taken. Coverage is conservative: a texel of which a triangle takes any
-//! part has a sample, for filtering reads it at the edge of the chart.
+//! Finds the texels that triangles touch, and places samples in them. Coverage is conservative: each texel that a triangle touches has a sample,
+//! because filtering reads it at the edge of the chart.
 
 use glam::{DVec2, DVec3, Vec3, dvec2};
 use rayon::prelude::*;
 
 use crate::random::Random;
 
-/// Marks the one sample of what a triangle takes of a texel without the place of any stratum.
+/// The stratum of a sample whose triangle contains no place of a stratum in its texel.
 const OUTSIDE_STRATA: u32 = u32::MAX;
 
-/// How far inside both of two triangles, in texels, the same place must lie before they overlap: well above what texture coordinates of 32
-/// bits are rounded by in the largest map.
+/// Two triangles overlap if a place lies inside both by more than this, in texels: far more than 32-bit coordinates round in the largest map.
 const OVERLAP_DEPTH: f64 = 0.01;
 
-/// Part of a texel's area below which a triangle does not touch it.
+/// A triangle touches a texel if it covers more than this fraction of the texel's area.
 const TOUCH: f64 = 1e-6;
 
 #[derive(Clone, Copy, Debug)]
@@ -23,14 +22,14 @@ pub struct Sample {
     stratum: u32,
     pub triangle: u32,
     pub barycentric: Vec3,
-    /// Of the triangle within the texel, in texels.
+    /// Area of the triangle within the texel, in texels.
     area: f32,
-    /// Whether it is so far inside that no neighbour can have it too.
+    /// Whether it lies so far inside its triangle that no neighbour can contain it too.
     inner: bool,
 }
 
-/// The samples of all triangles with these corners in texels, sorted by texel and stratum: of each stratum (`strata`² a texel) the place
-/// that it has in its texel if that is in the triangle, or else one in the middle of what the triangle takes of the texel.
+/// Samples all triangles with these corners, in texels, and sorts by texel and stratum. A texel has `strata`² strata with one place each. A
+/// triangle has a sample at each place that it contains. If it contains none, it has one in the middle of its part of the texel.
 pub fn cover(corners: &[[DVec2; 3]], size: [u32; 2], strata: u32) -> Vec<Sample> {
     let mut samples: Vec<Sample> = corners
         .par_iter()
@@ -45,7 +44,7 @@ pub fn cover(corners: &[[DVec2; 3]], size: [u32; 2], strata: u32) -> Vec<Sample>
     samples
 }
 
-/// Of these samples one for each stratum, and where a texel has none the one of the largest part.
+/// Keeps one sample for each stratum. In texels without such samples, keeps that of the largest part.
 pub fn thin(samples: &[Sample]) -> Vec<Sample> {
     let mut kept = Vec::with_capacity(samples.len());
     for texel in samples.chunk_by(|p, q| p.texel == q.texel) {
@@ -58,7 +57,7 @@ pub fn thin(samples: &[Sample]) -> Vec<Sample> {
     kept
 }
 
-/// How many places lie in more than one triangle, and the first two such triangles.
+/// Returns the number of places that lie in more than one triangle, and the first two such triangles.
 pub fn overlaps(samples: &[Sample]) -> Option<(usize, [u32; 2])> {
     let mut first = None;
     let places = samples.chunk_by(|p, q| (p.texel, p.stratum) == (q.texel, q.stratum)).filter(|place| {
@@ -91,7 +90,7 @@ fn cover_triangle(triangle: u32, corners: [DVec2; 3], size: [u32; 2], strata: u3
                 let inner = stratum != OUTSIDE_STRATA && (at * heights).min_element() > OVERLAP_DEPTH;
                 Sample { texel, stratum, triangle, barycentric: at.as_vec3(), area: area as f32, inner }
             };
-            // Jittered, so that no row of samples falls on the foot of a wall that runs along the texels; the same for all triangles.
+            // Jitter keeps rows of samples off the foot of a wall that runs along the texels. It is the same for all triangles.
             let mut random = Random::new(0, u64::from(texel));
             let before = samples.len();
             samples.extend((0..strata * strata).filter_map(|stratum| {
@@ -107,7 +106,7 @@ fn cover_triangle(triangle: u32, corners: [DVec2; 3], size: [u32; 2], strata: u3
     }
 }
 
-/// Of the texels along one side of the map, those between the least and the largest coordinate.
+/// The texels along one side of the map between the least and the largest coordinate.
 fn span(coordinates: impl Iterator<Item = f64>, side: u32) -> std::ops::Range<u32> {
     let (low, high) = coordinates.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), at| (low.min(at), high.max(at)));
     (low.floor().max(0.0) as u32)..(high.ceil().max(0.0) as u32).min(side)
@@ -129,7 +128,7 @@ fn clip(polygon: &[DVec2], axis: DVec2, from: f64) -> Vec<DVec2> {
     part
 }
 
-/// Of a convex polygon; its corners' mean serves as the centroid.
+/// Area and centroid of a convex polygon. The mean of its corners stands for the centroid.
 fn area_and_centroid(polygon: &[DVec2]) -> (f64, DVec2) {
     let Some(&first) = polygon.first() else { return (0.0, DVec2::ZERO) };
     let double: f64 = polygon.windows(2).map(|pair| (pair[0] - first).perp_dot(pair[1] - first)).sum();

@@ -1,5 +1,5 @@
-//! Where triangles meet. Vertices are split for normals and texture coordinates, so that what is one edge in space may be two in the mesh:
-//! corners count as one where their positions are the same bits.
+//! Edges between triangles. Meshes split vertices for normals and texture coordinates, so one edge in space may be two in the mesh. Corners
+//! therefore count as one if their positions have the same bits.
 
 use std::collections::HashMap;
 
@@ -7,21 +7,20 @@ use glam::{Vec2, Vec3};
 
 use crate::scene::Mesh;
 
-/// Least cosine between normals on both sides of an edge that light passes over without a step: 26°. Beyond it is a crease, and no chart
-/// goes over it.
+/// An edge is smooth if the cosine between the normals on its two sides is more than this, 26°. Charts do not cross other edges, the creases.
 const SMOOTH: f32 = 0.9;
 
-/// Two triangles that are one smooth surface over an edge.
+/// A smooth edge between two triangles.
 #[derive(Clone, Copy, Debug)]
 pub struct Joint {
-    /// Of each, the triangle and its two corners at the edge's ends, in the same order.
+    /// For each side, the triangle and its two corners at the edge's ends, both sides in the same order.
     pub sides: [(usize, [usize; 2]); 2],
 }
 
 /// The number of each vertex's position: the same for the same position.
 pub fn weld(mesh: &Mesh) -> Vec<u32> {
     let mut numbers = HashMap::new();
-    // Adding zero makes the two zeros one.
+    // Adding zero turns -0 into 0.
     let key = |position: Vec3| (position + Vec3::ZERO).to_array().map(f32::to_bits);
     mesh.positions
         .iter()
@@ -57,7 +56,7 @@ pub fn joints(mesh: &Mesh, welded: &[u32]) -> Vec<Joint> {
     joints
 }
 
-/// Of each triangle, which edges, from a corner to the next, are no joints: creases and borders.
+/// For each triangle, which of its edges (from a corner to the next) are no joints, but creases and borders.
 pub fn cuts(mesh: &Mesh, joints: &[Joint]) -> Vec<[bool; 3]> {
     let mut cuts = vec![[true; 3]; mesh.triangles.len()];
     for &(triangle, [p, q]) in joints.iter().flat_map(|joint| &joint.sides) {
@@ -73,8 +72,8 @@ fn normal(mesh: &Mesh, triangle: usize, corner: usize) -> Vec3 {
     if normal == Vec3::ZERO { mesh.geometric_normal(triangle) } else { normal }
 }
 
-/// The chart of each triangle, numbered in the order of triangles, and the joints that lie between charts or come back to another place
-/// of the same: the seams. `uvs` are those of the corners.
+/// Returns the chart of each triangle, numbered in the order of triangles, and the seams: joints whose sides lie at different places of the map.
+/// `uvs` are the coordinates of each triangle's corners.
 pub fn charts(uvs: &[[Vec2; 3]], joints: &[Joint]) -> (Vec<u32>, Vec<Joint>) {
     let mut parent: Vec<usize> = (0..uvs.len()).collect();
     fn root(parent: &mut [usize], mut at: usize) -> usize {
@@ -89,7 +88,7 @@ pub fn charts(uvs: &[[Vec2; 3]], joints: &[Joint]) -> (Vec<u32>, Vec<Joint>) {
     });
     for Joint { sides: [(p, _), (q, _)] } in within {
         let [p, q] = [p, q].map(|side| root(&mut parent, side));
-        // The least triangle stands for its chart.
+        // The first triangle of a chart is its root.
         parent[p.max(q)] = p.min(q);
     }
     let mut chart = vec![0; uvs.len()];

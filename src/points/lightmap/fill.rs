@@ -1,23 +1,24 @@
-//! Texels that nothing tells about: those inside geometry take their value from their chart, the empty ones around a chart from its rim.
+//! Fills texels without values: texels inside geometry from their chart, and empty texels around a chart from its rim.
 
 use super::{Texel, mean};
 
-/// No texel, no chart.
+/// Means no texel or no chart.
 const NONE: u32 = u32::MAX;
 
-/// Texels in the order in which they get the mean of known ones around them; a source may be one that was filled before.
+/// The order in which texels get the mean of neighbours.
 pub struct Fill {
+    /// Texels and their sources. A source may be a texel that an earlier step filled.
     steps: Vec<(u32, [u32; 8])>,
-    /// Of these, the first that fill texels which filtering does not read.
+    /// The first step whose texel filtering does not read.
     far: usize,
     /// Texels of charts that got a value from their neighbours.
     pub filled: usize,
-    /// Texels of charts of which no texel is known: they keep what they have.
+    /// Texels of charts without any known texel. They keep their values.
     pub hidden: usize,
 }
 
 impl Fill {
-    /// Of a map of this size with these covered texels; `known` says which of them count. Around charts `padding` rings of texels get values.
+    /// `texels` are those that the map's charts cover, `known` tells which have values, and `padding` rings of texels around charts get values.
     pub fn new([width, height]: [u32; 2], texels: &[Texel], known: impl Fn(&Texel) -> bool, padding: u32) -> Self {
         let mut chart = vec![NONE; width as usize * height as usize];
         let mut given = vec![false; chart.len()];
@@ -35,7 +36,7 @@ impl Fill {
         };
         let mut steps = Vec::new();
 
-        // Each turn adds one ring; a chart's own gaps are closed before anything is laid around it.
+        // Each call adds one ring. The gaps of charts are closed before rings around charts are added.
         let mut ring: Vec<u32> = texels.iter().map(|texel| texel.index).filter(|&index| given[index as usize]).collect();
         let grow =
             |steps: &mut Vec<(u32, [u32; 8])>, given: &mut [bool], chart: &mut [u32], ring: &mut Vec<u32>, covered: bool| {
@@ -49,7 +50,7 @@ impl Fill {
                         continue;
                     }
                     let mut sources = around(texel).map(|from| if from != NONE && given[from as usize] { from } else { NONE });
-                    // An empty texel between charts goes to one of them.
+                    // An empty texel between charts belongs to one of them.
                     let chart_of = |from: u32| if from == NONE { NONE } else { chart[from as usize] };
                     let own = if covered { own } else { sources.map(chart_of).into_iter().min().unwrap_or(NONE) };
                     sources = sources.map(|from| if chart_of(from) == own { from } else { NONE });
@@ -66,13 +67,8 @@ impl Fill {
                 }
                 ring.len()
             };
-        let mut filled = 0;
-        loop {
-            match grow(&mut steps, &mut given, &mut chart, &mut ring, true) {
-                0 => break,
-                count => filled += count,
-            }
-        }
+        while grow(&mut steps, &mut given, &mut chart, &mut ring, true) > 0 {}
+        let filled = steps.len();
         let hidden = texels.iter().filter(|texel| !given[texel.index as usize]).count();
         ring = texels.iter().map(|texel| texel.index).collect();
         for &texel in &ring {
@@ -86,7 +82,7 @@ impl Fill {
         Self { steps, far, filled, hidden }
     }
 
-    /// Fills all texels that filtering reads at a place on a surface.
+    /// Fills all texels that filtering reads at places on surfaces.
     pub fn near(&self, plane: &mut [f32]) {
         apply(&self.steps[..self.far], plane);
     }

@@ -1,12 +1,14 @@
-//! Light maps: irradiance, or whatever else is gathered, as a texture of the scene's surfaces. [`LightMap::new`] lays the surfaces out in the
-//! plane and takes gather points in all texels that they touch; [`LightMap::image`] makes the map of the values found at them.
+//! Light maps: irradiance or other gathered values as a texture of the scene's surfaces. [`LightMap::new`] lays out the surfaces in the plane
+//! and places gather points in all texels that they touch. [`LightMap::image`] makes the map from the values at these points.
 //!
-//! Layout: the mesh's own texture coordinates ([`Mesh::uvs`]; an OBJ has one set, there is no second) where they cover the surface once
-//! within 0 to 1, or an atlas. No chart of an atlas goes over a crease, for filtering would blur it.
+//! The layout is the mesh's own texture coordinates ([`Mesh::uvs`]; a mesh has one set) if they cover the surface once within 0 to 1,
+//! or an atlas. Charts of an atlas do not cross creases, because filtering would blur them.
 //!
-//! From values to the map: the mean of each texel's samples; samples inside geometry, which see mostly backs, do not count, and texels
-//! without others are filled from their chart; texels along seams are moved until both sides agree; last, charts grow into the
-//! padding around them, so that filtering reads nothing empty and nothing of another chart.
+//! From values to the map:
+//! 1. A texel is the mean of its samples. Samples inside geometry, which see mostly back faces, do not count.
+//! 2. Texels that have only such samples are filled from their chart (`fill`).
+//! 3. Texels along seams change until both sides agree (`seams`).
+//! 4. Charts grow into the padding around them, so that filtering reads no empty texel and none of another chart.
 
 mod cover;
 mod edges;
@@ -23,40 +25,36 @@ use serde::{Deserialize, Serialize};
 
 use self::fill::Fill;
 use self::seams::Seams;
-use self::unwrap::{Atlas, Own, Surface, Unwrap, Unwrapped, double_area, has_area, unusable};
-use super::GatherPoint;
+use self::unwrap::{UnwrapInput, UvLayout, double_area, has_area, unusable};
+use super::{GatherPoint, INSIDE};
 use crate::error::{Error, Result};
 use crate::image::{Channel, Image};
 use crate::scene::{Mesh, Triangle};
 
-/// Texels along a side: what most devices take as a texture.
+/// The most texels along a side. Most devices take textures of this size.
 const MAX_SIDE: u32 = 16_384;
 
-/// Samples of a map, 68 bytes each while it is made: 4.5 GB.
+/// The most samples of a map. Making it takes 68 bytes for each, 4.5 GB.
 const MAX_SAMPLES: f64 = (1 << 26) as f64;
 
-/// Distance of points from creases and borders, of the scene's radius: nearer to the foot of a wall a gather would lose some of what the
-/// wall sends, and on an edge see either side of it.
+/// Least distance of points from creases and borders, for a scene of radius 1. Nearer to the foot of a wall, a gather would lose some of the
+/// wall's light. On an edge, it could see either side.
 const INSET: f32 = 1e-3;
 
-/// Distance from edges over which a surface is smooth: either side will do, so that points of thin triangles need not move far.
+/// Least distance of points from joints. It is small because both sides are one smooth surface, and points of thin triangles should not move far.
 const JOINT_INSET: f32 = 1e-5;
 
-/// The same at most, of the triangle's height.
+/// The most that both distances may be, as a fraction of the triangle's height.
 const MAX_INSET: f32 = 0.1;
 
-/// Share of back-face hits from which on a point lies inside something. There all hits are, but for leaks; outside none, but for surfaces
-/// without thickness, as leaves, of which about half show their backs.
-const INSIDE: f32 = 0.5;
-
-/// How a light map is made.
+/// Options of a light map.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LightMapOptions {
     pub resolution: Resolution,
     pub uvs: UvSource,
-    /// Texels around each chart that get values from it; charts of an atlas are twice as far apart. At least 1.
+    /// Rings of texels around each chart that get its values, at least 1. Charts of an atlas are twice as far apart.
     pub padding: u32,
-    /// In texels that lie within a surface: a square number, or the next is taken.
+    /// Samples in a texel that lies within a surface, rounded up to a square number.
     pub samples_per_texel: u32,
 }
 
@@ -68,24 +66,24 @@ impl Default for LightMapOptions {
 
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Resolution {
-    /// Width of the map; its height too, but that an atlas ends where its charts do.
+    /// Width of the map. The height is the same, but an atlas ends with its last chart.
     Pixels(u32),
-    /// In the mesh's units of length: for texels in a unit of the world, times the
-    /// [length](crate::scene::UnitSpace::length_to_world) of 1 there.
+    /// Texels for each unit of length of the mesh. For texels for each world unit, multiply by the world
+    /// [length](crate::scene::UnitSpace::length_to_world) of 1.
     TexelsPerUnit(f32),
 }
 
-/// Where texture coordinates come from.
+/// The source of texture coordinates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum UvSource {
-    /// The mesh's own if they serve, else an atlas.
+    /// The mesh's own coordinates if they are usable, else an atlas.
     Auto,
     Own,
     Atlas,
 }
 
-/// What was made.
+/// Size and contents of a light map.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct LightMapCounts {
     pub width: u32,
@@ -95,25 +93,25 @@ pub struct LightMapCounts {
     pub charts: u32,
     /// Texels that a surface touches.
     pub texels: usize,
-    /// Texels that two charts touch: their light mixes there. An atlas has none.
+    /// Texels that two charts touch. Their light mixes there. An atlas has none.
     pub shared: usize,
     pub samples: usize,
-    /// Edges where the surface goes on elsewhere in the map.
+    /// Edges at which the surface continues elsewhere in the map.
     pub seams: usize,
-    /// Triangles without area in the map, which have no samples.
+    /// Triangles without area in the map. They have no samples.
     pub lost: usize,
 }
 
-/// What was mended in a picture of the map.
+/// Repairs of a light map's image.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Mended {
-    /// Texels inside geometry that have their value from their chart.
+    /// Texels inside geometry that were filled from their chart.
     pub filled: usize,
-    /// Texels of charts wholly inside geometry.
+    /// Texels of charts that lie wholly inside geometry.
     pub hidden: usize,
-    /// Root mean square of the steps across seams, of the values there, as they were.
+    /// Root mean square of the steps across seams, relative to the values there, before the repair.
     pub steps_before: f64,
-    /// The same, as they are.
+    /// The same after the repair.
     pub steps: f64,
 }
 
@@ -123,11 +121,11 @@ struct Texel {
     /// Row by row from the bottom.
     index: u32,
     chart: u32,
-    /// Into the points.
+    /// Indices of its points.
     samples: Range<usize>,
 }
 
-/// A layout of surfaces and the gather points in its texels.
+/// A layout of surfaces, and gather points in its texels.
 pub struct LightMap {
     mesh: Mesh,
     origins: Vec<u32>,
@@ -140,36 +138,38 @@ pub struct LightMap {
 }
 
 impl LightMap {
-    /// Of a mesh in unit space.
+    /// `mesh` is in unit space.
     ///
     /// # Errors
-    /// When the mesh's own texture coordinates are asked for and cannot serve, or when the map would be too large.
+    /// If `options` ask for the mesh's own texture coordinates and these are not usable, or if the map would be too large.
     pub fn new(mesh: &Mesh, options: &LightMapOptions) -> Result<Self> {
         if let Resolution::Pixels(side) = options.resolution {
             check_size(&[], [side; 2], 1)?;
         }
         match options.uvs {
-            UvSource::Own => Self::by(&Own, mesh, options),
-            UvSource::Atlas => Self::by(&Atlas, mesh, options),
-            UvSource::Auto if mesh.uvs.iter().all(|&uv| uv == Vec2::ZERO) => Self::by(&Atlas, mesh, options),
-            UvSource::Auto => Self::by(&Own, mesh, options).or_else(|error| {
-                let mut map = Self::by(&Atlas, mesh, options)?;
-                if let Error::Usage { problem, .. } = error {
-                    map.warnings.push(format!("an atlas in place of the mesh's own texture coordinates: {problem}"));
-                }
-                Ok(map)
-            }),
+            UvSource::Own => Self::with_layout("own", mesh, options),
+            UvSource::Auto if mesh.uvs.iter().any(|&uv| uv != Vec2::ZERO) => {
+                Self::with_layout("own", mesh, options).or_else(|error| {
+                    let mut map = Self::with_layout("atlas", mesh, options)?;
+                    if let Error::Usage { problem, .. } = error {
+                        map.warnings.push(format!("an atlas in place of the mesh's own texture coordinates: {problem}"));
+                    }
+                    Ok(map)
+                })
+            }
+            UvSource::Atlas | UvSource::Auto => Self::with_layout("atlas", mesh, options),
         }
     }
 
-    fn by(layout: &impl Unwrap, mesh: &Mesh, options: &LightMapOptions) -> Result<Self> {
+    fn with_layout(layout: &'static str, mesh: &Mesh, options: &LightMapOptions) -> Result<Self> {
         if options.padding == 0 || options.samples_per_texel == 0 {
             return Err(Error::usage("a light map without padding or samples", "give at least 1 of each"));
         }
         let welded = edges::weld(mesh);
         let joints = edges::joints(mesh, &welded);
         let cuts = edges::cuts(mesh, &joints);
-        let Unwrapped { uvs, size } = layout.unwrap(&Surface { mesh, welded: &welded, joints: &joints, cuts: &cuts }, options)?;
+        let unwrap = if layout == "own" { unwrap::own } else { unwrap::atlas };
+        let UvLayout { uvs, size } = unwrap(&UnwrapInput { mesh, welded: &welded, joints: &joints, cuts: &cuts }, options)?;
         let strata = f64::from(options.samples_per_texel).sqrt().ceil() as u32;
         check_size(&uvs, size, strata)?;
         let (charts, seams) = edges::charts(&uvs, &joints);
@@ -201,7 +201,7 @@ impl LightMap {
         let counts = LightMapCounts {
             width: size[0],
             height: size[1],
-            layout: layout.name(),
+            layout,
             charts: charts.iter().max().map_or(0, |last| last + 1),
             texels: texels.len(),
             shared,
@@ -214,17 +214,17 @@ impl LightMap {
         Ok(Self { mesh, origins, points, texels, seams, padding: options.padding, counts, warnings: Vec::new() })
     }
 
-    /// Where values are wanted, several points a texel.
+    /// The gather points, several in a texel.
     pub fn points(&self) -> &[GatherPoint] {
         &self.points
     }
 
-    /// The mesh with the map's texture coordinates, its vertices split where charts end; triangles as they were.
+    /// The mesh with the map's texture coordinates. Vertices are split where charts end, and triangles keep their order.
     pub fn mesh(&self) -> &Mesh {
         &self.mesh
     }
 
-    /// Of each vertex of [`Self::mesh`], the one that it was, to find other attributes by.
+    /// The original vertex of each vertex of [`Self::mesh`], to look up other attributes.
     pub fn origins(&self) -> &[u32] {
         &self.origins
     }
@@ -233,12 +233,12 @@ impl LightMap {
         &self.counts
     }
 
-    /// In sentences for a person.
+    /// Warnings for the user.
     pub fn warnings(&self) -> &[String] {
         &self.warnings
     }
 
-    /// The map of these values at the points, and `A`, 1 where a surface is. `inside` is the share of back-face hits at each point.
+    /// The map of these values at the points, with `A`, 1 where a surface is. `inside` is the fraction of back-face hits at each point.
     pub fn image(&self, columns: &[Channel], inside: &[f32]) -> (Image, Mended) {
         let [width, height] = [self.counts.width, self.counts.height].map(|side| side as usize);
         let counts = |texel: &Texel| inside[texel.samples.clone()].iter().any(|&share| share <= INSIDE);
@@ -285,7 +285,7 @@ fn check_size(uvs: &[[Vec2; 3]], size: [u32; 2], strata: u32) -> Result<()> {
     Ok(())
 }
 
-/// The gather point of a sample, on the front of its triangle, of whose edges some are cuts.
+/// The gather point of a sample, on the front of its triangle. The flags tell which edges of the triangle are cuts.
 fn point(mesh: &Mesh, sample: &cover::Sample, [ab, bc, ca]: [bool; 3]) -> GatherPoint {
     let triangle = sample.triangle as usize;
     let corners @ [a, b, c] = mesh.corners(triangle);
@@ -293,14 +293,14 @@ fn point(mesh: &Mesh, sample: &cover::Sample, [ab, bc, ca]: [bool; 3]) -> Gather
     let heights = 2.0 * mesh.area(triangle) / Vec3::new(b.distance(c), c.distance(a), a.distance(b));
     let inset = Vec3::from([bc, ca, ab].map(|cut| if cut { INSET } else { JOINT_INSET }));
     let least = (inset / heights).min(Vec3::splat(MAX_INSET));
-    // Straight away from edges that are too near, the second time from what the first came near to.
+    // Move away from edges that are too near, twice, because moving away from one edge may bring the point near another.
     let mut position = mix(corners, sample.barycentric);
     for edge in [0, 1, 2, 0, 1, 2] {
         let [from, to] = [1, 2].map(|k| corners[(edge + k) % 3]);
         let inward = surface_normal.cross(to - from).normalize();
         position += inward * (least[edge] * heights[edge] - inward.dot(position - from)).max(0.0);
     }
-    // In sharp corners that is not enough: weights of at least `least` there, and all others stay.
+    // In sharp corners this is not enough. There, raise barycentric weights to `least` and scale down the others.
     let above = (mesh.barycentric(triangle, position) - least).max(Vec3::ZERO);
     let weights = least + above * ((1.0 - least.element_sum()) / above.element_sum());
     let normals = mesh.triangles[triangle].vertices.map(|vertex| mesh.normals[vertex as usize]);
@@ -312,7 +312,7 @@ fn mix([a, b, c]: [Vec3; 3], weights: Vec3) -> Vec3 {
     a * weights.x + b * weights.y + c * weights.z
 }
 
-/// The mesh with these texture coordinates of its triangles' corners; and of each vertex the one that it was.
+/// Splits vertices so that triangles have these texture coordinates at their corners. Also returns the original vertex of each vertex.
 fn split(mesh: &Mesh, uvs: &[[Vec2; 3]]) -> (Mesh, Vec<u32>) {
     let (mut new, mut origins, mut numbers) = (Mesh::default(), Vec::new(), HashMap::new());
     for (&Triangle { vertices, material }, uvs) in mesh.triangles.iter().zip(uvs) {
@@ -336,7 +336,7 @@ fn mean(values: impl Iterator<Item = f32>) -> f32 {
     sum / count as f32
 }
 
-/// Rows from the top of what has rows from the bottom.
+/// Reverses the order of rows, from bottom first to top first.
 fn from_top(plane: &[f32], width: usize) -> Vec<f32> {
     plane.chunks_exact(width).rev().flatten().copied().collect()
 }

@@ -1,7 +1,6 @@
-//! Seams: where a chart ends and the surface goes on elsewhere in the map, bilinear filtering reads other texels on the two sides, and a
-//! step shows. The texels along both sides are therefore moved a little, by least squares (after Iwanicki 2013, "Lighting technology of
-//! The Last of Us"): with x the texels, x₀ what was gathered, and a row of A for each place along a seam, the difference of what is read on
-//! its two sides,
+//! Seams: edges at which a chart ends and the surface continues elsewhere in the map. Bilinear filtering reads different texels on the two sides,
+//! and a step shows. Least squares change the texels along both sides a little (after Iwanicki 2013, "Lighting technology of The Last of Us").
+//! With the texels x, the gathered values x₀, and one row of A for each place along a seam, the difference of the two filtered values there:
 //!
 //! minimise W |A x|² + |x - x₀|²,
 //!
@@ -11,27 +10,27 @@ use glam::{DVec2, Vec2, dvec2};
 
 use super::edges::Joint;
 
-/// How much a step across a seam weighs beside a change of a texel.
+/// W, the weight of a step across a seam against a change of a texel.
 const WEIGHT: f64 = 32.0;
 
-/// Places in a texel's length along a seam; between two of them a bilinear function cannot go far.
+/// Places along a seam for each texel of its length. Between two of them, a bilinear function changes little.
 const PLACES: f64 = 3.0;
 
-/// Residual, of the first, at which the texels are settled.
+/// The solver ends when the residual is this fraction of the first.
 const SETTLED: f64 = 1e-4;
 
-/// The texels that bilinear filtering reads at both sides of a place, with weights that make the difference.
-type Row = [(u32, f64); 8];
+/// A row of A: the texels that bilinear filtering reads on both sides of a place, with the weights of the difference.
+type SeamEquation = [(u32, f64); 8];
 
 /// The equations of a map's seams.
 pub struct Seams {
-    rows: Vec<Row>,
-    /// The texels that they name, by the numbers that they have there.
+    rows: Vec<SeamEquation>,
+    /// The texels of the equations. Equations hold indices into this list.
     texels: Vec<u32>,
 }
 
 impl Seams {
-    /// Of the joints that are seams in a map of this size.
+    /// `seams` are the joints that are seams, `uvs` the coordinates of each triangle's corners, `size` the texels of the map.
     pub fn new(seams: &[Joint], uvs: &[[Vec2; 3]], size: [u32; 2]) -> Self {
         let scale = dvec2(size[0].into(), size[1].into());
         let mut rows = Vec::new();
@@ -41,12 +40,9 @@ impl Seams {
             let places = (PLACES * length).ceil().max(2.0) as u32;
             for place in 0..places {
                 let t = (f64::from(place) + 0.5) / f64::from(places);
-                let [p, q] = ends.map(|[a, b]| taps(a.lerp(b, t), size));
-                let mut row = Row::default();
-                for (to, (texel, weight)) in row.iter_mut().zip(p.into_iter().chain(q.map(|(texel, weight)| (texel, -weight)))) {
-                    *to = (texel, weight);
-                }
-                rows.push(row);
+                let [[a, b, c, d], q] = ends.map(|[a, b]| taps(a.lerp(b, t), size));
+                let [e, f, g, h] = q.map(|(texel, weight)| (texel, -weight));
+                rows.push([a, b, c, d, e, f, g, h]);
             }
         }
         let mut texels: Vec<u32> = rows.iter().flatten().map(|&(texel, _)| texel).collect();
@@ -58,8 +54,7 @@ impl Seams {
         Self { rows, texels }
     }
 
-    /// Moves the texels along the seams of one channel. Gives the sums over all places of the squared step before and after, and of the
-    /// squared value.
+    /// Changes the texels along seams in one channel. Returns sums over all places of the squared step before and after, and the squared value.
     pub fn close(&self, plane: &mut [f32]) -> [f64; 3] {
         let start: Vec<f64> = self.texels.iter().map(|&texel| plane[texel as usize].into()).collect();
         let mut change = vec![0.0; start.len()];
@@ -85,7 +80,7 @@ impl Seams {
             plane[texel as usize] = value as f32;
         }
         let steps = |values: &[f64]| self.rows.iter().map(|row| step(row, values).powi(2)).sum();
-        let side = |row: &Row| row[..4].iter().map(|&(texel, weight)| weight * start[texel as usize]).sum::<f64>();
+        let side = |row: &SeamEquation| row[..4].iter().map(|&(texel, weight)| weight * start[texel as usize]).sum::<f64>();
         [steps(&start), steps(&end), self.rows.iter().map(|row| side(row).powi(2)).sum()]
     }
 
@@ -102,8 +97,8 @@ impl Seams {
     }
 }
 
-/// A place's row of A x.
-fn step(row: &Row, x: &[f64]) -> f64 {
+/// One element of A x.
+fn step(row: &SeamEquation, x: &[f64]) -> f64 {
     row.iter().map(|&(texel, weight)| weight * x[texel as usize]).sum()
 }
 
@@ -111,7 +106,7 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-/// The texels that bilinear filtering reads at a place of the map, in texels, with their weights.
+/// The texels that bilinear filtering reads at a place of the map (in texels), with their weights.
 fn taps(at: DVec2, [width, height]: [u32; 2]) -> [(u32, f64); 4] {
     let (low, part) = ((at - 0.5).floor(), (at - 0.5) - (at - 0.5).floor());
     [[0, 0], [1, 0], [0, 1], [1, 1]].map(|[x, y]| {

@@ -1,4 +1,4 @@
-//! Texture coordinates for light maps: the mesh's own, if they serve, or an atlas.
+//! Texture coordinates for light maps: the mesh's own, or an atlas.
 
 use glam::Vec2;
 
@@ -7,141 +7,113 @@ use super::{LightMapOptions, Resolution};
 use crate::error::{Error, Result};
 use crate::scene::Mesh;
 
-/// Coordinates beyond [0, 1] by no more than this are rounding.
+/// Coordinates may leave [0, 1] by this much, through rounding.
 const RANGE_TOLERANCE: f32 = 1e-5;
 
-/// Twice the area, of the whole map's, below which a triangle has none: that of a thousandth of a texel in the largest map is 100 times this.
+/// A triangle has no area if twice its area is less than this fraction of the map: less than a thousandth of a texel in the largest map.
 const NO_AREA: f32 = 1e-12;
 
-/// A way to lay out a surface in the plane.
-pub trait Unwrap {
-    fn name(&self) -> &'static str;
-
-    fn unwrap(&self, surface: &Surface, options: &LightMapOptions) -> Result<Unwrapped>;
-}
-
-/// What is to be laid out.
-pub struct Surface<'a> {
+/// A mesh and its edges.
+pub struct UnwrapInput<'a> {
     pub mesh: &'a Mesh,
     /// A number for each vertex, the same for the same position.
     pub welded: &'a [u32],
-    /// The edges that charts may go over.
+    /// The edges that charts may cross.
     pub joints: &'a [Joint],
-    /// Of each triangle, which edges those are not.
+    /// For each triangle, which edges charts may not cross.
     pub cuts: &'a [[bool; 3]],
 }
 
-/// A layout.
-pub struct Unwrapped {
-    /// Of each triangle's corners, in [0, 1], v up.
+/// A layout of a mesh in the plane.
+pub struct UvLayout {
+    /// Coordinates of each triangle's corners, in [0, 1], v up.
     pub uvs: Vec<[Vec2; 3]>,
     /// Width and height of the map in texels.
     pub size: [u32; 2],
 }
 
-/// The texture coordinates that the mesh has.
-pub struct Own;
-
-impl Unwrap for Own {
-    fn name(&self) -> &'static str {
-        "own"
+/// The layout by the mesh's own texture coordinates.
+pub fn own(&UnwrapInput { mesh, joints, .. }: &UnwrapInput, options: &LightMapOptions) -> Result<UvLayout> {
+    if mesh.uvs.iter().all(|&uv| uv == Vec2::ZERO) {
+        return Err(unusable("the mesh has no texture coordinates"));
     }
-
-    fn unwrap(&self, &Surface { mesh, joints, .. }: &Surface, options: &LightMapOptions) -> Result<Unwrapped> {
-        if mesh.uvs.iter().all(|&uv| uv == Vec2::ZERO) {
-            return Err(unusable("the mesh has no texture coordinates"));
-        }
-        let uvs: Vec<_> =
-            mesh.triangles.iter().map(|triangle| triangle.vertices.map(|vertex| mesh.uvs[vertex as usize])).collect();
-        let outside = |uv: &Vec2| (uv - 0.5).abs().max_element() > 0.5 + RANGE_TOLERANCE;
-        let strays: Vec<usize> = (0..uvs.len()).filter(|&triangle| uvs[triangle].iter().any(outside)).collect();
-        if let [first, ..] = strays[..] {
-            let (count, all) = (strays.len(), uvs.len());
-            return Err(unusable(&format!(
-                "texture coordinates of {count} of {all} triangles leave 0 to 1, first triangle {first}"
-            )));
-        }
-        let (charts, _) = edges::charts(&uvs, joints);
-        // Where each chart begins, and whether any of its triangles has an area.
-        let mut flat: Vec<Option<usize>> = Vec::new();
-        for (triangle, &chart) in charts.iter().enumerate() {
-            flat.resize(flat.len().max(chart as usize + 1), Some(triangle));
-            if has_area(uvs[triangle]) {
-                flat[chart as usize] = None;
-            }
-        }
-        if let Some(first) = flat.iter().flatten().next() {
-            let (count, all) = (flat.iter().flatten().count(), flat.len());
-            return Err(unusable(&format!("{count} of {all} charts have no area in the texture, first triangle {first}")));
-        }
-        let side = match options.resolution {
-            Resolution::Pixels(side) => side,
-            Resolution::TexelsPerUnit(density) => {
-                let surface: f32 = (0..mesh.triangles.len()).map(|triangle| mesh.area(triangle)).sum();
-                let map: f32 = uvs.iter().map(|&corners| 0.5 * double_area(corners)).sum();
-                (density * (surface / map.max(NO_AREA)).sqrt()).ceil() as u32
-            }
-        };
-        Ok(Unwrapped { uvs, size: [side; 2] })
+    let uvs: Vec<_> = mesh.triangles.iter().map(|triangle| triangle.vertices.map(|vertex| mesh.uvs[vertex as usize])).collect();
+    let outside = |uv: &Vec2| (uv - 0.5).abs().max_element() > 0.5 + RANGE_TOLERANCE;
+    let strays: Vec<usize> = (0..uvs.len()).filter(|&triangle| uvs[triangle].iter().any(outside)).collect();
+    if let [first, ..] = strays[..] {
+        let (count, all) = (strays.len(), uvs.len());
+        return Err(unusable(&format!("texture coordinates of {count} of {all} triangles leave 0 to 1, first triangle {first}")));
     }
+    let (charts, _) = edges::charts(&uvs, joints);
+    // The first triangle of each chart in which no triangle has an area.
+    let mut flat: Vec<Option<usize>> = Vec::new();
+    for (triangle, &chart) in charts.iter().enumerate() {
+        flat.resize(flat.len().max(chart as usize + 1), Some(triangle));
+        if has_area(uvs[triangle]) {
+            flat[chart as usize] = None;
+        }
+    }
+    if let Some(first) = flat.iter().flatten().next() {
+        let (count, all) = (flat.iter().flatten().count(), flat.len());
+        return Err(unusable(&format!("{count} of {all} charts have no area in the texture, first triangle {first}")));
+    }
+    let side = match options.resolution {
+        Resolution::Pixels(side) => side,
+        Resolution::TexelsPerUnit(density) => {
+            let surface: f32 = (0..mesh.triangles.len()).map(|triangle| mesh.area(triangle)).sum();
+            let map: f32 = uvs.iter().map(|&corners| 0.5 * double_area(corners)).sum();
+            (density * (surface / map.max(NO_AREA)).sqrt()).ceil() as u32
+        }
+    };
+    Ok(UvLayout { uvs, size: [side; 2] })
 }
 
-/// An atlas by the crate `uvunwrap`: charts that turn by at most 70°, flattened conformally and then as rigidly as possible, packed by their
-/// shapes. It is used without its direct solver, with which the bits depend on the processor.
-pub struct Atlas;
-
-impl Unwrap for Atlas {
-    fn name(&self) -> &'static str {
-        "atlas"
+/// An atlas by the crate `uvunwrap`. Charts turn by at most 70°. They are flattened conformally, then as rigidly as possible, and packed by
+/// their shapes. The crate's direct solver is off, because its bits depend on the processor.
+pub fn atlas(&UnwrapInput { mesh, welded, cuts, .. }: &UnwrapInput, options: &LightMapOptions) -> Result<UvLayout> {
+    // Welded, so that only cuts bound charts, and not the splits of the mesh's vertices.
+    let mut positions = Vec::new();
+    for (position, &number) in mesh.positions.iter().zip(welded) {
+        if number as usize == positions.len() {
+            positions.push(position.to_array());
+        }
     }
-
-    fn unwrap(&self, surface: &Surface, options: &LightMapOptions) -> Result<Unwrapped> {
-        let Surface { mesh, welded, cuts, .. } = surface;
-        // Welded, so that only the cuts bound charts, and not where the mesh has its vertices split.
-        let mut positions = Vec::new();
-        for (position, &number) in mesh.positions.iter().zip(*welded) {
-            if number as usize == positions.len() {
-                positions.push(position.to_array());
-            }
-        }
-        let indices: Vec<u32> =
-            mesh.triangles.iter().flat_map(|triangle| triangle.vertices).map(|vertex| welded[vertex as usize]).collect();
-        let density = match options.resolution {
-            Resolution::Pixels(page_size) => uvunwrap::Density::Auto { page_size },
-            Resolution::TexelsPerUnit(texels_per_unit) => uvunwrap::Density::Fixed { texels_per_unit, page_size: None },
-        };
-        let input = uvunwrap::MeshInput { seams: Some(cuts), ..uvunwrap::MeshInput::new(&positions, &indices) };
-        let settings = uvunwrap::Options { density, padding: options.padding, ..Default::default() };
-        let cure = "ask for a larger map, fewer texels per unit or less padding";
-        if let Resolution::Pixels(side) = options.resolution
-            && side <= 2 * options.padding
-        {
-            let problem =
-                format!("a light map of {side} texels a side has no room for charts with a padding of {}", options.padding);
-            return Err(Error::usage(problem, cure));
-        }
-        let atlas = uvunwrap::generate(&[input], &settings).map_err(|error| Error::usage(format!("no atlas: {error}"), cure))?;
-        if atlas.page_count > 1 {
-            let charts = atlas.chart_count;
-            return Err(Error::usage(format!("{charts} charts with their padding do not fit into one map of this size"), cure));
-        }
-        let output = &atlas.meshes[0];
-        let uvs = output.indices.chunks_exact(3).map(|corners| [0, 1, 2].map(|k| output.vertices[corners[k] as usize].uv.into()));
-        Ok(Unwrapped { uvs: uvs.collect(), size: [atlas.width, atlas.height] })
+    let indices: Vec<u32> =
+        mesh.triangles.iter().flat_map(|triangle| triangle.vertices).map(|vertex| welded[vertex as usize]).collect();
+    let density = match options.resolution {
+        Resolution::Pixels(page_size) => uvunwrap::Density::Auto { page_size },
+        Resolution::TexelsPerUnit(texels_per_unit) => uvunwrap::Density::Fixed { texels_per_unit, page_size: None },
+    };
+    let input = uvunwrap::MeshInput { seams: Some(cuts), ..uvunwrap::MeshInput::new(&positions, &indices) };
+    let settings = uvunwrap::Options { density, padding: options.padding, ..Default::default() };
+    let cure = "ask for a larger map, fewer texels per unit or less padding";
+    if let Resolution::Pixels(side) = options.resolution
+        && side <= 2 * options.padding
+    {
+        let problem = format!("a light map of {side} texels a side has no room for charts with a padding of {}", options.padding);
+        return Err(Error::usage(problem, cure));
     }
+    let atlas = uvunwrap::generate(&[input], &settings).map_err(|error| Error::usage(format!("no atlas: {error}"), cure))?;
+    if atlas.page_count > 1 {
+        let charts = atlas.chart_count;
+        return Err(Error::usage(format!("{charts} charts with their padding do not fit into one map of this size"), cure));
+    }
+    let output = &atlas.meshes[0];
+    let uvs = output.indices.chunks_exact(3).map(|corners| [0, 1, 2].map(|k| output.vertices[corners[k] as usize].uv.into()));
+    Ok(UvLayout { uvs: uvs.collect(), size: [atlas.width, atlas.height] })
 }
 
-/// What is wrong with the mesh's own coordinates.
+/// The error that the mesh's own coordinates are not usable.
 pub fn unusable(problem: &str) -> Error {
     Error::usage(problem, "give the mesh texture coordinates that cover it once within 0 to 1, or take an atlas")
 }
 
-/// Twice the area of a triangle of the map.
+/// Twice the area of a triangle in the map.
 pub fn double_area([a, b, c]: [Vec2; 3]) -> f32 {
     (b - a).perp_dot(c - a).abs()
 }
 
-/// Whether a triangle of the map can have samples.
+/// Whether a triangle of the map has area, and so samples.
 pub fn has_area(corners: [Vec2; 3]) -> bool {
     double_area(corners) > NO_AREA
 }

@@ -1,6 +1,6 @@
 //! Files into a [`World`]. [`World::load`] is the entry point.
 //!
-//! A mesh format is a module here with a function `load` of the type [`Format`], listed in [`FORMATS`] by the ending of its files. It returns the
+//! A mesh format is a module here with a function `load` of the type [`MeshLoader`], listed in [`FORMATS`] by the ending of its files. It returns the
 //! whole world of the file: meshes, instances and materials, with cameras if the format has them. Other files and pictures it reads by the
 //! [`Loader`] alone, so that a scene reaches no files but its own. `polygon.rs` cuts faces of many corners.
 //!
@@ -24,10 +24,10 @@ pub use files::Files;
 pub(super) use files::{Reader, Unread};
 
 /// Reads a file of one format.
-type Format = fn(&mut Loader, &Path) -> Result<World>;
+type MeshLoader = fn(&mut Loader, &Path) -> Result<World>;
 
 /// Mesh formats, by the endings of their files.
-const FORMATS: [(&str, Format); 1] = [("obj", obj::load)];
+const FORMATS: [(&str, MeshLoader); 1] = [("obj", obj::load)];
 
 /// A person reads that many.
 const MOST_WARNINGS: usize = 50;
@@ -135,7 +135,7 @@ impl Loader<'_> {
     }
 }
 
-fn format_of(path: &Path) -> Option<Format> {
+fn format_of(path: &Path) -> Option<MeshLoader> {
     let ending = path.extension()?;
     FORMATS.iter().find(|(known, _)| ending.eq_ignore_ascii_case(known)).map(|&(_, load)| load)
 }

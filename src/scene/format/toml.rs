@@ -123,6 +123,7 @@ pub fn load(loader: &mut Loader, path: &Path) -> Result<(World, Settings)> {
         let camera = Camera { eye, target, up, fov_y_degrees: fov_y_degrees.unwrap_or(Camera::DEFAULT_FOV_Y), lens };
         camera.check().map_err(|(problem, cure)| error(table.span(), problem, cure))
     });
+    let camera = camera.transpose()?;
 
     let own_environment = |table: Spanned<EnvironmentTable>| {
         let span = table.span();
@@ -153,10 +154,10 @@ pub fn load(loader: &mut Loader, path: &Path) -> Result<(World, Settings)> {
         let turn = factor(table.turn_degrees, "turn_degrees", -360.0..=360.0, 0.0, "give degrees from -360 to 360")?;
         Ok(environment.scaled(scale).turned(turn))
     };
+    // A given one takes the place of the file's, which is not even read.
     if loader.environment.is_none() {
         loader.environment = file.environment.map(own_environment).transpose()?;
     }
-    let camera = camera.transpose()?;
 
     // A model of unknown ending is read as OBJ.
     let mesh = beside(path, &file.mesh);

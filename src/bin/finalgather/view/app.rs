@@ -1,4 +1,4 @@
-//! What the window shows and what it asks of the renderer: the picture, what is said over it, and dialogs.
+//! The interface: lays out the picture, notices and dialogs, and sends commands to the renderer.
 
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::TryRecvError;
@@ -14,38 +14,38 @@ use finalgather::scene::Camera;
 use winit::event_loop::EventLoopProxy;
 
 use super::camera::{KEYS, move_camera};
-use super::layers::{LayerView, Wish};
+use super::layers::{LayerRequest, LayerView};
 use super::panel;
-use super::picture::Shown;
-use super::worker::{Command, Opened, Picture, Progress, Report, Start, View, Worker};
+use super::picture::DisplayOptions;
+use super::worker::{DisplayPicture, OpenedScene, RenderProgress, ViewState, Worker, WorkerCommand, WorkerOptions, WorkerReport};
 
-/// After the last move; then the picture is gathered as it is to stay.
+/// The camera counts as still this long after its last move. Then the picture is gathered in full quality.
 const STILL: Duration = Duration::from_millis(150);
 
 pub struct App {
-    start: Start,
+    options: WorkerOptions,
     proxy: EventLoopProxy<()>,
     worker: Worker,
-    /// Being opened, or the one that is open.
+    /// The scene file that is open, or that is being opened.
     pub path: PathBuf,
-    /// Scenes that were asked for and are not answered yet. Until all are, the renderer may be at another than the one on show.
+    /// Number of unanswered requests to open a scene. Until it is 0, the renderer may have another scene than the shown one.
     opening: usize,
-    pub scene: Option<Opened>,
-    pub view: View,
-    pub shown: Shown,
-    /// As the renderer knows them.
-    sent: Option<(View, Shown)>,
+    pub scene: Option<OpenedScene>,
+    pub view: ViewState,
+    pub shown: DisplayOptions,
+    sent: Sent,
+    /// When the camera last moved, if it is not still yet.
     moved: Option<Instant>,
-    picture: Option<Picture>,
+    picture: Option<DisplayPicture>,
     texture: Option<TextureHandle>,
-    pub progress: Progress,
+    pub progress: RenderProgress,
     pub notices: Vec<Notice>,
-    /// Why the renderer has ended.
+    /// The error that ended the renderer.
     failure: Option<Error>,
-    /// Why there is no scene, or not all that is asked for of it.
+    /// The error that stopped the last scene from opening, or the render or layer view from finishing.
     refused: Option<Error>,
     dialog: FileDialog,
-    /// What the dialog is for.
+    /// Whether the dialog saves a picture; otherwise it opens a scene.
     saving: bool,
     pub panel: bool,
     pub help: bool,
@@ -53,9 +53,16 @@ pub struct App {
     /// Whether the layer view is on.
     pub layers: bool,
     pub layer_view: LayerView,
-    wished: Option<Wish>,
-    /// Where dialogs begin.
+    /// The folder in which dialogs begin.
     folder: Option<PathBuf>,
+}
+
+/// The values that were last sent to the renderer.
+#[derive(Default)]
+struct Sent {
+    view: Option<ViewState>,
+    shown: Option<DisplayOptions>,
+    layers: Option<Option<LayerRequest>>,
 }
 
 pub struct Notice {
@@ -63,34 +70,34 @@ pub struct Notice {
     pub bad: bool,
 }
 
-fn spawn(start: &Start, proxy: &EventLoopProxy<()>) -> Result<Worker> {
+fn spawn(options: &WorkerOptions, proxy: &EventLoopProxy<()>) -> Result<Worker> {
     let proxy = proxy.clone();
-    Worker::start(start.clone(), move || {
-        // The loop is gone only when the process ends.
+    Worker::start(options.clone(), move || {
+        // This fails only when the process ends.
         let _ = proxy.send_event(());
     })
     .map_err(|error| Error::usage(format!("no thread can be made: {error}"), "allow more threads"))
 }
 
 impl App {
-    pub fn new(start: Start, path: PathBuf, layers: bool, proxy: EventLoopProxy<()>) -> Result<Self> {
-        let worker = spawn(&start, &proxy)?;
+    pub fn new(options: WorkerOptions, path: PathBuf, layers: bool, proxy: EventLoopProxy<()>) -> Result<Self> {
+        let worker = spawn(&options, &proxy)?;
         let camera = Camera { eye: glam::Vec3::Z, target: glam::Vec3::ZERO, up: glam::Vec3::Y, fov_y_degrees: 40.0, lens: None };
-        let view = View { camera, settings: start.scene.settings(&Default::default())?, moving: false, pace: 0 };
+        let view = ViewState { camera, settings: options.scene.settings(&Default::default())?, moving: false, pace: 0 };
         let mut app = Self {
-            start,
+            options,
             proxy,
             worker,
             path: PathBuf::new(),
             opening: 0,
             scene: None,
             view,
-            shown: Shown::default(),
-            sent: None,
+            shown: DisplayOptions::default(),
+            sent: Sent::default(),
             moved: None,
             picture: None,
             texture: None,
-            progress: Progress::default(),
+            progress: RenderProgress::default(),
             notices: Vec::new(),
             failure: None,
             refused: None,
@@ -100,8 +107,7 @@ impl App {
             help: false,
             quit: false,
             layers,
-            layer_view: LayerView::new(),
-            wished: None,
+            layer_view: LayerView::default(),
             folder: std::env::current_dir().ok(),
         };
         app.open(path);
@@ -112,7 +118,7 @@ impl App {
         self.notices.clear();
         self.opening += 1;
         self.path.clone_from(&path);
-        self.worker.send(Command::Open(path));
+        self.worker.send(WorkerCommand::Open(path));
     }
 
     pub fn title(&self) -> String {
@@ -126,18 +132,18 @@ impl App {
         }
     }
 
-    /// Whether all directions of the view as it is now are gathered.
+    /// Whether all directions of the present view are gathered.
     pub fn done(&self) -> bool {
         let progress = &self.progress;
         progress.done && !self.view.moving && progress.view.as_ref().is_some_and(|view| view.is_gathered_as(&self.view))
     }
 
-    /// Whether all that was asked for is to be seen, or nothing will be.
+    /// Whether the window shows all requested results, or an error that they will not come.
     pub fn finished(&self) -> bool {
-        let apart = !self.layers || self.layer_view.count() > 0 || self.refused.is_some();
-        let shown = |picture: &Picture| picture.sharp && picture.directions == self.directions();
+        let layered = !self.layers || self.layer_view.count() > 0 || self.refused.is_some();
+        let shown = |picture: &DisplayPicture| picture.sharp && picture.directions == self.directions();
         let pictured = self.directions() == 0 || self.picture.as_ref().is_some_and(shown);
-        self.failure.is_some() || self.opening == 0 && (self.scene.is_none() || self.done() && apart && pictured)
+        self.failure.is_some() || self.opening == 0 && (self.scene.is_none() || self.done() && layered && pictured)
     }
 
     pub fn has_picture(&self) -> bool {
@@ -148,48 +154,47 @@ impl App {
         self.progress.statistics.gather.directions
     }
 
-    /// What ended the renderer, or kept it from all that was asked for; said once.
+    /// Takes the error that ended the renderer or kept it from requested results.
     pub fn failure(&mut self) -> Option<Error> {
         self.failure.take().or_else(|| self.refused.take())
     }
 
-    /// Everything that the renderer has told since.
+    /// Handles all new reports of the renderer.
     pub fn receive(&mut self) {
         loop {
             let report = match self.worker.reports.try_recv() {
                 Ok(report) => report,
                 Err(TryRecvError::Disconnected) if self.failure.is_none() => {
-                    Report::Failed(Error::gl("the renderer has ended without a word", "start again, and report this"))
+                    WorkerReport::Failed(Error::gl("the renderer has ended without a word", "start again, and report this"))
                 }
                 Err(_) => return,
             };
             match report {
-                Report::Opened(opened) => {
+                WorkerReport::Opened(opened) => {
                     self.opening -= 1;
                     self.refused = None;
-                    self.view =
-                        View { camera: opened.camera, settings: opened.settings.clone(), moving: false, pace: self.view.pace };
+                    (self.view.camera, self.view.settings, self.view.moving) = (opened.camera, opened.settings.clone(), false);
                     self.shown.exposure = opened.settings.exposure;
                     opened.warnings.iter().for_each(|text| self.say(text.clone(), false));
-                    self.progress = Progress::default();
-                    (self.picture, self.sent, self.moved, self.wished) = (None, None, None, None);
-                    self.layer_view.forget();
+                    self.progress = RenderProgress::default();
+                    (self.picture, self.sent, self.moved) = (None, Sent::default(), None);
+                    self.layer_view.set(None);
                     self.scene = Some(*opened);
                 }
-                Report::Picture(picture) => {
+                WorkerReport::Picture(picture) => {
                     self.texture = None;
                     self.picture = Some(picture);
                 }
-                Report::Progress(progress) => self.progress = *progress,
-                Report::Layers(apart) => self.layer_view.set(apart),
-                Report::Probe(probe) => self.layer_view.probe = probe,
-                Report::Saved(path) => {
+                WorkerReport::Progress(progress) => self.progress = *progress,
+                WorkerReport::Layers(images) => self.layer_view.set(Some(images)),
+                WorkerReport::Probe(probe) => self.layer_view.probe = probe,
+                WorkerReport::Saved(path) => {
                     let png = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("png"));
                     let but = if png && !self.shown.is_radiance() { ": all of the radiance, not what is shown" } else { "" };
                     self.say(format!("Saved {}{but}", path.display()), false);
                 }
-                Report::Refused(error) => self.say(error.to_string(), true),
-                Report::NotOpened(error) => {
+                WorkerReport::Refused(error) => self.say(error.to_string(), true),
+                WorkerReport::NotOpened(error) => {
                     self.opening -= 1;
                     self.say(error.to_string(), true);
                     match &self.scene {
@@ -198,11 +203,11 @@ impl App {
                         None => self.refused = Some(error),
                     }
                 }
-                Report::Halted(error) => {
+                WorkerReport::Halted(error) => {
                     self.say(error.to_string(), true);
                     self.refused = Some(error);
                 }
-                Report::Failed(error) => {
+                WorkerReport::Failed(error) => {
                     self.opening = 0;
                     self.failure = Some(error);
                 }
@@ -215,20 +220,20 @@ impl App {
         self.notices.push(Notice { text, bad });
     }
 
-    /// Textures went with their context.
+    /// Drops all textures, because their context is lost.
     pub fn forget_textures(&mut self) {
         self.texture = None;
         self.layer_view.forget_textures();
     }
 
-    /// Waits some time for the renderer to leave its driver. Whether it has.
+    /// Waits for the renderer to leave its driver, for 3 s at most. Returns whether it has.
     pub fn end(&mut self) -> bool {
         self.worker.end(Duration::from_secs(3))
     }
 
     fn restart(&mut self) {
         self.worker.end(Duration::from_secs(1));
-        match spawn(&self.start, &self.proxy) {
+        match spawn(&self.options, &self.proxy) {
             Err(error) => self.say(error.to_string(), true),
             Ok(worker) => {
                 self.worker = worker;
@@ -239,7 +244,7 @@ impl App {
         }
     }
 
-    /// One frame.
+    /// Lays out one frame.
     pub fn show(&mut self, ui: &mut Ui) {
         self.keys(ui.ctx());
         if self.panel {
@@ -309,7 +314,7 @@ impl App {
     fn dialogs(&mut self, ui: &Ui) {
         self.dialog.update(ui.ctx());
         match self.dialog.take_picked() {
-            Some(path) if self.saving => self.worker.send(Command::Save(path)),
+            Some(path) if self.saving => self.worker.send(WorkerCommand::Save(path)),
             Some(path) => self.open_chosen(path),
             None => {}
         }
@@ -324,7 +329,7 @@ impl App {
         self.open(path);
     }
 
-    /// The picture, and around it the layers.
+    /// Shows the picture, and the layer view if it is on.
     fn center(&mut self, ui: &mut Ui) {
         let area = ui.available_rect_before_wrap();
         if !self.layers {
@@ -340,7 +345,7 @@ impl App {
         self.layer_view.row(ui, row);
     }
 
-    /// As large as fits, on whole pixels. Where it is.
+    /// Shows the picture as large as fits in `area`, and returns its place.
     fn picture(&mut self, ui: &mut Ui, area: Rect) -> Rect {
         let response = ui.interact(area, ui.id().with("picture"), Sense::click_and_drag());
         if let Some(scene) = &self.scene
@@ -425,7 +430,7 @@ impl App {
         self.help = open;
     }
 
-    /// Tells the renderer what has changed.
+    /// Sends changed values to the renderer.
     fn send(&mut self, ctx: &Context) {
         if self.scene.is_none() || self.opening > 0 {
             return;
@@ -438,22 +443,18 @@ impl App {
                 self.moved = None;
             }
         }
-        let wish = self.layers.then_some(self.layer_view.wish);
-        if wish != self.wished {
-            self.worker.send(Command::Layers(wish));
-            self.wished = wish;
-        }
-        let now = (self.view.clone(), self.shown);
-        match &self.sent {
-            Some(sent) if *sent == now => return,
-            Some((view, _)) if *view == now.0 => self.worker.send(Command::Show(now.1)),
-            Some((_, shown)) if *shown == now.1 => self.worker.send(Command::Look(now.0.clone())),
-            _ => {
-                self.worker.send(Command::Show(now.1));
-                self.worker.send(Command::Look(now.0.clone()));
-            }
-        }
-        self.sent = Some(now);
+        let layers = self.layers.then_some(self.layer_view.request);
+        send_changed(&self.worker, &mut self.sent.layers, &layers, WorkerCommand::Layers);
+        send_changed(&self.worker, &mut self.sent.shown, &self.shown, WorkerCommand::Display);
+        send_changed(&self.worker, &mut self.sent.view, &self.view, WorkerCommand::SetView);
+    }
+}
+
+/// Sends `value` unless it was sent last.
+fn send_changed<T: Clone + PartialEq>(worker: &Worker, sent: &mut Option<T>, value: &T, command: fn(T) -> WorkerCommand) {
+    if sent.as_ref() != Some(value) {
+        worker.send(command(value.clone()));
+        *sent = Some(value.clone());
     }
 }
 
@@ -465,7 +466,7 @@ fn dialog(folder: Option<&Path>) -> FileDialog {
     }
 }
 
-/// The largest rectangle of these proportions in `area`, centred, its corners on pixels.
+/// The largest rectangle of these proportions in the centre of `area`, with its corners on pixels.
 fn fitted(area: Rect, size: Vec2, pixels_per_point: f32) -> Rect {
     let room = area * pixels_per_point;
     let scale = (room.width() / size.x).min(room.height() / size.y);

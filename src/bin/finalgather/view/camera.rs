@@ -1,4 +1,4 @@
-//! The camera that mouse, touchpad and keys move, in world space.
+//! Moves the camera by mouse, touchpad and keys, in world space.
 
 use std::f32::consts::PI;
 
@@ -6,7 +6,7 @@ use egui::{Key, Modifiers, PointerButton, Response, Ui};
 use finalgather::scene::Camera;
 use glam::{Quat, Vec2, Vec3};
 
-/// Keys and what they do, as F1 shows them.
+/// Keys and their effects, for the list that F1 shows.
 pub const KEYS: [(&str, &str); 15] = [
     ("left drag", "orbit"),
     ("right drag", "look around"),
@@ -25,25 +25,24 @@ pub const KEYS: [(&str, &str); 15] = [
     ("F1", "this list"),
 ];
 
-/// Nearest that an orbit comes to its target, as a share of the scene.
+/// The least distance of the eye from its target, as a fraction of the scene's diagonal.
 const NEAREST: f32 = 1e-3;
 
-/// Moves `camera` as the frame's input over the picture asks; `diagonal` is the size of the scene. Whether anything did.
+/// Moves `camera` by the frame's input over the picture. `diagonal` is that of the scene. Returns whether there was such input.
 pub fn move_camera(ui: &Ui, response: &Response, camera: &mut Camera, diagonal: f32) -> bool {
     let before = *camera;
-    let mut held = false;
     let (shift, time) = ui.input(|input| (input.modifiers.shift, input.stable_dt.min(0.1)));
     let height = response.rect.height().max(1.0);
     let drag = Vec2::from(<[f32; 2]>::from(response.drag_delta())) / height;
+    let mut held = true;
     if response.dragged_by(PointerButton::Middle) || (shift && response.dragged_by(PointerButton::Primary)) {
-        held = true;
         pan(camera, drag);
     } else if response.dragged_by(PointerButton::Primary) {
-        held = true;
         orbit(camera, drag);
     } else if response.dragged_by(PointerButton::Secondary) {
-        held = true;
         look(camera, drag);
+    } else {
+        held = false;
     }
     if response.contains_pointer() {
         let (scroll, pinch) = ui.input(|input| (input.smooth_scroll_delta().y, input.zoom_delta()));
@@ -54,7 +53,7 @@ pub fn move_camera(ui: &Ui, response: &Response, camera: &mut Camera, diagonal: 
     }
     if !ui.ctx().egui_wants_keyboard_input() {
         let toward = ui.input(|input| {
-            // With Ctrl or Alt they are something else.
+            // With Ctrl or Alt, keys have other meanings.
             let free = input.modifiers.matches_logically(Modifiers::SHIFT) || input.modifiers.is_none();
             let key = |keys: [Key; 2]| f32::from(free && keys.into_iter().any(|key| input.key_down(key)));
             let along = key([Key::W, Key::ArrowUp]) - key([Key::S, Key::ArrowDown]);
@@ -65,27 +64,30 @@ pub fn move_camera(ui: &Ui, response: &Response, camera: &mut Camera, diagonal: 
             held = true;
             ui.ctx().request_repaint();
             let speed = diagonal * if shift { 1.0 } else { 0.25 };
-            let step = camera.axes() * toward.normalize() * speed * time;
-            camera.eye += step;
-            camera.target += step;
+            shift_camera(camera, camera.axes() * toward.normalize() * speed * time);
         }
     }
     held || *camera != before
 }
 
-/// About the target: `drag` is in heights of the picture, of which one is half a turn.
+fn shift_camera(camera: &mut Camera, step: Vec3) {
+    camera.eye += step;
+    camera.target += step;
+}
+
+/// Turns the eye about the target. `drag` is in heights of the picture; one height is half a turn.
 fn orbit(camera: &mut Camera, drag: Vec2) {
     let offset = camera.eye - camera.target;
     camera.eye = camera.target + turned(camera, offset, -PI * drag);
 }
 
-/// The same about the eye, by as much as the picture shows.
+/// Turns the target about the eye. One height of the picture is its field of view.
 fn look(camera: &mut Camera, drag: Vec2) {
     let ahead = camera.target - camera.eye;
     camera.target = camera.eye + turned(camera, ahead, drag * camera.fov_y_degrees.to_radians());
 }
 
-/// `arm` turned about the upright axis and tilted about the camera's right, short of the poles.
+/// Turns `arm` about the upright axis and tilts it about the camera's right axis, but not as far as the poles.
 fn turned(camera: &Camera, arm: Vec3, by: Vec2) -> Vec3 {
     let up = camera.up.normalize();
     let right = camera.axes().x_axis;
@@ -96,13 +98,11 @@ fn turned(camera: &Camera, arm: Vec3, by: Vec2) -> Vec3 {
     Quat::from_axis_angle(up, by.x) * (Quat::from_axis_angle(right, tilt) * arm)
 }
 
-/// So that what is as far as the target stays under the pointer.
+/// Moves eye and target so that points as far away as the target stay under the pointer.
 fn pan(camera: &mut Camera, drag: Vec2) {
     let distance = camera.eye.distance(camera.target);
     let height = 2.0 * distance * (0.5 * camera.fov_y_degrees.to_radians()).tan();
-    let step = camera.axes() * Vec3::new(-drag.x, drag.y, 0.0) * height;
-    camera.eye += step;
-    camera.target += step;
+    shift_camera(camera, camera.axes() * Vec3::new(-drag.x, drag.y, 0.0) * height);
 }
 
 fn zoom(camera: &mut Camera, factor: f32, nearest: f32) {

@@ -1,18 +1,20 @@
-//! How fast the window answers: from an event to the frame that has heeded it.
+//! Measures the latency of the window: the time from an event to the frame that shows its effect.
 
 use std::time::{Duration, Instant};
 
 use serde::Serialize;
 
-/// Shorter waits are no waits: the event was there before.
+/// If the event loop waits for less than this, the event was there before the wait.
 const NO_WAIT: Duration = Duration::from_micros(200);
 
 pub struct Latency {
-    /// When the loop went to wait, woke, and had woken before.
+    /// When the loop last began to wait.
     slept: Instant,
+    /// When it last woke.
     woke: Instant,
+    /// When it woke before that.
     earlier: Instant,
-    /// The first event that no frame has answered.
+    /// The time of the first event that no frame has answered.
     pending: Option<Instant>,
     frames: Vec<Duration>,
     answers: Vec<Duration>,
@@ -41,13 +43,13 @@ impl Latency {
         self.woke = Instant::now();
     }
 
-    /// A person did something. What was there when the loop went to wait may have come at any time since it woke before.
+    /// Call this at input of the user. An event that was there before the wait may have come at any time since the loop last woke.
     pub fn event(&mut self) {
         let came = if self.woke - self.slept < NO_WAIT { self.earlier } else { self.woke };
         self.pending.get_or_insert(came);
     }
 
-    /// A frame is on the screen. Those before the first picture do not count: in them the driver compiles what egui draws with.
+    /// Call this when a frame is on the screen. Frames before the first picture should not count: in them, the driver compiles egui's shaders.
     pub fn frame(&mut self, begun: Instant, counts: bool) {
         let came = self.pending.take();
         if counts {
@@ -56,7 +58,7 @@ impl Latency {
         }
     }
 
-    /// Of frames, and of answers.
+    /// The times of frames, and of answers to events.
     pub fn times(&self) -> [Times; 2] {
         [times(&self.frames), times(&self.answers)]
     }

@@ -1,5 +1,5 @@
-//! The layer view: the poster's figure 1, alive. The layers of a direction as thumbnails and as a stack that comes apart, the bundle of rays,
-//! and what the point under the mouse samples.
+//! The layer view, an interactive version of the poster's figure 1. It shows the layers of a direction as thumbnails and as a stack in space, the
+//! bundle of rays, and the layers that the point under the mouse samples.
 
 use std::f32::consts::{FRAC_PI_2, PI};
 use std::sync::Arc;
@@ -13,11 +13,11 @@ use finalgather::math::frame;
 use finalgather::render::{LayerTexel, Layers, Probe};
 use glam::{Mat3, Vec2, Vec3};
 
-/// About as many pieces has the stack: all are projected, sorted and drawn for each frame.
-const PIECES: f32 = 60e3;
-/// Longest side of a thumbnail, in pixels.
+/// The approximate number of quads in a stack. Each frame projects, sorts and draws all of them.
+const QUADS: f32 = 60e3;
+/// The longest side of a thumbnail, in pixels.
 const THUMBNAIL: u32 = 160;
-/// Between two layers of a stack wholly apart, in unit space, where the scene's radius is 1.
+/// The distance between two layers of a stack that is fully apart, in unit space, where the scene's radius is 1.
 const GAP: f32 = 0.9;
 /// Height of the row of thumbnails.
 const ROW: f32 = 132.0;
@@ -27,45 +27,53 @@ const SAMPLED: Color32 = Color32::from_rgb(120, 170, 240);
 const CULLED: Color32 = Color32::from_rgb(235, 110, 95);
 const RAY: Color32 = Color32::from_rgb(255, 225, 120);
 
-/// What is asked of the renderer.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Wish {
-    /// `None`: the direction at hand.
+/// A request for the layers of a direction.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct LayerRequest {
+    /// The direction's number; `None` for the direction that was gathered last.
     pub number: Option<u32>,
+    /// Whether the rays run against the direction.
     pub opposite: bool,
-    /// As in [`Probe::place`].
+    /// The point to probe, as in [`Probe::place`].
     pub place: Option<Vec2>,
 }
 
-/// What the renderer gives.
-pub struct Apart {
+/// The layers of a direction, prepared for display.
+pub struct LayerImages {
     pub layers: Arc<Layers>,
-    /// For each layer.
-    pub images: Vec<Arc<ColorImage>>,
-    pieces: Vec<Piece>,
+    /// One thumbnail for each layer.
+    images: Vec<Arc<ColorImage>>,
+    quads: Vec<LayerQuad>,
 }
 
-/// A square of texels on its surface.
-struct Piece {
+/// A square of texels, placed on its surface.
+struct LayerQuad {
     layer: usize,
     corners: [Vec3; 4],
     color: Color32,
 }
 
 pub struct LayerView {
-    pub wish: Wish,
-    apart: Option<Apart>,
+    pub request: LayerRequest,
+    images: Option<LayerImages>,
     pub probe: Option<Probe>,
     textures: Vec<TextureHandle>,
-    /// 0: all layers in place.
+    /// The distance between layers, as a multiple of [`GAP`].
     pub explode: f32,
-    /// Where the stack is seen from, about the direction.
+    /// The stack's view angles about the direction.
     yaw: f32,
     pitch: f32,
     zoom: f32,
 }
 
-impl Apart {
+impl Default for LayerView {
+    fn default() -> Self {
+        let (request, images, probe, textures) = Default::default();
+        Self { request, images, probe, textures, explode: 0.6, yaw: -0.5, pitch: 0.35, zoom: 1.0 }
+    }
+}
+
+impl LayerImages {
     pub fn new(layers: Arc<Layers>) -> Self {
         let size = layers.size;
         let places = || middles(size, size.div_ceil(THUMBNAIL));
@@ -75,37 +83,37 @@ impl Apart {
             let pixels = places().rev().flat_map(|y| places().map(move |x| (y * size + x) as usize));
             Arc::new(ColorImage::new([places().len(); 2], pixels.map(|at| color(&layer[at])).collect()))
         };
-        Self { images: layers.layers.iter().map(image).collect(), pieces: pieces(&layers), layers }
+        Self { images: layers.layers.iter().map(image).collect(), quads: quads(&layers), layers }
     }
 }
 
-/// Texels of a side, of each `step` the middle one.
+/// Splits the texels of a side into runs of `step`, and returns the middle one of each.
 fn middles(side: u32, step: u32) -> impl DoubleEndedIterator<Item = u32> + ExactSizeIterator {
     (step / 2..side).step_by(step as usize)
 }
 
-fn pieces(layers: &Layers) -> Vec<Piece> {
-    let step = (layers.size as f32 * (layers.layers.len() as f32 / PIECES).sqrt()).ceil().max(1.0) as u32;
+fn quads(layers: &Layers) -> Vec<LayerQuad> {
+    let step = (layers.size as f32 * (layers.layers.len() as f32 / QUADS).sqrt()).ceil().max(1.0) as u32;
     let half = 0.5 * step as f32;
     let places = move || middles(layers.size, step);
-    let mut pieces = Vec::new();
+    let mut quads = Vec::new();
     for (layer, texels) in layers.layers.iter().enumerate() {
         for (y, x) in places().flat_map(|y| places().map(move |x| (y, x))) {
             let Some(texel) = &texels[(y * layers.size + x) as usize] else { continue };
             let corner = |offset: Vec2| {
                 let place = Vec2::new(x as f32, y as f32) + 0.5 + offset;
-                // What is seen at a grazing angle reaches far, but not out of the scene.
+                // A quad at a grazing angle is long, but must not leave the scene.
                 let depth = (texel.depth + texel.slopes.dot(offset)).clamp(0.0, 1.0);
                 layers.from_layer.transform_point3(place.extend(depth))
             };
             let corners = [(-half, -half), (half, -half), (half, half), (-half, half)].map(|offset| corner(offset.into()));
-            pieces.push(Piece { layer, corners, color: color(texel) });
+            quads.push(LayerQuad { layer, corners, color: color(texel) });
         }
     }
-    pieces
+    quads
 }
 
-/// Albedo, brighter the more it faces the rays.
+/// The texel's albedo, brighter where the surface faces the rays.
 fn color(texel: &LayerTexel) -> Color32 {
     let shade = 0.35 + 0.65 * texel.cosine;
     let [r, g, b] = (if texel.emissive { Vec3::ONE } else { shade * texel.albedo }).to_array();
@@ -113,41 +121,33 @@ fn color(texel: &LayerTexel) -> Color32 {
 }
 
 impl LayerView {
-    pub fn new() -> Self {
-        let wish = Wish { number: None, opposite: false, place: None };
-        Self { wish, apart: None, probe: None, textures: Vec::new(), explode: 0.6, yaw: -0.5, pitch: 0.35, zoom: 1.0 }
-    }
-
-    /// Replaces what is shown.
-    pub fn set(&mut self, apart: Apart) {
+    /// Replaces the shown layers.
+    pub fn set(&mut self, images: Option<LayerImages>) {
         self.textures.clear();
         self.probe = None;
-        self.apart = Some(apart);
-    }
-
-    pub fn forget(&mut self) {
-        *self = Self { wish: self.wish, explode: self.explode, yaw: self.yaw, pitch: self.pitch, zoom: self.zoom, ..Self::new() };
+        self.images = images;
     }
 
     pub fn forget_textures(&mut self) {
         self.textures.clear();
     }
 
-    /// The direction on show.
+    /// Number of the shown direction.
     pub fn number(&self) -> u32 {
-        self.wish.number.or(self.apart.as_ref().map(|apart| apart.layers.end.number)).unwrap_or(0)
+        self.request.number.or(self.images.as_ref().map(|images| images.layers.end.number)).unwrap_or(0)
     }
 
+    /// Number of layers.
     pub fn count(&self) -> usize {
-        self.apart.as_ref().map_or(0, |apart| apart.layers.layers.len())
+        self.images.as_ref().map_or(0, |images| images.images.len())
     }
 
-    /// To the next direction, or the one before.
+    /// Requests the next or the previous direction.
     pub fn step(&mut self, by: i32, directions: u32) {
-        self.wish.number = Some(self.number().saturating_add_signed(by).min(directions.saturating_sub(1)));
+        self.request.number = Some(self.number().saturating_add_signed(by).min(directions.saturating_sub(1)));
     }
 
-    /// The parts of `area`: the picture's, the stack's and the row's.
+    /// Splits `area` into the parts for the picture, the stack and the row of thumbnails.
     pub fn split(area: Rect) -> (Rect, Rect, Rect) {
         let (upper, row) = area.split_top_bottom_at_y(area.bottom() - ROW.min(0.3 * area.height()));
         let (picture, stack) = if upper.width() > upper.height() {
@@ -158,12 +158,12 @@ impl LayerView {
         (picture.shrink(8.0), stack, row)
     }
 
-    /// Over the picture: the point under the mouse. `shown` is where the picture is.
+    /// Requests a probe of the point under the mouse and marks the probed point. `shown` is the picture's place.
     pub fn point(&mut self, ui: &Ui, shown: Rect) {
         let pointer = ui.input(|input| input.pointer.hover_pos()).filter(|&at| shown.contains(at));
         if let Some(at) = pointer {
             let place = (at - shown.min) / shown.size();
-            self.wish.place = Some(Vec2::new(place.x, place.y));
+            self.request.place = Some(Vec2::new(place.x, place.y));
         }
         if let Some(probe) = &self.probe {
             let at = shown.min + vec2(probe.place.x, probe.place.y) * shown.size();
@@ -171,14 +171,14 @@ impl LayerView {
         }
     }
 
-    /// The row of layers, the farthest first.
+    /// Draws the row of thumbnails, the farthest layer first.
     pub fn row(&mut self, ui: &mut Ui, area: Rect) {
-        let Some(apart) = &self.apart else { return };
+        let Some(images) = &self.images else { return };
         if self.textures.is_empty() {
             let load = |(i, image): (usize, &Arc<ColorImage>)| {
                 ui.ctx().load_texture(format!("layer {i}"), image.clone(), TextureOptions::NEAREST)
             };
-            self.textures = apart.images.iter().enumerate().map(load).collect();
+            self.textures = images.images.iter().enumerate().map(load).collect();
         }
         let count = self.textures.len().max(1) as f32;
         let side = (area.height() - 30.0).min((area.width() - 12.0) / count - 8.0).max(8.0);
@@ -192,20 +192,19 @@ impl LayerView {
             let text = format!("{} {word}", index + 1);
             painter.text(min - vec2(0.0, 4.0), Align2::LEFT_BOTTOM, text, FontId::proportional(12.0), border);
             if let Some(probe) = &self.probe {
-                let at = apart.layers.to_layer.transform_point3(probe.point.position) / apart.layers.size as f32;
+                let at = images.layers.to_layer.transform_point3(probe.point.position) / images.layers.size as f32;
                 let center = place.left_bottom() + vec2(at.x, -at.y) * side;
                 painter.circle_stroke(center, 3.5, Stroke::new(1.5, RAY));
             }
         }
     }
 
-    /// The stack of layers in space.
+    /// Draws the stack of layers in space.
     pub fn stack(&mut self, ui: &Ui, area: Rect, half_extents: Vec3) {
         let response = ui.interact(area, ui.id().with("stack"), Sense::click_and_drag());
         self.turn(ui, &response);
         let painter = ui.painter_at(area);
-        let Some(apart) = &self.apart else { return };
-        let layers = &*apart.layers;
+        let Some(LayerImages { layers, quads, .. }) = &self.images else { return };
         let count = layers.layers.len();
         let apart_by = |index: usize| layers.direction * (self.explode * GAP * (count - 1 - index) as f32);
         let reach = self.explode * GAP * count.saturating_sub(1) as f32;
@@ -215,18 +214,18 @@ impl LayerView {
             view.line(&painter, a, b, Stroke::new(1.0, Color32::from_gray(90)));
         }
         view.bundle(&painter, layers, reach);
-        // Painted from the back, for there is no depth test here.
+        // Drawn from the back to the front, because egui has no depth test.
         let shifts: Vec<Vec3> = (0..count).map(apart_by).collect();
-        let projected = |piece: &Piece| {
-            let ends = piece.corners.map(|corner| view.project(corner + shifts[piece.layer]));
+        let projected = |quad: &LayerQuad| {
+            let ends = quad.corners.map(|corner| view.project(corner + shifts[quad.layer]));
             let depth: f32 = ends.iter().map(|(_, depth)| depth).sum();
-            (depth.to_bits(), ends.map(|(at, _)| at), piece.color)
+            (depth.to_bits(), ends.map(|(at, _)| at), quad.color)
         };
-        let mut pieces: Vec<_> = apart.pieces.iter().map(projected).collect();
-        // Depths are positive, and so in the order of their bits.
-        pieces.sort_unstable_by_key(|&(depth, ..)| std::cmp::Reverse(depth));
+        let mut quads: Vec<_> = quads.iter().map(projected).collect();
+        // Depths are positive, so their bits have the same order.
+        quads.sort_unstable_by_key(|&(depth, ..)| std::cmp::Reverse(depth));
         let mut mesh = Mesh::default();
-        for (_, corners, color) in pieces {
+        for (_, corners, color) in quads {
             let first = mesh.vertices.len() as u32;
             mesh.vertices.extend(corners.map(|pos| Vertex { pos, uv: WHITE_UV, color }));
             mesh.indices.extend([0, 1, 2, 0, 2, 3].map(|index| first + index));
@@ -265,7 +264,7 @@ impl LayerView {
     }
 }
 
-/// What a layer is to the point, in colour and in a word.
+/// What the point does with a layer, as a colour and a word.
 fn verdict(probe: &Probe, index: usize) -> (Color32, &'static str) {
     let kept = probe.sampled.iter().rposition(|&sampled| sampled);
     match probe.sampled.get(index) {
@@ -289,7 +288,7 @@ fn sentence(probe: &Probe, layers: &Layers) -> String {
     }
 }
 
-/// From unit space to the window.
+/// A perspective projection from unit space to the window.
 struct Projection {
     eye: Vec3,
     to_view: Mat3,
@@ -299,7 +298,7 @@ struct Projection {
 
 impl Projection {
     fn new(view: &LayerView, area: Rect, direction: Vec3, reach: f32) -> Self {
-        // Upright where the direction is not; then the stack comes apart to the right.
+        // The direction points to the right, and y points up as far as it can.
         let right = direction;
         let up = (Vec3::Y - Vec3::Y.dot(right) * right).try_normalize().unwrap_or(frame(right).x_axis);
         let base = Mat3::from_cols(right, up, right.cross(up));
@@ -312,7 +311,7 @@ impl Projection {
         Self { eye: target + axes.z_axis * distance, to_view: axes.transpose(), center: area.center(), scale }
     }
 
-    /// And how far off it is.
+    /// Returns the place in the window and the depth.
     fn project(&self, position: Vec3) -> (Pos2, f32) {
         let at = self.to_view * (position - self.eye);
         let depth = (-at.z).max(0.05);
@@ -327,7 +326,7 @@ impl Projection {
         painter.circle(self.project(at).0, 4.0, color, Stroke::new(1.0, Color32::BLACK));
     }
 
-    /// A few of the parallel rays, through the whole stack.
+    /// Draws some of the bundle's rays through the whole stack.
     fn bundle(&self, painter: &Painter, layers: &Layers, reach: f32) {
         const RAYS: u32 = 5;
         let stroke = Stroke::new(1.0, RAY.gamma_multiply(0.35));
@@ -345,7 +344,7 @@ impl Projection {
     }
 }
 
-/// The twelve edges of a box about the origin.
+/// The twelve edges of a box around the origin.
 fn box_edges(half: Vec3) -> impl Iterator<Item = [Vec3; 2]> {
     let corner = move |bits: usize| half * Vec3::from([0, 1, 2].map(|axis| if bits >> axis & 1 == 1 { 1.0 } else { -1.0 }));
     (0..8).flat_map(move |bits: usize| {

@@ -1,4 +1,4 @@
-//! `finalgather view`: a window on the renderer. [`worker`] renders on a thread of its own; [`window`] draws what [`app`] lays out.
+//! `finalgather view`: an interactive window. [`worker`] renders on its own thread, [`app`] lays out the interface, [`window`] draws it.
 
 mod app;
 mod camera;
@@ -21,8 +21,8 @@ use winit::event_loop::EventLoop;
 use crate::args::{DeviceArgs, Overrides, checked, count, size};
 use crate::report;
 use app::App;
-use window::{End, Window};
-use worker::Start;
+use window::{Window, WindowSummary};
+use worker::WorkerOptions;
 
 /// Open a window on a scene: the picture while it gathers, a camera to move, the layers of a direction
 ///
@@ -73,33 +73,33 @@ pub struct ViewArgs {
     device: DeviceArgs,
 }
 
-/// The exit code, unless it failed.
+/// Runs the window until it closes. Returns the exit code.
 pub fn run(args: &ViewArgs) -> Result<u8> {
     let events = EventLoop::<()>::with_user_event().build().map_err(|error| {
-        // The last part says why; before it stands where in winit's source.
+        // The last part is the cause. The parts before it name places in winit's source.
         let why = error.to_string();
         let problem = format!("no window system can be reached: {}", why.rsplit(": ").next().unwrap_or(&why));
         Error::gl(problem, "run it in a session on X11 or Wayland (DISPLAY, WAYLAND_DISPLAY); render works without one")
     })?;
-    let embedded = Embedded::unpack().map_err(|error| {
+    let embedded = unpack_cornell_box().map_err(|error| {
         Error::usage(format!("no temporary folder can be made: {error}"), "set TMPDIR to a folder that can be written")
     })?;
-    let scene = args.scene.clone().unwrap_or_else(|| embedded.scene());
-    // In a development build the shaders at hand are the ones worth seeing.
+    let scene = args.scene.clone().unwrap_or_else(|| embedded.path().join("cornell.toml"));
+    // A development build reloads the shaders of its source tree.
     let own = Path::new(env!("CARGO_MANIFEST_DIR")).join("glsl");
     let shaders = args.shaders.clone().or_else(|| Some(own).filter(|own| cfg!(debug_assertions) && own.is_dir()));
-    let start = Start { device: args.device.request(), scene: args.overrides.scene(&scene)?, shaders };
-    let app = App::new(start, scene, args.layers, events.create_proxy())?;
+    let options = WorkerOptions { device: args.device.request(), scene: args.overrides.scene(&scene)?, shaders };
+    let app = App::new(options, scene, args.layers, events.create_proxy())?;
     let mut window = Window::new(args, app);
     let ended =
         events.run_app(&mut window).map_err(|error| Error::gl(format!("the window system failed: {error}"), "start again"));
-    let End { outcome, times: [frames, answers], api, directions, left } = window.end();
+    let WindowSummary { outcome, times: [frames, answers], api, directions, left } = window.end();
     let outcome = ended.and(outcome).and_then(|()| {
         let json = json!({ "api": api, "directions": directions, "frame": frames, "answer": answers });
         if args.json { report::print_json(&json) } else { Ok(()) }
     });
     if !left {
-        // As for signals: the handlers of process::exit would take the GL driver down under the renderer.
+        // The handlers of process::exit would shut down the GL driver while the renderer uses it. This exit runs none.
         let code = outcome.as_ref().map_or_else(crate::exit_code, |()| 0);
         outcome.unwrap_or_else(|error| report::say(&format!("error: {error}")));
         drop(embedded);
@@ -113,23 +113,15 @@ fn factor(text: &str) -> Result<f32, String> {
     checked(text, |factor| (0.25..=8.0).contains(factor), "not a factor from 0.25 to 8")
 }
 
-/// The Cornell box, wherever the tool is.
-struct Embedded(TempDir);
-
-impl Embedded {
-    fn unpack() -> io::Result<Self> {
-        let folder = tempfile::tempdir()?;
-        for (name, text) in [
-            ("cornell.toml", include_str!("../../../../scenes/cornell.toml")),
-            ("cornell.obj", include_str!("../../../../scenes/cornell.obj")),
-            ("cornell.mtl", include_str!("../../../../scenes/cornell.mtl")),
-        ] {
-            fs::write(folder.path().join(name), text)?;
-        }
-        Ok(Self(folder))
+/// Writes the embedded Cornell box to a temporary folder, so that the tool needs no scene files.
+fn unpack_cornell_box() -> io::Result<TempDir> {
+    let folder = tempfile::tempdir()?;
+    for (name, text) in [
+        ("cornell.toml", include_str!("../../../../scenes/cornell.toml")),
+        ("cornell.obj", include_str!("../../../../scenes/cornell.obj")),
+        ("cornell.mtl", include_str!("../../../../scenes/cornell.mtl")),
+    ] {
+        fs::write(folder.path().join(name), text)?;
     }
-
-    fn scene(&self) -> PathBuf {
-        self.0.path().join("cornell.toml")
-    }
+    Ok(folder)
 }

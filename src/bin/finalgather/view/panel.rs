@@ -1,12 +1,12 @@
-//! The panel beside the picture: how far the render is, what is shown of it, and how it is made.
+//! The panel beside the picture: progress, display options and settings of the render.
 
 use egui::{Checkbox, Color32, ComboBox, DragValue, Grid, ProgressBar, RichText, ScrollArea, Slider, SliderClamping, Ui, vec2};
 use finalgather::settings::{LayerSize, Pipeline};
 
 use super::app::App;
-use super::picture::What;
+use super::picture::DisplayContent;
 
-/// In points.
+/// Width of the panel, in points.
 pub const WIDTH: f32 = 264.0;
 pub const BAD: Color32 = Color32::from_rgb(240, 100, 90);
 
@@ -51,14 +51,15 @@ fn section(ui: &mut Ui, title: &str) {
     ui.separator();
 }
 
-/// Rows of a name and something on its right.
+/// A grid of names and values; `add` adds its rows.
 fn rows(ui: &mut Ui, name: &str, add: impl FnOnce(&mut Ui)) {
     Grid::new(name).num_columns(2).min_col_width(96.0).spacing(vec2(12.0, 6.0)).show(ui, add);
 }
 
-fn row(ui: &mut Ui, name: &str, value: String) {
+/// A row with a name and the widgets that `add` adds.
+fn row<R>(ui: &mut Ui, name: &str, add: impl FnOnce(&mut Ui) -> R) {
     ui.label(name);
-    ui.monospace(value);
+    add(ui);
     ui.end_row();
 }
 
@@ -70,12 +71,12 @@ fn progress(app: &App, ui: &mut Ui) {
     let share = if app.done() { 1.0 } else { done as f32 / settings.directions as f32 };
     ui.add(ProgressBar::new(share).desired_height(6.0));
     rows(ui, "progress", |ui| {
-        row(ui, "Directions", format!("{done} of {}", settings.directions));
+        row(ui, "Directions", |ui| ui.monospace(format!("{done} of {}", settings.directions)));
         let rate = if progress.seconds > 0.0 { f64::from(done) / progress.seconds } else { 0.0 };
-        row(ui, "Rate", format!("{rate:.0} a second"));
+        row(ui, "Rate", |ui| ui.monospace(format!("{rate:.0} a second")));
         let error = progress.statistics.error.map_or("–".into(), |error| format!("{:.2} %", 100.0 * error));
-        row(ui, "Estimated error", error);
-        row(ui, "Time", format!("{:.1} s", progress.seconds));
+        row(ui, "Estimated error", |ui| ui.monospace(error));
+        row(ui, "Time", |ui| ui.monospace(format!("{:.1} s", progress.seconds)));
     });
 }
 
@@ -84,32 +85,25 @@ fn layers(app: &mut App, ui: &mut Ui) {
     let directions = app.view.settings.directions;
     let view = &mut app.layer_view;
     rows(ui, "layers", |ui| {
-        ui.label("Direction");
-        ui.horizontal(|ui| {
-            for (name, by) in [("◀", -1), ("▶", 1)] {
-                if ui.small_button(name).clicked() {
-                    view.step(by, directions);
+        row(ui, "Direction", |ui| {
+            ui.horizontal(|ui| {
+                for (name, by) in [("◀", -1), ("▶", 1)] {
+                    if ui.small_button(name).clicked() {
+                        view.step(by, directions);
+                    }
                 }
-            }
-            ui.monospace(view.number().to_string());
+                ui.monospace(view.number().to_string());
+            })
         });
-        ui.end_row();
-
-        ui.label("");
-        let mut follow = view.wish.number.is_none();
-        if ui.checkbox(&mut follow, "the one at hand").changed() {
-            view.wish.number = if follow { None } else { Some(view.number()) };
-        }
-        ui.end_row();
-
-        ui.label("");
-        ui.checkbox(&mut view.wish.opposite, "its other end");
-        ui.end_row();
-
-        ui.label("Apart");
+        let mut follow = view.request.number.is_none();
+        row(ui, "", |ui| {
+            if ui.checkbox(&mut follow, "the one at hand").changed() {
+                view.request.number = if follow { None } else { Some(view.number()) };
+            }
+        });
+        row(ui, "", |ui| ui.checkbox(&mut view.request.opposite, "its other end"));
         ui.spacing_mut().slider_width = 112.0;
-        ui.add(Slider::new(&mut view.explode, 0.0..=1.5).show_value(false));
-        ui.end_row();
+        row(ui, "Apart", |ui| ui.add(Slider::new(&mut view.explode, 0.0..=1.5).show_value(false)));
     });
 }
 
@@ -117,23 +111,26 @@ fn shown(app: &mut App, ui: &mut Ui) {
     section(ui, "Show");
     let shown = &mut app.shown;
     ui.horizontal(|ui| {
-        for (what, name) in [(What::Radiance, "Radiance"), (What::PhotonMap, "Photon map"), (What::Normals, "Normals")] {
-            ui.selectable_value(&mut shown.what, what, name);
+        for (content, name) in [
+            (DisplayContent::Radiance, "Radiance"),
+            (DisplayContent::PhotonMap, "Photon map"),
+            (DisplayContent::Normals, "Normals"),
+        ] {
+            ui.selectable_value(&mut shown.content, content, name);
         }
     });
     ui.horizontal(|ui| {
-        let radiance = shown.what == What::Radiance;
+        let radiance = shown.content == DisplayContent::Radiance;
         ui.add_enabled(radiance, Checkbox::new(&mut shown.direct, "direct"));
         ui.add_enabled(radiance, Checkbox::new(&mut shown.indirect, "indirect"));
-        ui.add_enabled(shown.what != What::Normals, Checkbox::new(&mut shown.emission, "emission"));
+        ui.add_enabled(shown.content != DisplayContent::Normals, Checkbox::new(&mut shown.emission, "emission"));
     });
     rows(ui, "exposure", |ui| {
-        ui.label("Exposure");
         ui.spacing_mut().slider_width = 76.0;
-        ui.add(Slider::new(&mut shown.exposure, -6.0..=6.0).clamping(SliderClamping::Never).step_by(0.1).suffix(" EV"));
-        ui.end_row();
+        let slider = Slider::new(&mut shown.exposure, -6.0..=6.0).clamping(SliderClamping::Never).step_by(0.1).suffix(" EV");
+        row(ui, "Exposure", |ui| ui.add(slider));
     });
-    // What is saved is exposed as what is seen.
+    // Saved pictures have the displayed exposure.
     app.view.settings.exposure = shown.exposure;
 }
 
@@ -141,55 +138,38 @@ fn settings(app: &mut App, ui: &mut Ui) {
     section(ui, "Gather");
     let (settings, pace) = (&mut app.view.settings, &mut app.view.pace);
     rows(ui, "gather", |ui| {
-        ui.label("Pipeline");
         let name = PIPELINES.iter().find(|(pipeline, _)| *pipeline == settings.pipeline).map_or("", |(_, name)| name);
-        ComboBox::from_id_salt("pipeline").selected_text(name).show_ui(ui, |ui| {
-            for (pipeline, name) in PIPELINES {
-                ui.selectable_value(&mut settings.pipeline, pipeline, name);
-            }
-        });
-        ui.end_row();
-
-        let layered = matches!(settings.pipeline, Pipeline::Fused | Pipeline::Kill | Pipeline::EarlyKill);
-        ui.label("Layer size");
-        ui.add_enabled_ui(layered, |ui| {
-            ComboBox::from_id_salt("layer size").selected_text(settings.layer_size.to_string()).show_ui(ui, |ui| {
-                let texels = [64, 128, 256, 512, 1024].map(LayerSize::Texels);
-                for size in [LayerSize::Auto].into_iter().chain(texels) {
-                    ui.selectable_value(&mut settings.layer_size, size, size.to_string());
+        row(ui, "Pipeline", |ui| {
+            ComboBox::from_id_salt("pipeline").selected_text(name).show_ui(ui, |ui| {
+                for (pipeline, name) in PIPELINES {
+                    ui.selectable_value(&mut settings.pipeline, pipeline, name);
                 }
-            });
+            })
         });
-        ui.end_row();
-
-        ui.label("Stop fraction");
+        let layered = matches!(settings.pipeline, Pipeline::Fused | Pipeline::Kill | Pipeline::EarlyKill);
+        row(ui, "Layer size", |ui| {
+            ui.add_enabled_ui(layered, |ui| {
+                ComboBox::from_id_salt("layer size").selected_text(settings.layer_size.to_string()).show_ui(ui, |ui| {
+                    let texels = [64, 128, 256, 512, 1024].map(LayerSize::Texels);
+                    for size in [LayerSize::Auto].into_iter().chain(texels) {
+                        ui.selectable_value(&mut settings.layer_size, size, size.to_string());
+                    }
+                });
+            })
+        });
         let stops = matches!(settings.pipeline, Pipeline::Kill | Pipeline::EarlyKill);
-        ui.add_enabled(
-            stops,
-            DragValue::new(&mut settings.stop_fraction)
-                .range(0.0..=0.2)
-                .clamp_existing_to_range(false)
-                .speed(0.0002)
-                .max_decimals(4),
-        )
-        .on_disabled_hover_text("For the pipelines of 2004: the others look at all layers.");
-        ui.end_row();
-
-        ui.label("Directions");
-        ui.add(
-            DragValue::new(&mut settings.directions)
-                .range(16..=1_000_000)
-                .clamp_existing_to_range(false)
-                .speed(8.0)
-                .update_while_editing(false),
-        );
-        ui.end_row();
-
-        ui.label("Per picture");
+        let fraction = DragValue::new(&mut settings.stop_fraction).range(0.0..=0.2).speed(0.0002).max_decimals(4);
+        row(ui, "Stop fraction", |ui| {
+            ui.add_enabled(stops, fraction.clamp_existing_to_range(false))
+                .on_disabled_hover_text("For the pipelines of 2004: the others look at all layers.")
+        });
+        let directions = DragValue::new(&mut settings.directions).range(16..=1_000_000).speed(8.0);
+        row(ui, "Directions", |ui| ui.add(directions.clamp_existing_to_range(false).update_while_editing(false)));
         let text = |pace: f64, _| if pace == 0.0 { "as fits".into() } else { format!("{pace}") };
-        ui.add(DragValue::new(pace).range(0..=1024).speed(1.0).custom_formatter(text))
-            .on_hover_text("Directions from one picture to the next");
-        ui.end_row();
+        row(ui, "Per picture", |ui| {
+            ui.add(DragValue::new(pace).range(0..=1024).speed(1.0).custom_formatter(text))
+                .on_hover_text("Directions from one picture to the next")
+        });
     });
 }
 
@@ -197,7 +177,7 @@ fn stages(app: &App, ui: &mut Ui) {
     section(ui, "GPU time a direction");
     rows(ui, "stages", |ui| {
         for (name, time) in &app.progress.stages {
-            row(ui, name, time.map_or("n/a".into(), |time| format!("{time:.2} ms")));
+            row(ui, name, |ui| ui.monospace(time.map_or("n/a".into(), |time| format!("{time:.2} ms"))));
         }
         if app.progress.stages.is_empty() {
             ui.weak("no stages");

@@ -1,14 +1,14 @@
-//! From the renderer's channels to what a display shows.
+//! Converts channels of the renderer to pixels for the display.
 
 use egui::ColorImage;
 use finalgather::error::Result;
 use finalgather::image::{Channel, Image};
 
-/// Which part of the picture is shown, and how brightly.
+/// The displayed part of the picture, and its exposure.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Shown {
-    pub what: What,
-    /// Parts of the radiance.
+pub struct DisplayOptions {
+    pub content: DisplayContent,
+    /// Whether direct light is part of the displayed radiance. The next two are likewise.
     pub direct: bool,
     pub indirect: bool,
     pub emission: bool,
@@ -17,38 +17,37 @@ pub struct Shown {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum What {
+pub enum DisplayContent {
     Radiance,
-    /// The rough solution.
     PhotonMap,
     Normals,
 }
 
-impl Default for Shown {
+impl Default for DisplayOptions {
     fn default() -> Self {
-        Self { what: What::Radiance, direct: true, indirect: true, emission: true, exposure: 0.0 }
+        Self { content: DisplayContent::Radiance, direct: true, indirect: true, emission: true, exposure: 0.0 }
     }
 }
 
-impl Shown {
-    /// Whether it is all of the radiance, which a PNG has.
+impl DisplayOptions {
+    /// Whether the display shows all radiance, as a saved PNG does.
     pub fn is_radiance(&self) -> bool {
-        self.what == What::Radiance && self.direct && self.indirect && self.emission
+        self.content == DisplayContent::Radiance && self.direct && self.indirect && self.emission
     }
 }
 
-/// As the PNG has it, where all of the radiance is shown.
-pub fn developed(image: &Image, shown: &Shown) -> Result<ColorImage> {
+/// Makes the displayed pixels. If all radiance is displayed, they have the bytes of the saved PNG.
+pub fn develop(image: &Image, shown: &DisplayOptions) -> Result<ColorImage> {
     let size = [image.width, image.height];
     let channel = |name: &str| image.channel(name).unwrap_or_default();
-    let bytes = match shown.what {
+    let bytes = match shown.content {
         _ if shown.is_radiance() => image.to_srgb8(shown.exposure)?,
-        What::Radiance | What::PhotonMap => {
-            let rough = shown.what == What::PhotonMap;
+        DisplayContent::Radiance | DisplayContent::PhotonMap => {
+            let photon_map = shown.content == DisplayContent::PhotonMap;
             let parts = [
-                (rough, "PhotonMap"),
-                (shown.direct && !rough, "Direct"),
-                (shown.indirect && !rough, "Indirect"),
+                (photon_map, "PhotonMap"),
+                (shown.direct && !photon_map, "Direct"),
+                (shown.indirect && !photon_map, "Indirect"),
                 (shown.emission, "Emission"),
             ];
             let sum = |c: &str| {
@@ -60,8 +59,8 @@ pub fn developed(image: &Image, shown: &Shown) -> Result<ColorImage> {
             };
             Image { channels: ["R", "G", "B"].map(sum).into(), ..*image }.to_srgb8(shown.exposure)?
         }
-        // By custom half of 1 + n, whatever the exposure.
-        What::Normals => {
+        // Normals are displayed as (1 + n) / 2, without exposure.
+        DisplayContent::Normals => {
             let axes = ["N.X", "N.Y", "N.Z"].map(channel);
             let byte = |pixel: usize, axis: &[f32]| (127.5 * (1.0 + axis[pixel])).round() as u8;
             (0..image.width * image.height).flat_map(|pixel| axes.map(|axis| byte(pixel, axis))).collect()

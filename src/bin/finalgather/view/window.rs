@@ -1,4 +1,4 @@
-//! The window: events in, frames out, and a new context where one is lost.
+//! The window: handles events, draws frames, and replaces a lost GL context.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -26,20 +26,21 @@ pub struct Window {
     size: [u32; 2],
     scale: Option<f32>,
     glx: bool,
-    /// Frames to draw once all is done, and where the last goes.
+    /// Number of frames to draw after the work is done.
     frames: Option<u32>,
+    /// The file for the last of these frames.
     screenshot: Option<PathBuf>,
     shell: Option<Shell>,
     title: String,
-    /// When egui wants to draw again without being asked.
+    /// When egui asks for the next frame, even without events.
     again: Option<Instant>,
     latency: Latency,
-    /// Contexts lost in a row.
+    /// Number of contexts lost in a row.
     losses: u32,
     outcome: Result<()>,
 }
 
-/// What there is while there is a window.
+/// The system's window with its GL context and egui's state.
 struct Shell {
     window: Arc<WinitWindow>,
     config: Config,
@@ -47,12 +48,12 @@ struct Shell {
     egui: egui_winit::State,
 }
 
-/// How it went.
-pub struct End {
+/// Results for the report after the window has closed.
+pub struct WindowSummary {
     pub outcome: Result<()>,
-    /// Of frames and of answers.
+    /// The times of frames, and of answers to events.
     pub times: [Times; 2],
-    /// What made the window's context.
+    /// The library that made the window's context.
     pub api: &'static str,
     pub directions: u32,
     /// Whether the renderer has left its driver.
@@ -79,12 +80,12 @@ impl Window {
         }
     }
 
-    pub fn end(mut self) -> End {
+    pub fn end(mut self) -> WindowSummary {
         let api = self.shell.as_ref().map_or("none", |shell| shell.screen.api());
-        // Off the screen before the renderer is waited for.
+        // Close the window before waiting for the renderer.
         self.shell = None;
         let left = self.app.end();
-        End { outcome: self.outcome, times: self.latency.times(), api, directions: self.app.directions(), left }
+        WindowSummary { outcome: self.outcome, times: self.latency.times(), api, directions: self.app.directions(), left }
     }
 
     fn open(&self, events: &ActiveEventLoop) -> Result<Shell> {
@@ -115,6 +116,12 @@ impl Window {
         egui_winit::State::new(context, ViewportId::ROOT, events, self.scale, None, Some(screen.max_texture_side()))
     }
 
+    fn redraw(&self) {
+        if let Some(shell) = &self.shell {
+            shell.window.request_redraw();
+        }
+    }
+
     fn fail(&mut self, events: &ActiveEventLoop, error: Error) {
         self.outcome = Err(error);
         events.exit();
@@ -123,7 +130,7 @@ impl Window {
     fn frame(&mut self, events: &ActiveEventLoop) -> Result<()> {
         let Some(shell) = &mut self.shell else { return Ok(()) };
         let size: [u32; 2] = shell.window.inner_size().into();
-        // A window without room shows nothing, and is asked again when it has some.
+        // An empty window shows nothing. The system asks for a frame when it has a size again.
         if size.contains(&0) {
             return Ok(());
         }
@@ -173,7 +180,7 @@ impl Window {
         }
     }
 
-    /// A new context for the same window, unless it loses one after the other.
+    /// Makes a new context for the same window. Gives up after the third loss in a row.
     fn recover(&mut self, events: &ActiveEventLoop, error: Error) -> Result<()> {
         self.losses += 1;
         if self.losses == 3 {
@@ -194,12 +201,10 @@ impl ApplicationHandler for Window {
     fn resumed(&mut self, events: &ActiveEventLoop) {
         if self.shell.is_none() {
             match self.open(events) {
-                Ok(shell) => {
-                    shell.window.request_redraw();
-                    self.shell = Some(shell);
-                }
+                Ok(shell) => self.shell = Some(shell),
                 Err(error) => self.fail(events, error),
             }
+            self.redraw();
         }
     }
 
@@ -209,9 +214,7 @@ impl ApplicationHandler for Window {
 
     fn user_event(&mut self, _: &ActiveEventLoop, (): ()) {
         self.app.receive();
-        if let Some(shell) = &self.shell {
-            shell.window.request_redraw();
-        }
+        self.redraw();
     }
 
     fn window_event(&mut self, events: &ActiveEventLoop, _: WindowId, event: WindowEvent) {
@@ -247,9 +250,7 @@ impl ApplicationHandler for Window {
         match self.again {
             Some(again) if again <= Instant::now() => {
                 self.again = None;
-                if let Some(shell) = &self.shell {
-                    shell.window.request_redraw();
-                }
+                self.redraw();
                 events.set_control_flow(ControlFlow::Wait);
             }
             Some(again) => events.set_control_flow(ControlFlow::WaitUntil(again)),

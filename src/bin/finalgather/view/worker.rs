@@ -1,12 +1,12 @@
-//! The renderer on a thread and a GL context of its own, so that the interface never waits for it.
+//! Runs the renderer on its own thread with its own GL context, so that the interface never waits for it.
 //!
-//! It heeds [`Command`]s between two steps and tells by [`Report`]s what has come of them.
+//! The thread handles [`WorkerCommand`]s between two steps and sends [`WorkerReport`]s.
 
 use std::any::Any;
 use std::panic::{self, AssertUnwindSafe};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender, TryRecvError};
+use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant, SystemTime};
 use std::{fs, io};
@@ -24,67 +24,67 @@ use finalgather::shaders;
 use glam::Vec2;
 use serde_json::Value;
 
-use super::layers::{Apart, Wish};
-use super::picture::{Shown, developed};
+use super::layers::{LayerImages, LayerRequest};
+use super::picture::{DisplayOptions, develop};
 
-/// How sides of the picture shrink while it moves.
+/// Sides of the picture are divided by this while the camera moves.
 const SHRINK: u32 = 2;
 
-/// What the renderer is to do.
-pub enum Command {
-    /// Answered by [`Report::Opened`] or [`Report::NotOpened`].
+/// Commands to the renderer.
+pub enum WorkerCommand {
+    /// Opens a scene. Answered by [`WorkerReport::Opened`] or [`WorkerReport::NotOpened`].
     Open(PathBuf),
-    Look(View),
-    Show(Shown),
-    /// What the layer view is to have, while there is one.
-    Layers(Option<Wish>),
+    SetView(ViewState),
+    Display(DisplayOptions),
+    /// Requests layers after every picture, until `None` is sent.
+    Layers(Option<LayerRequest>),
     /// Writes the picture so far.
     Save(PathBuf),
 }
 
-/// What is to be rendered of the scene.
+/// The requested camera and settings of the render.
 #[derive(Clone, PartialEq)]
-pub struct View {
+pub struct ViewState {
     /// In world space.
     pub camera: Camera,
     pub settings: Settings,
-    /// Rather soon than sharp.
+    /// While the camera moves, pictures are smaller and come sooner.
     pub moving: bool,
-    /// Directions from one picture to the next; 0 is as many as leave most of the time to them.
+    /// Directions from one picture to the next; 0 lets pictures take a fifth of the time.
     pub pace: u32,
 }
 
-impl View {
-    /// Whether the renderer has the same to do for both.
+impl ViewState {
+    /// Whether both need the same gathering.
     pub fn is_gathered_as(&self, other: &Self) -> bool {
         let settings = Settings { exposure: other.settings.exposure, ..self.settings.clone() };
-        View { settings, pace: other.pace, ..*self } == *other
+        Self { settings, pace: other.pace, ..*self } == *other
     }
 }
 
-/// What the renderer tells.
-pub enum Report {
-    Opened(Box<Opened>),
-    /// The scene before stays.
+/// Reports from the renderer.
+pub enum WorkerReport {
+    Opened(Box<OpenedScene>),
+    /// The previous scene stays open.
     NotOpened(Error),
-    Picture(Picture),
-    Progress(Box<Progress>),
-    Layers(Apart),
+    Picture(DisplayPicture),
+    Progress(Box<RenderProgress>),
+    Layers(LayerImages),
     Probe(Option<Probe>),
     Saved(PathBuf),
-    /// It goes on with what it had.
+    /// A command failed. The renderer continues as before.
     Refused(Error),
-    /// Something that is asked for will not come: the rest of the directions, or the layers.
+    /// The render or the layer view stopped: the rest of the directions, or the layers, will not come.
     Halted(Error),
-    /// It has ended.
+    /// The thread has ended.
     Failed(Error),
 }
 
-/// A scene that is there now.
-pub struct Opened {
+/// The scene that was opened.
+pub struct OpenedScene {
     pub path: PathBuf,
     pub camera: Camera,
-    /// The scene file's with those of the command line over them.
+    /// Settings of the scene file, overridden by the command line.
     pub settings: Settings,
     /// The scene's box.
     pub bounds: Aabb,
@@ -92,74 +92,74 @@ pub struct Opened {
     pub renderer: String,
 }
 
-pub struct Picture {
+pub struct DisplayPicture {
     pub image: Arc<ColorImage>,
-    /// What it is the mean of.
+    /// Number of directions in the picture.
     pub directions: u32,
-    /// Of the view as it is to stay.
+    /// Whether the camera was still.
     pub sharp: bool,
 }
 
 #[derive(Clone, Default)]
-pub struct Progress {
+pub struct RenderProgress {
     pub statistics: RenderStatistics,
-    /// Of what.
-    pub view: Option<View>,
-    /// Whether nothing is left to do, and shown.
+    /// The view of the render.
+    pub view: Option<ViewState>,
+    /// Whether all directions are gathered and displayed.
     pub done: bool,
-    /// Seconds of work since the view changed last.
+    /// Seconds of work since the view last changed.
     pub seconds: f64,
-    /// Milliseconds a direction on the device; `None` where it tells no time.
+    /// Milliseconds of device time a direction; `None` if the driver measures no time.
     pub stages: Vec<(&'static str, Option<f64>)>,
 }
 
-/// The interface's end of the thread; dropped, it ends.
+/// The interface's handle of the thread. Dropping it ends the thread.
 pub struct Worker {
-    commands: Option<Sender<Command>>,
-    pub reports: Receiver<Report>,
+    commands: Option<Sender<WorkerCommand>>,
+    pub reports: Receiver<WorkerReport>,
     thread: Option<JoinHandle<()>>,
 }
 
-/// What it starts from.
+/// Options of the renderer.
 #[derive(Clone)]
-pub struct Start {
+pub struct WorkerOptions {
     pub device: DeviceRequest,
-    /// Of any path.
+    /// What differs from the scene file; its path is that of the file to open.
     pub scene: SceneRequest,
-    /// Where shaders are read, and read again when they change.
+    /// The folder of shaders that are reloaded when they change.
     pub shaders: Option<PathBuf>,
 }
 
 impl Worker {
     /// `wake` is called after each report.
-    pub fn start(start: Start, wake: impl Fn() + Send + 'static) -> io::Result<Self> {
+    pub fn start(options: WorkerOptions, wake: impl Fn() + Send + 'static) -> io::Result<Self> {
         let (commands, receiver) = mpsc::channel();
         let (sender, reports) = mpsc::channel();
         let thread = thread::Builder::new().name("renderer".into()).spawn(move || {
             let tell = |report| {
-                // Nobody listens only when all is about to end.
+                // This fails only when the program is about to end.
                 let _ = sender.send(report);
                 wake();
             };
-            // Whatever this thread starts, the driver's threads for one, yields to the interface too. Where the system refuses, all are equal.
+            // Threads of the driver inherit the low priority, so that the interface goes first. A failure does no harm.
             #[cfg(target_os = "linux")]
             let _ = rustix::process::nice(10);
-            let ended = panic::catch_unwind(AssertUnwindSafe(|| work(&start, &receiver, &tell)));
+            let ended = panic::catch_unwind(AssertUnwindSafe(|| work(&options, &receiver, &tell)));
             if let Err(error) = ended.unwrap_or_else(|words| Err(panicked(&*words))) {
-                tell(Report::Failed(error));
+                tell(WorkerReport::Failed(error));
             }
         })?;
         Ok(Self { commands: Some(commands), reports, thread: Some(thread) })
     }
 
-    /// A thread that has failed hears nothing; what it was to do is asked again of the next.
-    pub fn send(&self, command: Command) {
+    /// A thread that has failed ignores commands. The application repeats them for the next thread.
+    pub fn send(&self, command: WorkerCommand) {
         if let Some(commands) = &self.commands {
             let _ = commands.send(command);
         }
     }
 
-    /// Waits some time for it to leave the GL driver. Whether it has.
+    /// Ends the thread and waits up to `patience` for it to leave the GL driver. Returns whether it has.
     pub fn end(&mut self, patience: Duration) -> bool {
         self.commands = None;
         let until = Instant::now() + patience;
@@ -175,114 +175,118 @@ fn panicked(words: &(dyn Any + Send)) -> Error {
     Error::gl(format!("the renderer panicked: {}", words.unwrap_or("it does not say why")), "start again, and report this")
 }
 
-/// The scene that is open.
-struct OpenScene {
+/// The open scene and its render.
+struct SceneRender {
     render: Render,
-    /// As last asked for, and whether the render is of that.
-    view: View,
-    fresh: bool,
-    /// Why it does not go on.
-    halted: bool,
-    /// The picture so far, as the clock at its time had it.
-    image: Image,
-    imaged: u32,
-    /// When that was, and how long it took.
+    /// The view that was requested last.
+    view: ViewState,
+    /// Whether the render must begin again with this view.
+    outdated: bool,
+    pass: RenderPass,
+    /// When the last picture was finished.
     taken: Instant,
+    /// The time that it took.
     cost: Duration,
+    /// When progress was last reported.
     told: Instant,
-    worked: Duration,
-    device: Vec<(&'static str, Option<f64>)>,
-    finished: bool,
-    /// As shown last, and the place in them.
-    layers: Option<Arc<Layers>>,
-    place: Option<Vec2>,
-    /// Whether layers were asked for in vain.
-    blind: bool,
+    stages: Vec<(&'static str, Option<f64>)>,
 }
 
-fn work(start: &Start, commands: &Receiver<Command>, tell: &dyn Fn(Report)) -> Result<()> {
-    if let Some(folder) = &start.shaders {
+/// State since the render began with its view.
+#[derive(Default)]
+struct RenderPass {
+    /// Whether an error stopped the render.
+    halted: bool,
+    finished: bool,
+    /// Whether an error stopped the layer view.
+    blind: bool,
+    /// The last picture.
+    image: Image,
+    /// Number of its directions.
+    imaged: u32,
+    worked: Duration,
+    /// The layers that were reported last.
+    layers: Option<Arc<Layers>>,
+    /// The place that was probed in them.
+    place: Option<Vec2>,
+}
+
+fn work(options: &WorkerOptions, commands: &Receiver<WorkerCommand>, tell: &dyn Fn(WorkerReport)) -> Result<()> {
+    if let Some(folder) = &options.shaders {
         shaders::reload(folder);
     }
-    let mut changed = start.shaders.as_deref().and_then(newest);
-    let gpu = start.device.open()?;
+    let mut changed = options.shaders.as_deref().and_then(newest);
+    let gpu = options.device.open()?;
     let clock = StageClock::start(&gpu);
-    let mut job: Option<OpenScene> = None;
-    let mut shown = Shown::default();
-    let mut wish: Option<Wish> = None;
+    let mut scene: Option<SceneRender> = None;
+    let mut shown = DisplayOptions::default();
+    let mut layers: Option<LayerRequest> = None;
     loop {
-        let command = if job.as_ref().is_some_and(OpenScene::has_work) {
-            commands.try_recv().map_err(|none| none == TryRecvError::Disconnected)
-        } else if start.shaders.is_some() {
-            commands.recv_timeout(Duration::from_millis(250)).map_err(|none| none == RecvTimeoutError::Disconnected)
-        } else {
-            commands.recv().map_err(|_| true)
+        let patience = match &options.shaders {
+            _ if scene.as_ref().is_some_and(SceneRender::has_work) => Duration::ZERO,
+            Some(_) => Duration::from_millis(250),
+            None => Duration::MAX,
         };
-        match command {
-            Err(true) => return Ok(()),
-            Ok(Command::Open(path)) => match open(&gpu, start, &path) {
-                Ok((opened, next)) => {
-                    tell(Report::Opened(Box::new(opened)));
-                    job = Some(next);
-                }
-                Err(error) => tell(Report::NotOpened(error)),
-            },
-            Ok(Command::Show(other)) => {
-                shown = other;
-                if let Some(job) = &job {
-                    job.show(&shown, tell)?;
-                }
-            }
-            Ok(Command::Look(view)) => {
-                if let Some(job) = &mut job {
-                    job.fresh &= job.view.is_gathered_as(&view);
-                    job.view = view;
-                }
-            }
-            Ok(Command::Layers(other)) => {
-                wish = other;
-                if let (Some(wish), Some(job)) = (&wish, &mut job) {
-                    job.take_apart(wish, tell);
-                }
-            }
-            Ok(Command::Save(path)) => {
-                if let Some(job) = &job {
-                    tell(job.save(&path).map_or_else(Report::Refused, |()| Report::Saved(path)));
-                }
-            }
-            Err(false) => {
-                if let Some(folder) = &start.shaders
+        match (commands.recv_timeout(patience), scene.as_mut()) {
+            (Err(RecvTimeoutError::Disconnected), _) => return Ok(()),
+            (Err(RecvTimeoutError::Timeout), mut scene) => {
+                if let Some(folder) = &options.shaders
                     && changed != newest(folder)
                 {
                     changed = newest(folder);
                     shaders::reload(folder);
-                    if let Some(job) = &mut job {
-                        job.reload(tell);
+                    if let Some(scene) = &mut scene {
+                        scene.reload(tell);
                     }
                 }
-                if let Some(job) = &mut job {
-                    job.advance(&clock, &shown, wish.as_ref(), tell)?;
+                if let Some(scene) = scene {
+                    scene.advance(&clock, &shown, layers.as_ref(), tell)?;
                 }
             }
+            (Ok(WorkerCommand::Open(path)), _) => match open(&gpu, options, &path) {
+                Ok((opened, next)) => {
+                    tell(WorkerReport::Opened(Box::new(opened)));
+                    scene = Some(next);
+                }
+                Err(error) => tell(WorkerReport::NotOpened(error)),
+            },
+            (Ok(WorkerCommand::Display(other)), scene) => {
+                shown = other;
+                scene.map_or(Ok(()), |scene| scene.show(&shown, tell))?;
+            }
+            (Ok(WorkerCommand::Layers(other)), scene) => {
+                layers = other;
+                if let (Some(request), Some(scene)) = (&layers, scene) {
+                    scene.take_apart(request, tell);
+                }
+            }
+            (Ok(WorkerCommand::SetView(view)), Some(scene)) => {
+                scene.outdated |= !scene.view.is_gathered_as(&view);
+                scene.view = view;
+            }
+            (Ok(WorkerCommand::Save(path)), Some(scene)) => {
+                tell(scene.save(&path).map_or_else(WorkerReport::Refused, |()| WorkerReport::Saved(path)));
+            }
+            (Ok(WorkerCommand::SetView(_) | WorkerCommand::Save(_)), None) => {}
         }
     }
 }
 
-/// When the folder, of which files may go, or something in it was changed last.
+/// The time of the last change of a folder or its contents. Files may vanish meanwhile.
 fn newest(path: &Path) -> Option<SystemTime> {
     let own = fs::metadata(path).ok()?.modified().ok();
     let entries = fs::read_dir(path).into_iter().flatten().flatten();
     entries.map(|entry| newest(&entry.path())).chain([own]).max()?
 }
 
-fn open(gpu: &Gpu, start: &Start, path: &Path) -> Result<(Opened, OpenScene)> {
-    let request = SceneRequest { path: path.to_owned(), ..start.scene.clone() };
+fn open(gpu: &Gpu, options: &WorkerOptions, path: &Path) -> Result<(OpenedScene, SceneRender)> {
+    let request = SceneRequest { path: path.to_owned(), ..options.scene.clone() };
     let Loaded { world, settings, report } = request.load(true)?;
     let settings = request.settings(&settings)?;
     let render = Render::new(gpu, &world, &settings)?;
     let bounds = world.bounds();
     let camera = about(world.camera(settings.size), bounds);
-    let opened = Opened {
+    let opened = OpenedScene {
         path: path.to_owned(),
         camera,
         settings: settings.clone(),
@@ -290,175 +294,163 @@ fn open(gpu: &Gpu, start: &Start, path: &Path) -> Result<(Opened, OpenScene)> {
         warnings: report.warnings,
         renderer: gpu.info().renderer.clone(),
     };
-    Ok((opened, OpenScene::new(camera, render, settings)))
+    let scene = SceneRender {
+        render,
+        view: ViewState { camera, settings, moving: false, pace: 0 },
+        outdated: false,
+        pass: RenderPass::default(),
+        taken: Instant::now(),
+        cost: Duration::ZERO,
+        told: Instant::now(),
+        stages: Vec::new(),
+    };
+    Ok((opened, scene))
 }
 
-/// The camera with its target, about which it turns, as far away as the middle of the scene.
+/// Moves the target, the centre of orbits, along the view axis to the distance of the scene's centre.
 fn about(camera: Camera, bounds: Aabb) -> Camera {
     let forward = (camera.target - camera.eye).normalize();
     let distance = forward.dot(bounds.center() - camera.eye);
     if distance > 0.0 { Camera { target: camera.eye + distance * forward, ..camera } } else { camera }
 }
 
-impl OpenScene {
-    fn new(camera: Camera, render: Render, settings: Settings) -> Self {
-        let view = View { camera, settings, moving: false, pace: 0 };
-        Self {
-            render,
-            view,
-            fresh: true,
-            halted: false,
-            image: Image::default(),
-            imaged: 0,
-            taken: Instant::now(),
-            cost: Duration::ZERO,
-            told: Instant::now(),
-            worked: Duration::ZERO,
-            device: Vec::new(),
-            finished: false,
-            layers: None,
-            place: None,
-            blind: false,
-        }
-    }
-
+impl SceneRender {
     fn has_work(&self) -> bool {
-        !self.fresh || !(self.halted || self.finished)
+        self.outdated || !(self.pass.halted || self.pass.finished)
     }
 
-    /// One step, and where it is due a picture, with the layers that are wished for.
+    /// Gathers one step. When a picture is due, reports it with the requested layers.
     ///
     /// # Errors
-    /// When the device has failed for good.
-    fn advance(&mut self, clock: &StageClock, shown: &Shown, wish: Option<&Wish>, tell: &dyn Fn(Report)) -> Result<()> {
+    /// If the device is lost.
+    fn advance(
+        &mut self,
+        clock: &StageClock,
+        shown: &DisplayOptions,
+        layers: Option<&LayerRequest>,
+        tell: &dyn Fn(WorkerReport),
+    ) -> Result<()> {
         if !self.has_work() {
             return Ok(());
         }
         let begun = Instant::now();
-        if !self.fresh {
+        if self.outdated {
             self.restart(tell);
         }
-        if !self.halted
+        if !self.pass.halted
             && let Err(error) = self.render.step()
         {
             if self.render.is_lost() {
                 return Err(error);
             }
-            tell(Report::Halted(error));
-            self.halted = true;
+            tell(WorkerReport::Halted(error));
+            self.pass.halted = true;
         }
-        self.worked += begun.elapsed();
+        self.pass.worked += begun.elapsed();
 
         let done = self.render.directions_done();
-        let all = self.render.is_done() || self.halted;
+        let new = done - self.pass.imaged;
+        let all = self.render.is_done() || self.pass.halted;
         let due = match self.view.pace {
-            // The first few at once; then a picture costs a fifth of the time.
-            0 => self.imaged == 0 || self.taken.elapsed() > 4 * self.cost,
-            pace => done - self.imaged >= pace,
+            // The first directions are shown at once. After that, pictures take a fifth of the time.
+            0 => self.pass.imaged == 0 || self.taken.elapsed() > 4 * self.cost,
+            pace => new >= pace,
         };
-        if done > self.imaged && (due || all) {
+        if new > 0 && (due || all) {
             let start = Instant::now();
-            self.image = self.render.picture();
-            let stages = clock.take().stages.into_iter();
-            let directions = f64::from(done - self.imaged);
-            self.device = stages.map(|(name, seconds)| (name, seconds.map(|seconds| 1e3 * seconds / directions))).collect();
-            self.imaged = done;
+            self.pass.image = self.render.picture();
+            let per_direction = |seconds: f64| 1e3 * seconds / f64::from(new);
+            self.stages = clock.take().stages.into_iter().map(|(name, time)| (name, time.map(per_direction))).collect();
+            self.pass.imaged = done;
             self.show(shown, tell)?;
-            if let Some(wish) = wish {
-                self.take_apart(wish, tell);
+            if let Some(request) = layers {
+                self.take_apart(request, tell);
             }
             (self.taken, self.cost) = (Instant::now(), start.elapsed());
         }
-        self.finished = all;
+        self.pass.finished = all;
         if all || self.told.elapsed() > Duration::from_millis(200) {
             self.told = Instant::now();
-            tell(Report::Progress(Box::new(Progress {
+            tell(WorkerReport::Progress(Box::new(RenderProgress {
                 statistics: self.render.statistics().clone(),
                 view: Some(self.view.clone()),
                 done: all,
-                seconds: self.worked.as_secs_f64(),
-                stages: self.device.clone(),
+                seconds: self.pass.worked.as_secs_f64(),
+                stages: self.stages.clone(),
             })));
         }
         Ok(())
     }
 
-    /// The layers that are wished for, and what a point samples of them, as far as they are not on show. What goes wrong here leaves the
-    /// picture as it is; where the device is lost, the next step says so.
-    fn take_apart(&mut self, wish: &Wish, tell: &dyn Fn(Report)) {
-        if !self.blind
-            && let Err(error) = self.try_take_apart(wish, tell)
+    /// Reports the requested layers and the samples of a point in them, unless they were reported last. After an error the picture continues
+    /// without layers. If the device is lost, the next step reports it.
+    fn take_apart(&mut self, request: &LayerRequest, tell: &dyn Fn(WorkerReport)) {
+        if !self.pass.blind
+            && let Err(error) = self.try_take_apart(request, tell)
         {
-            self.blind = true;
-            tell(Report::Halted(error));
+            self.pass.blind = true;
+            tell(WorkerReport::Halted(error));
         }
     }
 
-    fn try_take_apart(&mut self, wish: &Wish, tell: &dyn Fn(Report)) -> Result<()> {
-        let number = wish.number.unwrap_or(self.render.directions_done().saturating_sub(1));
-        let end = End { number, opposite: wish.opposite };
-        let layers = match self.layers.take().filter(|layers| layers.end == end) {
+    fn try_take_apart(&mut self, request: &LayerRequest, tell: &dyn Fn(WorkerReport)) -> Result<()> {
+        let number = request.number.unwrap_or(self.render.directions_done().saturating_sub(1));
+        let end = End { number, opposite: request.opposite };
+        let layers = match self.pass.layers.take().filter(|layers| layers.end == end) {
             Some(layers) => layers,
             None => {
                 let layers = Arc::new(self.render.layers(end)?);
-                tell(Report::Layers(Apart::new(layers.clone())));
-                self.place = None;
+                tell(WorkerReport::Layers(LayerImages::new(layers.clone())));
+                self.pass.place = None;
                 layers
             }
         };
-        if let Some(place) = wish.place.filter(|_| self.place != wish.place) {
-            self.place = wish.place;
-            tell(Report::Probe(self.render.probe(&layers, place)?));
+        if let Some(place) = request.place.filter(|_| self.pass.place != request.place) {
+            self.pass.place = request.place;
+            tell(WorkerReport::Probe(self.render.probe(&layers, place)?));
         }
-        self.layers = Some(layers);
+        self.pass.layers = Some(layers);
         Ok(())
     }
 
-    /// Begins with the view as it was last asked for.
-    fn restart(&mut self, tell: &dyn Fn(Report)) {
+    /// Begins again with the requested view.
+    fn restart(&mut self, tell: &dyn Fn(WorkerReport)) {
         let mut settings = self.view.settings.clone();
         if self.view.moving {
             settings.size = settings.size.map(|side| side.div_ceil(SHRINK));
             settings.layer_size = LayerSize::Texels(settings.layers().min(128));
-            // Blocks of eight directions, with a few samples of the lights each.
+            // This gives blocks of eight directions, with a few light samples each.
             settings.directions = 256;
             settings.light_samples = 128;
         }
-        self.fresh = true;
+        self.outdated = false;
         match self.render.restart(self.view.camera, &settings) {
-            Ok(()) => self.forget(),
-            Err(error) => tell(Report::Refused(error)),
+            Ok(()) => self.pass = RenderPass::default(),
+            Err(error) => tell(WorkerReport::Refused(error)),
         }
     }
 
-    /// What the render has forgotten.
-    fn forget(&mut self) {
-        (self.halted, self.finished, self.blind, self.imaged) = (false, false, false, 0);
-        self.layers = None;
-        self.worked = Duration::ZERO;
-    }
-
-    fn reload(&mut self, tell: &dyn Fn(Report)) {
+    fn reload(&mut self, tell: &dyn Fn(WorkerReport)) {
         match self.render.reload() {
-            // Begun again as it was asked for last, which a refusal may have kept it from.
             Ok(()) => {
-                self.forget();
-                self.fresh = false;
+                self.pass = RenderPass::default();
+                // A refused restart may have kept the render from the requested view.
+                self.outdated = true;
             }
-            Err(error) => tell(Report::Refused(error)),
+            Err(error) => tell(WorkerReport::Refused(error)),
         }
     }
 
-    fn show(&self, shown: &Shown, tell: &dyn Fn(Report)) -> Result<()> {
-        if self.imaged > 0 {
-            let image = Arc::new(developed(&self.image, shown)?);
-            tell(Report::Picture(Picture { image, directions: self.imaged, sharp: !self.view.moving }));
+    fn show(&self, shown: &DisplayOptions, tell: &dyn Fn(WorkerReport)) -> Result<()> {
+        if self.pass.imaged > 0 {
+            let image = Arc::new(develop(&self.pass.image, shown)?);
+            tell(WorkerReport::Picture(DisplayPicture { image, directions: self.pass.imaged, sharp: !self.view.moving }));
         }
         Ok(())
     }
 
     fn save(&self, path: &Path) -> Result<()> {
-        // The exposure on show; the view's other settings may be of a picture to come.
+        // The exposure is the view's. Its other settings may belong to the next render.
         let exposure = self.view.settings.exposure;
         let done = (self.render.directions_done(), self.render.is_done());
         let metadata = metadata(&self.render.job(), exposure, Value::Null, done);

@@ -1,0 +1,9 @@
+//! How figures and the page are drawn: plots, HTML, and numbers in words.
+
+mod html;
+mod numbers;
+pub mod plot;
+
+pub use html::{note, panel, plot_in_page, table};
+pub use numbers::{count, joined, percent, seconds, short, short_percent, whole};
+pub use plot::{Axis, Bar, Curve, Panel};

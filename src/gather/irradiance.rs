@@ -1,0 +1,145 @@
+//! Irradiance from the photon map, by any pipeline. Mirrors `glsl/consumer/irradiance.glsl`.
+//!
+//! [`Pipeline::Raycast`] needs no shader: the oracle finds hits and looks up their radiance. So it stays free of what drivers round, as where they decode
+//! textures (6e-5 of a textured picture's mean on llvmpipe).
+
+use std::rc::Rc;
+
+use glam::Vec4;
+use rayon::prelude::*;
+
+use super::{GatherPass, HitFinder, MissRadiance, hit_finder, shader_of};
+use crate::direction::Direction;
+use crate::error::Result;
+use crate::geometry::Geometry;
+use crate::gpu::Gpu;
+use crate::photon::PhotonTexture;
+use crate::points::{Accumulator, GatherPoint, Interleave, Points};
+use crate::reference::Reference;
+use crate::scene::{Bvh, Scene};
+use crate::settings::{Pipeline, Settings};
+use crate::shaders::{Albedo, Consumer, HitRadiance};
+
+/// What [`IrradianceGather::add`] reads.
+#[derive(Clone, Copy)]
+pub struct GatherInputs<'a> {
+    /// In unit space.
+    pub scene: &'a Scene,
+    pub geometry: &'a Geometry,
+    pub photons: &'a PhotonTexture,
+    /// By the same scene and photons.
+    pub oracle: Reference<'a>,
+    pub points: Points<'a>,
+}
+
+/// Sums along directions for each point: rgb Σ radiance × weight, a Σ weight.
+pub struct IrradianceGather {
+    interleave: Interleave,
+    method: Method,
+}
+
+enum Method {
+    Shader {
+        finder: Box<dyn HitFinder>,
+        pass: GatherPass,
+        sums: Accumulator,
+    },
+    /// Row by row from the bottom.
+    Oracle {
+        points: Vec<Option<GatherPoint>>,
+        sums: Vec<Vec4>,
+    },
+}
+
+impl IrradianceGather {
+    /// By the settings' pipeline, for point textures of `interleave`. `scene` is in unit space, and `bvh` of its mesh.
+    ///
+    /// # Errors
+    /// When a size is beyond the device's limits.
+    pub fn new(gpu: &Gpu, settings: &Settings, scene: &Scene, bvh: &Rc<Bvh>, interleave: Interleave) -> Result<Self> {
+        let method = match settings.pipeline {
+            Pipeline::Raycast => Method::Oracle { points: Vec::new(), sums: Vec::new() },
+            pipeline => {
+                // The finder comes last: it makes do with the memory that is left.
+                let sums = Accumulator::new(gpu, interleave.sums_size())?;
+                let consumer = Consumer::Irradiance(HitRadiance::Photons(Albedo::of(!scene.textures.is_empty())));
+                let pass = GatherPass::new(gpu, shader_of(pipeline), consumer)?;
+                Method::Shader { finder: hit_finder(gpu, settings, scene, bvh, interleave.tile())?, pass, sums }
+            }
+        };
+        Ok(Self { interleave, method })
+    }
+
+    /// The most directions that it takes at once.
+    pub fn batch(&self) -> usize {
+        match &self.method {
+            Method::Shader { finder, .. } => finder.batch(),
+            Method::Oracle { .. } => 1,
+        }
+    }
+
+    /// As [`HitFinder::both_ends`].
+    pub fn both_ends(&self) -> bool {
+        matches!(&self.method, Method::Shader { finder, .. } if finder.both_ends())
+    }
+
+    /// Gives memory back that it can do without, if any.
+    pub fn shrink(&mut self) -> bool {
+        match &mut self.method {
+            Method::Shader { finder, .. } => finder.shrink(),
+            Method::Oracle { .. } => false,
+        }
+    }
+
+    /// Begins anew, at these points.
+    pub fn begin(&mut self, points: Points) {
+        match &mut self.method {
+            Method::Shader { sums, .. } => sums.clear(),
+            Method::Oracle { points: places, sums } => {
+                *places = points.read();
+                *sums = vec![Vec4::ZERO; places.len()];
+            }
+        }
+    }
+
+    /// Gathers along `directions` at some of the points. Returns the most layers that were peeled for one of the directions, 0 where none were.
+    ///
+    /// # Errors
+    /// [`crate::Error::Gl`] when the device is too small for the scene.
+    pub fn add(&mut self, inputs: GatherInputs, directions: &[Direction]) -> Result<u32> {
+        let GatherInputs { scene, geometry, photons, oracle, points } = inputs;
+        let (mut most, mut left) = (0, directions);
+        match &mut self.method {
+            Method::Shader { finder, pass, sums } => {
+                while !left.is_empty() {
+                    let begun = finder.begin(geometry, &left[..left.len().min(finder.batch())])?;
+                    let (batch, later) = left.split_at(begun);
+                    let miss = MissRadiance::new(scene, batch);
+                    let found = finder.find(geometry, points)?;
+                    let uniforms = [&geometry.uniforms()[..], &photons.uniforms(), &miss.uniforms()].concat();
+                    pass.add(&found, points, sums, &uniforms);
+                    (most, left) = (most.max(found.layers), later);
+                }
+            }
+            // Direction by direction, so that neighbouring rays are parallel.
+            Method::Oracle { points: places, sums } => directions.iter().for_each(|direction| {
+                let cast = |(i, (point, sum)): (usize, (&Option<GatherPoint>, &mut Vec4))| match point {
+                    Some(point) if self.interleave.subset_of(i) == points.subset => {
+                        *sum += oracle.sample(point, direction.vector).as_vec4();
+                    }
+                    _ => {}
+                };
+                places.par_iter().zip(sums.par_iter_mut()).enumerate().for_each(cast);
+            }),
+        }
+        Ok(most)
+    }
+
+    /// The sums, row by row from the bottom.
+    pub fn read(&self) -> Vec<Vec4> {
+        match &self.method {
+            Method::Shader { sums, .. } => self.interleave.in_order(sums.read()),
+            Method::Oracle { sums, .. } => sums.clone(),
+        }
+    }
+}

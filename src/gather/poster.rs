@@ -1,0 +1,75 @@
+//! The method of the poster (Hachisuka 2004): peel layers from far to near, and let every point sample each of them unless KILL culls it. What is left
+//! is each point's nearest hit, whose radiance the irradiance consumer adds.
+
+use glam::Vec4;
+
+use super::{Bundle, Found, HitFinder, Kill, Peel};
+use crate::direction::Direction;
+use crate::error::Result;
+use crate::geometry::Geometry;
+use crate::gpu::Gpu;
+use crate::points::Points;
+
+/// Finds hits by KILL, direction by direction.
+pub struct KillFinder {
+    gpu: Gpu,
+    layer_size: u32,
+    peel: Peel,
+    kill: Kill,
+    stop_fraction: f32,
+    direction: Direction,
+    vector: [Vec4; 1],
+}
+
+impl KillFinder {
+    /// For the point textures of `kill`. Peeling stops when fewer than `stop_fraction` of the points sample a layer, or none.
+    ///
+    /// # Errors
+    /// When the size is beyond the device's limits.
+    pub fn new(gpu: &Gpu, layer_size: u32, kill: Kill, stop_fraction: f32) -> Result<Self> {
+        let peel = Peel::new(gpu, layer_size)?;
+        Ok(Self {
+            gpu: gpu.clone(),
+            layer_size,
+            peel,
+            kill,
+            stop_fraction,
+            direction: Direction::default(),
+            vector: [Vec4::ZERO],
+        })
+    }
+}
+
+impl HitFinder for KillFinder {
+    fn batch(&self) -> usize {
+        1
+    }
+
+    fn both_ends(&self) -> bool {
+        false
+    }
+
+    fn begin(&mut self, _: &Geometry, directions: &[Direction]) -> Result<usize> {
+        self.direction = directions[0];
+        self.vector = [directions[0].vector.extend(0.0)];
+        Ok(1)
+    }
+
+    fn find(&mut self, geometry: &Geometry, points: Points) -> Result<Found<'_>> {
+        let bundle = Bundle::new(&self.direction, &geometry.positions, self.layer_size);
+        // A point samples every layer beyond it and none after, so the number of points that sample falls from layer to layer.
+        let enough = (self.stop_fraction * points.count as f32).max(1.0);
+        let mut layers = 0;
+        self.peel.start();
+        self.kill.start();
+        loop {
+            let layer = self.gpu.stage("peel", || self.peel.next(geometry, &bundle));
+            let sampled = self.gpu.stage("gather", || self.kill.sample(points, &bundle, layer, layers));
+            layers += 1;
+            if (sampled as f32) < enough {
+                break;
+            }
+        }
+        Ok(Found::stored(self.kill.hits(), &self.vector, self.both_ends(), layers))
+    }
+}

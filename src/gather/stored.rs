@@ -1,0 +1,96 @@
+//! Hits in a texture: several consumers read them, and they may outlive the finder's next batch. Mirrors `glsl/finder/stored.glsl` and
+//! `glsl/consumer/record.glsl`.
+
+use std::rc::Rc;
+
+use glam::Vec4;
+
+use super::pass::GatherPass;
+use super::{Found, shader_of};
+use crate::error::Result;
+use crate::gpu::{Format, Gpu, Target, Texture, Uniform};
+use crate::points::Points;
+use crate::settings::Pipeline;
+use crate::shaders::{BATCH, Consumer, Finder};
+
+/// Bytes of a hit.
+pub const HIT_BYTES: usize = 8;
+
+/// The hits of a batch of directions.
+pub struct StoredHits {
+    /// Two directions in an element, or one: distance in unit space; slot of the triangle in [`crate::geometry::Geometry`], counted from 1, 0 for a miss.
+    texture: Rc<Texture>,
+    /// Unit vectors.
+    directions: Vec<Vec4>,
+    /// As [`super::HitFinder::both_ends`].
+    both_ends: bool,
+    /// As [`Found::layers`].
+    layers: u32,
+}
+
+impl StoredHits {
+    /// Number of directions.
+    pub fn directions(&self) -> usize {
+        self.directions.len()
+    }
+
+    /// What a pass reads of them.
+    pub fn found(&self) -> Found<'_> {
+        Found::stored(&self.texture, &self.directions, self.both_ends, self.layers)
+    }
+}
+
+impl<'a> Found<'a> {
+    /// Hits in a texture, as [`StoredHits`] has them.
+    pub(super) fn stored(texture: &'a Texture, directions: &'a [Vec4], both_ends: bool, layers: u32) -> Self {
+        let uniforms = vec![("hits", Uniform::Texture(texture)), ("both_ends", Uniform::Int(both_ends.into()))];
+        Self { finder: Finder::Stored, layers, directions, both_ends, uniforms }
+    }
+}
+
+/// Records hits that a finder would find anew for each consumer.
+pub struct Recorder {
+    gpu: Gpu,
+    pass: GatherPass,
+    /// Hits of the batch in progress. `None`: the finder stores its own.
+    batch: Option<(Rc<Texture>, Target)>,
+}
+
+impl Recorder {
+    /// For the finder of a pipeline and point textures of at most this size.
+    ///
+    /// # Errors
+    /// When the device has no memory for the hits of a batch.
+    pub fn new(gpu: &Gpu, pipeline: Pipeline, points: [u32; 2]) -> Result<Self> {
+        let finder = shader_of(pipeline);
+        let batch = (finder != Finder::Stored).then(|| storage(gpu, points, BATCH)).transpose()?;
+        Ok(Self { gpu: gpu.clone(), pass: GatherPass::new(gpu, finder, Consumer::Record)?, batch })
+    }
+
+    /// Stored hits in the place of those found, until the next are recorded.
+    pub fn record<'a>(&'a self, found: Found<'a>, points: Points) -> Found<'a> {
+        let Some((texture, target)) = &self.batch else { return found };
+        self.pass.write(&found, points, target);
+        Found::stored(texture, found.directions, found.both_ends, found.layers)
+    }
+
+    /// Stores hits for good.
+    ///
+    /// # Errors
+    /// When the device has no memory for them.
+    pub fn keep(&self, found: &Found, points: Points) -> Result<StoredHits> {
+        let (texture, target) = storage(&self.gpu, points.size(), found.directions.len())?;
+        self.pass.write(found, points, &target);
+        let directions = found.directions.to_vec();
+        Ok(StoredHits { texture, directions, both_ends: found.both_ends, layers: found.layers })
+    }
+}
+
+/// A texture for the hits of so many directions, and the target that writes them.
+fn storage(gpu: &Gpu, points: [u32; 2], directions: usize) -> Result<(Rc<Texture>, Target)> {
+    let format = if directions == 1 { Format::Rg32F } else { Format::Rgba32F };
+    let elements = directions.div_ceil(2) as u32;
+    let texture = Rc::new(Texture::empty_array(gpu, format, points, elements)?);
+    let target = Target::of(gpu, (0..elements).map(|element| (texture.clone(), element)).collect(), None)?;
+    Ok((texture, target))
+}
