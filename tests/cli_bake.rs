@@ -173,7 +173,7 @@ fn bounces_of_a_gather_are_not_those_of_photons() {
     let folder = folder();
     let values = |name: &str, args: &[&str]| {
         let file = format!("{name}.exr");
-        success(&bake(&folder, &scene("cornell.toml"), &[&["--to", "camera", "-o", &file], args].concat()));
+        success(&mut bake(&folder, &scene("cornell.toml"), &[&["--to", "camera", "-o", &file], args].concat()));
         Image::read(&folder.path().join(&file)).unwrap().channel("IrradianceIndirect.G").unwrap().to_vec()
     };
     let alone = values("alone", &["--what", "irradiance"]);
