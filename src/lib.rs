@@ -33,7 +33,7 @@
 //!
 //! # Stages
 //!
-//! Data flows one way: files → [`scene`] → [`photon`] → [`points`] → direct light → [`gather`] → film → [`image`]; [`render`] runs them. All stages
+//! Data flows one way: files → [`scene`] → [`photon`] → [`points`] → direct light → [`gather`] → film → [`image`]; [`render`] runs them, [`job`] with files around them. All stages
 //! after loading work in *unit space* ([`scene::UnitSpace`]): the scene's bounding box centred on the origin with its corners on
 //! the unit sphere. OpenGL is named in [`gpu`] alone.
 

@@ -5,7 +5,8 @@ mod common;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use common::{gpu, small_scene};
+use common::gpu;
+use common::tool::small_scene;
 use finalgather::bake::{Plan, RadianceCache};
 use finalgather::error::Error;
 use finalgather::image::Image;

@@ -146,12 +146,10 @@ impl Job {
         }
 
         let ended = failure.is_some() || !already && !task.is_done();
-        let ending = if ended {
-            Ending::Stopped
-        } else if already {
-            Ending::AlreadyFinished
-        } else {
-            Ending::Finished
+        let ending = match (ended, already) {
+            (true, _) => Ending::Stopped,
+            (_, true) => Ending::AlreadyFinished,
+            _ => Ending::Finished,
         };
         let kept = if ended { checkpoint.stop(|| task.save()) } else { Ok(false) };
         let writing = Instant::now();

@@ -32,18 +32,14 @@ pub fn check_kept<'a>(outputs: &[PathBuf], inputs: impl IntoIterator<Item = &'a 
 
 /// What made a result, as JSON: `job` ([`crate::Render::job`], [`crate::bake::Bake::job`]), `own` facts of the output, and how far the job was. It
 /// holds no times and no paths, so that the same job writes the same file.
-pub fn metadata(job: &Value, exposure: f32, own: Value, (directions_done, complete): (u32, bool)) -> String {
+pub fn metadata(job: &Value, exposure: f32, own: &Value, (directions_done, complete): (u32, bool)) -> String {
     let mut about = json!({ "version": job["version"], "renderer": job["gl"]["renderer"], "settings": job["settings"] });
     about["settings"]["exposure"] = exposure.into();
-    let entries = |value: Value| if let Value::Object(entries) = value { entries } else { Default::default() };
-    let state = json!({
-        "job_sha256": sha256(job.to_string().as_bytes()),
-        "directions_done": directions_done,
-        "complete": complete,
-    });
-    let mut about = entries(about);
-    about.extend(entries(own).into_iter().chain(entries(state)));
-    Value::Object(about).to_string()
+    own.as_object().into_iter().flatten().for_each(|(key, value)| about[key] = value.clone());
+    about["job_sha256"] = sha256(job.to_string().as_bytes()).into();
+    about["directions_done"] = directions_done.into();
+    about["complete"] = complete.into();
+    about.to_string()
 }
 
 /// Whether all of these files exist and have this metadata, after any number of directions.

@@ -278,24 +278,24 @@ impl ReceiverValues {
 pub fn outputs_of(receivers: &[ReceiverKind], outputs: &[String]) -> Result<Vec<Vec<PathBuf>>> {
     let mut files = vec![Vec::new(); receivers.len()];
     for output in outputs {
-        let of = |name: &str| output.strip_prefix(name).and_then(|rest| rest.strip_prefix(':'));
-        let named = receivers.iter().enumerate().find_map(|(i, receiver)| of(receiver.name()).map(|path| (i, path)));
-        match named {
-            Some((_, "")) => return Err(Error::usage(format!("-o {output} names no file"), "put one after the colon")),
-            Some((i, path)) => files[i].push(PathBuf::from(path)),
-            None if let Some(name) = ReceiverKind::NAMES.into_iter().find(|name| of(name).is_some()) => {
+        let refused = |problem: String, cure: String| Err(Error::usage(format!("-o {output}{problem}"), cure));
+        let named = output.split_once(':').filter(|(name, _)| is_word(name));
+        let (name, path) = named.map_or((None, output.as_str()), |(name, path)| (Some(name), path));
+        let index = receivers.iter().position(|receiver| name.map_or(receivers.len() == 1, |name| name == receiver.name()));
+        match (index, name) {
+            (Some(_), _) if path.is_empty() => return refused(" names no file".into(), "put one after the colon".into()),
+            (Some(index), _) => files[index].push(path.into()),
+            (None, Some(name)) if ReceiverKind::NAMES.contains(&name) => {
                 let cure = format!("add --to {name}, or give a file of what is baked");
-                return Err(Error::usage(format!("-o {output}: {name} was not asked for"), cure));
+                return refused(format!(": {name} was not asked for"), cure);
             }
-            None if let Some((name, _)) = output.split_once(':').filter(|(name, _)| is_word(name)) => {
+            (None, Some(name)) => {
                 let cure = format!("put {} before the colon, or ./ before a file of this name", ReceiverKind::NAMES.join(", "));
-                return Err(Error::usage(format!("-o {output}: there is no receiver {name:?}"), cure));
+                return refused(format!(": there is no receiver {name:?}"), cure);
             }
-            None if receivers.len() == 1 => files[0].push(PathBuf::from(output)),
-            None => {
+            (None, None) => {
                 let names: Vec<_> = receivers.iter().map(|receiver| format!("{}:{output}", receiver.name())).collect();
-                let cure = format!("put its name before the file: {}", names.join(" or "));
-                return Err(Error::usage(format!("-o {output}: of which receiver?"), cure));
+                return refused(": of which receiver?".into(), format!("put its name before the file: {}", names.join(" or ")));
             }
         }
     }

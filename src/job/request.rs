@@ -176,7 +176,7 @@ impl JobRequest {
                 json!({ "plan": job["plan"], "receiver": receivers[receiver].name(), "padding": light_map.padding })
             }
         };
-        metadata(job, exposure, own, done)
+        metadata(job, exposure, &own, done)
     }
 }
 

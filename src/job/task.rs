@@ -116,7 +116,10 @@ impl<'a> Task<'a> {
     pub fn directions(&self) -> [u64; 2] {
         match &self.gather {
             Gather::Render(render) => [render.directions_done(), self.directions].map(u64::from),
-            Gather::Bake(bake, _) => [bake.statistics().directions_done, bake.statistics().directions_total],
+            Gather::Bake(bake, _) => {
+                let statistics = bake.statistics();
+                [statistics.directions_done, statistics.directions_total]
+            }
         }
     }
 
@@ -197,7 +200,7 @@ impl<'a> Task<'a> {
         });
         let report = TaskReport::Bake {
             plan: bake.plan().clone(),
-            bake: bake.statistics().clone(),
+            bake: bake.statistics(),
             receivers: receivers.collect(),
             part: outputs.into_iter().next().filter(|_| self.is_shard),
         };

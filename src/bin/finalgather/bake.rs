@@ -10,7 +10,7 @@ use finalgather::points::{LightMapOptions, Resolution, UvSource};
 use finalgather::quantity::Quantity;
 
 use crate::args::{DeviceArgs, JobArgs, Overrides, checked, count, named};
-use crate::job;
+use crate::terminal;
 
 /// MiB for the points at a time, where nothing bounds all memory.
 const MEMORY: usize = 1024;
@@ -93,37 +93,22 @@ pub struct BakeArgs {
 }
 
 /// The exit code, unless the run failed.
-pub fn run(args: &BakeArgs) -> Result<u8> {
-    let BakeArgs { to, order, gather_bounces, ao_distance, radiance_cache, padding, samples_per_texel, uvs, .. } = args;
+pub fn run(args: BakeArgs) -> Result<u8> {
+    let BakeArgs { to: receivers, order, gather_bounces, ao_distance, radiance_cache, uvs, padding, samples_per_texel, .. } =
+        args;
     let keeping = args.job.keeping(&args.outputs.iter().map(PathBuf::from).collect::<Vec<_>>())?;
-    let outputs = if keeping.shard.is_some() { vec![Vec::new(); to.len()] } else { outputs_of(to, &args.outputs)? };
+    let is_shard = keeping.shard.is_some();
+    let outputs = if is_shard { vec![Vec::new(); receivers.len()] } else { outputs_of(&receivers, &args.outputs)? };
     // Each once.
-    let mut what = Vec::new();
-    for quantity in &args.what {
-        if !what.contains(quantity) {
-            what.push(*quantity);
-        }
-    }
-    let bake = BakeRequest {
-        receivers: to.clone(),
-        plan: Plan {
-            what,
-            order: *order,
-            gather_bounces: *gather_bounces,
-            ao_distance: *ao_distance,
-            radiance_cache: *radiance_cache,
-            memory: MEMORY,
-        },
-        light_map: LightMapOptions {
-            resolution: args.texels_per_unit.map_or(Resolution::Pixels(args.resolution), Resolution::TexelsPerUnit),
-            uvs: *uvs,
-            padding: *padding,
-            samples_per_texel: *samples_per_texel,
-        },
-    };
+    let what = args.what.iter().enumerate().filter(|(index, quantity)| !args.what[..*index].contains(quantity));
+    let what = what.map(|(_, quantity)| *quantity).collect();
+    let plan = Plan { what, order, gather_bounces, ao_distance, radiance_cache, memory: MEMORY };
+    let resolution = args.texels_per_unit.map_or(Resolution::Pixels(args.resolution), Resolution::TexelsPerUnit);
+    let light_map = LightMapOptions { resolution, uvs, padding, samples_per_texel };
     let (scene, device) = (args.overrides.scene(&args.scene)?, args.device.request());
-    let request = JobRequest { scene, work: Work::Bake(bake), outputs, memory: args.memory, device };
-    job::run(Job::new(request, &keeping)?, args.json)
+    let work = Work::Bake(BakeRequest { receivers, plan, light_map });
+    let request = JobRequest { scene, work, outputs, memory: args.memory, device };
+    terminal::run(Job::new(request, &keeping)?, args.json)
 }
 
 fn bands(text: &str) -> Result<usize, String> {

@@ -6,13 +6,14 @@ use std::thread::available_parallelism;
 use clap::builder::{PossibleValue, PossibleValuesParser};
 use finalgather::bench::{Bench, BenchPlan, CONTESTANTS, Contestant, FUSED, Row, Where};
 use finalgather::error::{Error, Result};
+use finalgather::job::Watch;
 use finalgather::scene::Loaded;
 use finalgather::settings::{LayerSize, Settings};
 use serde_json::{Value, json};
 
 use crate::args::{DeviceArgs, FilesArg, count, layer_size, size};
-use crate::progress::ProgressLine;
 use crate::report;
+use crate::terminal::Terminal;
 
 /// Directions of the converged oracle, both ends of each.
 const CONVERGED: u32 = 4096;
@@ -63,16 +64,10 @@ pub struct BenchArgs {
 
 /// The exit code, unless the run failed.
 pub fn run(args: &BenchArgs) -> Result<u8> {
-    let progress = ProgressLine::new("loading");
-    let outcome = bench(args, &progress);
-    progress.clear();
-    outcome.map(|()| 0)
-}
-
-fn bench(args: &BenchArgs, progress: &ProgressLine) -> Result<()> {
+    let mut terminal = Terminal::new(None)?;
     let file = args.scene.clone().map_or_else(default_scene, Ok)?;
     let Loaded { world, settings: from_scene, report } = args.files.scene(&file).load(true)?;
-    report.warnings.iter().for_each(|warning| progress.say(&format!("warning: {warning}")));
+    report.warnings.iter().for_each(|warning| terminal.say(&format!("warning: {warning}")));
     // A round is of few directions, and stands for the many of a render.
     let layers = Settings { layer_size: args.layer_size.unwrap_or(from_scene.layer_size), ..from_scene.clone() }.layers();
     let settings = Settings {
@@ -88,16 +83,16 @@ fn bench(args: &BenchArgs, progress: &ProgressLine) -> Result<()> {
         return Err(Error::usage("rounds is 0", "give rounds of 1 or more"));
     }
 
-    progress.stage("starting OpenGL");
+    terminal.stage("starting OpenGL");
     let gpu = args.device.request().open()?;
-    progress.stage("tracing photons");
+    terminal.stage("tracing photons");
     let bench = Bench::new(&gpu, world.flatten(), &settings, Where::Camera)?;
-    progress.stage("measuring");
+    terminal.stage("measuring");
     let asked = |contestant: &&Contestant| args.pipelines.is_empty() || args.pipelines.iter().any(|name| name == contestant.name);
     let contestants: Vec<_> = CONTESTANTS.iter().filter(asked).collect();
     let plan = BenchPlan { directions: args.directions, rounds: args.rounds, stages: true, converged: CONVERGED };
     let rows = bench.measure(&contestants, plan)?;
-    progress.clear();
+    terminal.clear();
 
     let cores = available_parallelism().map_or(1, usize::from);
     let fused = rows.iter().find(|row| row.name == FUSED).map(|row| row.ms_per_sample);
@@ -121,7 +116,7 @@ fn bench(args: &BenchArgs, progress: &ProgressLine) -> Result<()> {
         "rows": rows,
         "fused_against": Value::Object(against.unwrap_or_default()),
     });
-    if args.json { report::print_json(&report) } else { report::print(&table(&report, &rows, fused)) }
+    if args.json { report::print_json(&report) } else { report::print(&table(&report, &rows, fused)) }.map(|()| 0)
 }
 
 fn contestants() -> PossibleValuesParser {

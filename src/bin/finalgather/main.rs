@@ -10,25 +10,17 @@ mod bake;
 mod bench;
 mod compare;
 mod info;
-mod interrupt;
-mod job;
 mod merge;
-mod progress;
 mod relight;
 mod render;
 mod report;
+mod terminal;
 #[cfg(feature = "window")]
 mod view;
 
-const AFTER_HELP: &str = concat!(
-    include_str!("help/render.txt"),
-    "\n  finalgather compare box.exr reference.exr\n  finalgather bench\n  finalgather info\n\n",
-    include_str!("help/exit_codes.txt")
-);
-
 /// Final gathering by rasterised ray bundles: renders global illumination on OpenGL 3.3, headless
 #[derive(Debug, Parser)]
-#[command(version, after_help = AFTER_HELP)]
+#[command(version, after_help = include_str!("help/main.txt"))]
 struct Args {
     #[command(subcommand)]
     command: ToolCommand,
@@ -60,7 +52,7 @@ fn main() -> ExitCode {
         #[cfg(feature = "window")]
         ToolCommand::View(args) => view::run(&args),
         ToolCommand::Compare(args) => compare::run(&args),
-        ToolCommand::Bake(args) => bake::run(&args),
+        ToolCommand::Bake(args) => bake::run(args),
         ToolCommand::Relight(args) => relight::run(&args),
         ToolCommand::Merge(args) => merge::run(&args),
         ToolCommand::Bench(args) => bench::run(&args),
@@ -85,7 +77,7 @@ fn start_threads() -> Result<()> {
     })
 }
 
-/// As in sysexits.h: EX_DATAERR, EX_UNAVAILABLE and EX_TEMPFAIL; 2 is clap's. `help/exit_codes.txt` lists them.
+/// As in sysexits.h: EX_DATAERR, EX_UNAVAILABLE and EX_TEMPFAIL; 2 is clap's. `help/main.txt` lists them.
 fn exit_code(error: &Error) -> u8 {
     match error {
         Error::Usage { .. } => 2,

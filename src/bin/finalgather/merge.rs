@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use finalgather::error::Result;
 
 use crate::args::stops;
-use crate::job::Terminal;
+use crate::terminal::Terminal;
 
 /// Merge the parts of a sharded job, to the same bits as one run
 ///

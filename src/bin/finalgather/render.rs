@@ -6,14 +6,14 @@ use finalgather::error::Result;
 use finalgather::job::{Job, JobRequest, SceneRequest, Work};
 
 use crate::args::{DeviceArgs, JobArgs, Overrides, count};
-use crate::job;
+use crate::terminal;
 
 /// Render a scene to picture files
 ///
 /// Settings come from these options, else from [settings] in the scene file, else from the defaults shown here.
 #[derive(Debug, clap::Args)]
-#[command(after_help = concat!(include_str!("help/render.txt"), "\n\n", include_str!("help/exit_codes.txt")))]
-#[command(args_override_self = true, allow_negative_numbers = true, mut_arg("photon_depth", |arg| arg.alias("bounces")))]
+#[command(after_help = include_str!("help/render.txt"), args_override_self = true, allow_negative_numbers = true)]
+#[command(mut_arg("photon_depth", |arg| arg.alias("bounces")))]
 pub struct RenderArgs {
     /// Scene file: .toml, or a bare .obj with its .mtl
     scene: PathBuf,
@@ -65,7 +65,7 @@ pub fn run(args: &RenderArgs) -> Result<u8> {
     let keeping = args.job.keeping(&outputs)?;
     let (scene, device) = (args.scene()?, args.device.request());
     let request = JobRequest { scene, work: Work::Render, outputs: vec![outputs], memory: args.memory, device };
-    job::run(Job::new(request, &keeping)?, args.json)
+    terminal::run(Job::new(request, &keeping)?, args.json)
 }
 
 #[cfg(test)]

@@ -453,7 +453,7 @@ impl SceneRender {
         // The exposure is the view's. Its other settings may belong to the next render.
         let exposure = self.view.settings.exposure;
         let done = (self.render.directions_done(), self.render.is_done());
-        let metadata = metadata(&self.render.job(), exposure, Value::Null, done);
+        let metadata = metadata(&self.render.job(), exposure, &Value::Null, done);
         self.render.picture().write(path, &WriteOptions { exposure, metadata: Some(&metadata) })
     }
 }
