@@ -21,7 +21,7 @@ use values::{name, setting};
 #[derive(Clone, Copy, Debug, clap::Args)]
 #[command(next_help_heading = "OpenGL")]
 pub struct DeviceArgs {
-    /// Where the OpenGL context comes from
+    /// Library that makes the OpenGL context. auto: EGL, else OSMesa
     #[arg(long, default_value = "auto", value_parser = PossibleValuesParser::new(["auto", "egl", "osmesa"]).try_map(|name| name.parse::<Backend>()))]
     backend: Backend,
 
@@ -38,7 +38,7 @@ pub struct JobArgs {
     #[arg(long, value_name = "FILE", conflicts_with = "shard")]
     checkpoint: Option<PathBuf>,
 
-    /// Seconds between two writes of the checkpoint, rounded up to the end of a block of directions. It is longer where writing takes long. 0: after every block
+    /// Seconds between two writes of the checkpoint, rounded up to the end of a block of directions, and more if writing takes long. 0: after every block
     #[arg(long, value_name = "SECONDS", default_value_t = 30, value_parser = |text: &str| count(text).ok().filter(|&seconds: &u64| seconds <= 86_400).ok_or("not whole seconds, 86400 at most"))]
     checkpoint_every: u64,
 
@@ -93,7 +93,7 @@ pub struct Overrides {
     #[arg(long, value_name = "F", help = setting("Stop peeling when fewer than this fraction of the points sample a layer", |s| s.stop_fraction))]
     stop_fraction: Option<f32>,
 
-    #[arg(long, alias = "until", value_name = "ERROR", help = setting("Stop when the relative standard error of the picture is at most this. It is estimated a few times. Layers of `auto` size are then as large as this error needs. 0: never stop early", |s| s.until))]
+    #[arg(long, alias = "until", value_name = "ERROR", help = setting("Stop when the relative standard error of the picture is at most this. The error is estimated a few times on the way. Layers of size auto get no larger than this error needs. 0: never stop early", |s| s.until))]
     #[serde(rename = "until")]
     target_error: Option<f64>,
 
