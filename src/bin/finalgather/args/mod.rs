@@ -93,7 +93,7 @@ pub struct Overrides {
     #[arg(long, value_name = "F", help = setting("Stop peeling when fewer than this fraction of the points sample a layer", |s| s.stop_fraction))]
     stop_fraction: Option<f32>,
 
-    #[arg(long, alias = "until", value_name = "ERROR", help = setting("Stop when the relative standard error of the picture is at most this. The error is estimated a few times on the way. Layers of size auto get no larger than this error needs. 0: never stop early", |s| s.until))]
+    #[arg(long, alias = "until", value_name = "ERROR", help = setting("Stop when the relative standard error of the picture is at most this. It is estimated a few times. Layers of `auto` size are then as large as this error needs. 0: never stop early", |s| s.until))]
     #[serde(rename = "until")]
     target_error: Option<f64>,
 
