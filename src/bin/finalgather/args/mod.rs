@@ -21,7 +21,7 @@ use values::{name, setting};
 #[derive(Clone, Copy, Debug, clap::Args)]
 #[command(next_help_heading = "OpenGL")]
 pub struct DeviceArgs {
-    /// Where the OpenGL context comes from
+    /// Library that makes the OpenGL context. auto: EGL, else OSMesa
     #[arg(long, default_value = "auto", value_parser = PossibleValuesParser::new(["auto", "egl", "osmesa"]).try_map(|name| name.parse::<Backend>()))]
     backend: Backend,
 
@@ -38,7 +38,7 @@ pub struct JobArgs {
     #[arg(long, value_name = "FILE", conflicts_with = "shard")]
     checkpoint: Option<PathBuf>,
 
-    /// Seconds between two writes of the checkpoint, rounded up to the end of a block of directions. It is longer where writing takes long. 0: after every block
+    /// Seconds between two writes of the checkpoint, rounded up to the end of a block of directions, and more if writing takes long. 0: after every block
     #[arg(long, value_name = "SECONDS", default_value_t = 30, value_parser = |text: &str| count(text).ok().filter(|&seconds: &u64| seconds <= 86_400).ok_or("not whole seconds, 86400 at most"))]
     checkpoint_every: u64,
 
