@@ -62,7 +62,7 @@ impl IrradianceGather {
             pipeline => {
                 // The finder comes last: it makes do with the memory that is left.
                 let sums = Accumulator::new(gpu, interleave.sums_size())?;
-                let radiance = HitRadiance::Photons { textured: !scene.textures.is_empty() };
+                let radiance = HitRadiance { vertex_cache: false, textured: !scene.textures.is_empty() };
                 let pass = GatherPass::new(gpu, shader_of(pipeline), Consumer::Irradiance(radiance))?;
                 Method::Shader { finder: hit_finder(gpu, settings, scene, bvh, interleave.tile())?, pass, sums }
             }

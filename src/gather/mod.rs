@@ -56,7 +56,9 @@ pub trait HitFinder {
 
     /// Whether a direction counts at both its ends: each point looks along the end on its side of its surface. Else only points that face along the
     /// direction have a weight.
-    fn both_ends(&self) -> bool;
+    fn both_ends(&self) -> bool {
+        true
+    }
 
     /// Does what is the same for all points, for the first of at most [`Self::batch`] directions: as many as there is memory for. Returns how many, at
     /// least one.
