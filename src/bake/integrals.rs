@@ -37,11 +37,6 @@ impl Wanted {
     fn planes(&self) -> usize {
         HEMISPHERE + HarmonicsPass::targets(self.order) * (usize::from(self.sh) + usize::from(self.prt))
     }
-
-    /// Bytes for a point and so many copies of its sums.
-    pub fn bytes(&self, copies: usize) -> usize {
-        size_of::<[Vec4; 2]>() + copies * self.planes() * size_of::<Vec4>()
-    }
 }
 
 /// What hits send back.

@@ -10,7 +10,7 @@ use crate::blocks::{Blocks, PairwiseSum};
 use crate::error::{Error, Result};
 use crate::gather::HIT_BYTES;
 use crate::memory::common;
-use crate::points::GatherPoint;
+use crate::points::{GatherPoint, PointTextures};
 use crate::scene::Scene;
 use crate::settings::Settings;
 use crate::shaders::BATCH;
@@ -28,7 +28,8 @@ pub fn most_points(plan: &Plan, blocks: Blocks, last: bool) -> usize {
 
 /// Bytes of a point whose turn it is: its textures, and its sums on the GL side, in the pairwise tree and at the end.
 fn bytes_of_point(plan: &Plan, blocks: Blocks, last: bool) -> usize {
-    plan.wanted(last).bytes(1 + blocks.count().ilog2() as usize + 1)
+    let copies = 1 + blocks.count().ilog2() as usize + 1;
+    PointTextures::bytes([1, 1]) + copies * Values::bytes(&plan.wanted(last))
 }
 
 /// Whether the hits of the vertices are worth storing: a later round wants them again, and there is memory for all of them.
