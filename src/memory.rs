@@ -28,22 +28,22 @@ pub fn common(scene: &Scene, settings: &Settings) -> usize {
     let texels: usize = scene.textures.iter().map(|texture| size_of_val(&texture.texels[..])).sum();
     let surfaces = scenes * (TRIANGLE * scene.mesh.triangles.len() + Geometry::bytes(scene)) + (1 + scenes) * texels;
     let environment = scene.environment.as_ref().map_or(0, Environment::bytes);
-    let photons = PhotonGrid::bytes(settings.grid_cells) + PhotonTexture::bytes(settings.grid_cells);
+    let photons = PhotonGrid::bytes(settings.photons.grid_cells) + PhotonTexture::bytes(settings.photons.grid_cells);
     let photons = photons + PhotonGrid::area_bytes(scene.mesh.triangles.len());
-    DRIVER + surfaces + environment + photons + Direct::bytes(settings.shadow_size) + LayerStore::bytes(settings.layers())
+    DRIVER + surfaces + environment + photons + Direct::bytes(settings.direct.shadow_size) + LayerStore::bytes(settings.layers())
 }
 
 /// Bytes that a render takes at most: what every job has, the pixels of a block, and a film in each node of the pairwise tree over `blocks`; then
 /// the picture, unless it is a shard's.
 pub fn of_render(scene: &Scene, settings: &Settings, blocks: u32, shard: bool) -> u64 {
-    let size = settings.size;
+    let size = settings.film.size;
     let pixels: usize = size.map(|side| side as usize).iter().product();
     let texels = |count: usize| count * size_of::<Vec4>() * pixels;
     // Sums of the gather, of direct light, and of the photon map.
     let gl = CameraPoints::bytes(size) + Accumulator::bytes(size, 3);
     // The photon map; at the end of a block the gather's sums as read and in the order of pixels, and direct light; caustics.
     let block = GBuffer::bytes(pixels) + texels(4) + size_of::<Vec3>() * pixels;
-    let rays = match (settings.pipeline, settings.points) {
+    let rays = match (settings.gather.pipeline, settings.film.points) {
         (Pipeline::Raycast, _) | (_, PointSource::Traced) => {
             size_of::<Option<GatherPoint>>() * pixels + PointTextures::bytes(size)
         }

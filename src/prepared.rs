@@ -9,7 +9,7 @@ use crate::error::{Error, Result};
 use crate::gpu::Gpu;
 use crate::photon::{PhotonCounts, PhotonGrid, PhotonTexture, PhotonTracer};
 use crate::scene::{Bvh, Lights, Scene, World};
-use crate::settings::Settings;
+use crate::settings::PhotonSettings;
 
 /// A scene with its tree and its lights.
 pub struct Prepared {
@@ -45,8 +45,8 @@ impl Prepared {
     }
 
     /// Traces photons through all of it.
-    pub fn photons(&self, settings: &Settings) -> PhotonTracer<'_> {
-        PhotonTracer::new(&self.scene, &self.bvh, &self.lights, settings.seed, settings.bounces)
+    pub fn photons(&self, settings: &PhotonSettings, seed: u64) -> PhotonTracer<'_> {
+        PhotonTracer::new(&self.scene, &self.bvh, &self.lights, seed, settings.depth)
     }
 }
 
@@ -67,6 +67,8 @@ pub struct Photons {
     pub counts: PhotonCounts,
     /// Which of the maps it is.
     pub number: u64,
+    settings: PhotonSettings,
+    seed: u64,
 }
 
 impl Photons {
@@ -78,7 +80,7 @@ impl Photons {
     pub fn new(
         gpu: &Gpu,
         [all, gathered]: [&Prepared; 2],
-        settings: &Settings,
+        (settings, seed): (&PhotonSettings, u64),
         mut make_room: impl FnMut() -> bool,
     ) -> Result<Self> {
         if all.lights.is_dark() {
@@ -88,35 +90,31 @@ impl Photons {
             ));
         }
         let mut grid = PhotonGrid::new(&all.scene.mesh, settings.grid_cells);
-        let counts = trace(all, settings, 0, &mut grid);
-        grid.add_area(&gathered.scene.mesh, &gathered.bvh, settings.seed);
+        let counts = all.photons(settings, seed).trace(settings.numbers(0), &mut grid);
+        grid.add_area(&gathered.scene.mesh, &gathered.bvh, seed);
         let texture = loop {
             match PhotonTexture::upload(gpu, &grid) {
                 Err(error) if gpu.goes_on(&error) && make_room() => {}
                 uploaded => break uploaded?,
             }
         };
-        Ok(Self { texture, grid, counts, number: 0 })
+        Ok(Self { texture, grid, counts, number: 0, settings: *settings, seed })
     }
 
     /// Makes it the map of this number.
     ///
     /// # Errors
     /// When the device fails.
-    pub fn renew(&mut self, gpu: &Gpu, all: &Prepared, settings: &Settings, number: u64) -> Result<()> {
+    pub fn renew(&mut self, gpu: &Gpu, all: &Prepared, number: u64) -> Result<()> {
         if number != self.number {
             // Neither the one nor the other, should this fail.
             self.number = u64::MAX;
             self.grid.clear_flux();
-            let counts = trace(all, settings, number, &mut self.grid);
+            let counts = all.photons(&self.settings, self.seed).trace(self.settings.numbers(number), &mut self.grid);
             self.texture = PhotonTexture::upload(gpu, &self.grid)?;
             self.counts += counts;
             self.number = number;
         }
         Ok(())
     }
-}
-
-fn trace(all: &Prepared, settings: &Settings, number: u64, grid: &mut PhotonGrid) -> PhotonCounts {
-    all.photons(settings).trace(number * settings.photons..(number + 1) * settings.photons, grid)
 }

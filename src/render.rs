@@ -123,11 +123,11 @@ impl Render {
             true => Rc::clone(&geometry),
             false => Rc::new(Geometry::upload(gpu, &gathered.scene)?),
         };
-        let (scene, camera) = (&all.scene, all.scene.camera(settings.size));
+        let (scene, camera) = (&all.scene, all.scene.camera(settings.film.size));
         let mut passes = Passes::new(gpu, &gathered, settings)?;
 
         let start = Instant::now();
-        let photons = Photons::new(gpu, [&all, &gathered], settings, || passes.gather.shrink())?;
+        let photons = Photons::new(gpu, [&all, &gathered], (&settings.photons, settings.seed), || passes.gather.shrink())?;
         let mut statistics = RenderStatistics {
             scene: SceneCounts { triangles: scene.mesh.triangles.len(), lights: all.lights.count() },
             photons: photons.counts,
@@ -139,8 +139,8 @@ impl Render {
         gpu.check("preparing a render")?;
         Ok(Self {
             gpu: gpu.clone(),
-            directions: Directions::new(settings.sequence, settings.seed),
-            settings: settings.clone(),
+            directions: Directions::new(settings.directions.sequence, settings.seed),
+            settings: *settings,
             digest: scene.digest(),
             all,
             gathered,
@@ -164,18 +164,16 @@ impl Render {
     /// # Errors
     /// As [`Self::new`], and when `settings` ask for other photons; then nothing has changed.
     pub fn restart(&mut self, camera: Camera, settings: &Settings) -> Result<()> {
-        let photons = |of: &Settings| (of.seed, of.photons, of.bounces, of.grid_cells);
-        if photons(settings) != photons(&self.settings) {
+        if (settings.photons, settings.seed) != (self.settings.photons, self.settings.seed) {
             return Err(Error::usage("the photons of a render in progress cannot change", "open the scene again"));
         }
         settings.validate()?;
-        let passes =
-            |of: &Settings| (of.size, of.points, of.layers(), of.pipeline, of.interleave, of.stop_fraction, of.shadow_size);
+        let passes = |of: &Settings| (of.film, of.gather, of.layers(), of.direct);
         if passes(settings) != passes(&self.settings) {
             self.passes = Passes::new(&self.gpu, &self.gathered, settings)?;
         }
-        self.directions = Directions::new(settings.sequence, settings.seed);
-        self.settings = settings.clone();
+        self.directions = Directions::new(settings.directions.sequence, settings.seed);
+        self.settings = *settings;
         self.camera = self.all.scene.space.enter_camera(camera);
         self.forget();
         Ok(())
@@ -232,8 +230,6 @@ impl Render {
 
     /// What it sums, by all that shapes the bits.
     pub fn job(&self) -> Value {
-        // Exposure is for pictures; sums have none.
-        let settings = Settings { exposure: 0.0, ..self.settings.clone() };
         json!({
             "what": "render",
             "version": env!("CARGO_PKG_VERSION"),
@@ -241,13 +237,13 @@ impl Render {
             "scene": self.digest,
             "space": self.all.scene.space,
             "camera": format!("{:?}", self.camera),
-            "settings": settings,
+            "settings": self.settings.of_sums(),
         })
     }
 
     /// The blocks that are done.
     pub fn save(&self) -> Part<'_> {
-        let mut part = Part::new(self.job(), json!({ "exposure": self.settings.exposure }));
+        let mut part = Part::new(self.job(), json!({ "exposure": self.settings.display.exposure }));
         part.put_tree(FILM, &self.film);
         part
     }
@@ -318,10 +314,10 @@ impl Render {
 
     /// The mean of what is gathered so far, with the channels of `Film::image`; black before the first direction.
     pub fn picture(&self) -> Image {
-        let Some(block) = &self.block else { return self.film.image(self.settings.size, &self.all.scene.space) };
+        let Some(block) = &self.block else { return self.film.image(self.settings.film.size, &self.all.scene.space) };
         let mut film = self.film.clone();
         film.insert_block(block.index, self.film_of(block));
-        film.image(self.settings.size, &self.all.scene.space)
+        film.image(self.settings.film.size, &self.all.scene.space)
     }
 
     /// Photons, visible points and direct light for the next block.
@@ -332,7 +328,7 @@ impl Render {
         let map = u64::from(directions.start / DIRECTIONS_PER_PHOTON_MAP);
         if map != self.photons.number {
             let start = Instant::now();
-            self.photons.renew(&self.gpu, &self.all, &self.settings, map)?;
+            self.photons.renew(&self.gpu, &self.all, map)?;
             self.statistics.photons = self.photons.counts;
             self.statistics.seconds.photons += self.finish("uploading photons", start)?;
         }
@@ -342,15 +338,15 @@ impl Render {
         let visible = match &mut self.passes.source {
             PixelSource::Camera(points) => {
                 let mut visible = points.see(&self.geometry, &self.camera, offset.into());
-                visible.add_environment(&self.all.scene, &self.camera, self.settings.size, offset.into());
+                visible.add_environment(&self.all.scene, &self.camera, self.settings.film.size, offset.into());
                 visible
             }
             PixelSource::Traced(points) => {
                 let Prepared { scene, bvh, .. } = &*self.all;
-                let rays = EyeRays { scene, bvh, camera: &self.camera, size: self.settings.size, seed: self.settings.seed };
+                let rays = EyeRays { scene, bvh, camera: &self.camera, size: self.settings.film.size, seed: self.settings.seed };
                 let visible = rays.see(offset.into(), index);
                 let GBuffer { position, normal, count, .. } = &visible;
-                *points = Some(PointTextures::upload(&self.gpu, self.settings.size, position, normal, *count)?);
+                *points = Some(PointTextures::upload(&self.gpu, self.settings.film.size, position, normal, *count)?);
                 visible
             }
         };
@@ -360,7 +356,7 @@ impl Render {
 
         // Each block takes its share of one sequence of light samples, so that together they cover the lights evenly.
         let start = Instant::now();
-        let light_samples = u64::from(self.settings.light_samples).div_ceil(blocks.count().into());
+        let light_samples = u64::from(self.settings.direct.light_samples).div_ceil(blocks.count().into());
         self.passes.direct_sums.clear();
         let first = u64::from(index) * light_samples;
         let samples = if self.all.lights.count() > 0 { first..first + light_samples } else { first..first };
@@ -386,9 +382,9 @@ impl Render {
         if !self.all.scene.is_specular() {
             return vec![Vec3::ZERO; visible.normal.len()];
         }
-        let photons = self.settings.photons;
-        let numbers = u64::from(block) * photons..(u64::from(block) + 1) * photons;
-        let map = CausticMap::new(self.all.photons(&self.settings).caustics(numbers), block);
+        let (settings, seed) = (&self.settings.photons, self.settings.seed);
+        let photons = self.all.photons(settings, seed).caustics(settings.numbers(block.into()));
+        let map = CausticMap::new(photons, block);
         let see = |point: Option<GatherPoint>| point.map_or(Vec3::ZERO, |p| map.irradiance(p.position, p.surface_normal));
         visible.pixels().into_par_iter().map(see).collect()
     }
@@ -422,7 +418,7 @@ impl Render {
 
     fn film_of(&self, block: &Block) -> Film {
         let mut gathered = self.passes.gather.read();
-        if self.settings.estimator == Estimator::Plain {
+        if self.settings.directions.estimator == Estimator::Plain {
             // The weights' expected sum in place of their own: over the sphere, the mean of max(n·d, 0) is 1/4, that of |n·d| 1/2.
             let mean = if self.passes.gather.both_ends() { 0.5 } else { 0.25 };
             let taken = |pixel| block.taken[self.passes.interleave.subset_of(pixel).index()];
@@ -432,7 +428,7 @@ impl Render {
         let directions = block.taken.iter().sum();
         let direct = self.passes.direct_sums.read();
         let direct = (&direct[..], block.light_samples);
-        Film::of_block(self.settings.size, &block.visible, direct, &block.rough, &block.caustics, (&gathered, directions))
+        Film::of_block(self.settings.film.size, &block.visible, direct, &block.rough, &block.caustics, (&gathered, directions))
     }
 
     /// Once in a while, for the report and to stop a render that is good enough.
@@ -440,7 +436,8 @@ impl Render {
         let blocks = self.film.blocks();
         if blocks.is_multiple_of(8) || self.next_block().is_none() {
             self.statistics.error = self.film.error();
-            self.reached = self.settings.until > 0.0 && self.statistics.error.is_some_and(|error| error <= self.settings.until);
+            let target = self.settings.directions.target_error;
+            self.reached = target > 0.0 && self.statistics.error.is_some_and(|error| error <= target);
         }
     }
 
@@ -455,17 +452,17 @@ impl Render {
 impl Passes {
     /// `gathered` is what gather rays see.
     fn new(gpu: &Gpu, gathered: &Prepared, settings: &Settings) -> Result<Self> {
-        let points = settings.size;
-        let source = match settings.points {
+        let points = settings.film.size;
+        let source = match settings.film.points {
             PointSource::Camera => PixelSource::Camera(CameraPoints::new(gpu, points)?),
             PointSource::Traced => PixelSource::Traced(None),
         };
-        let direct = Direct::new(gpu, settings.shadow_size, settings.seed)?;
+        let direct = Direct::new(gpu, settings.direct.shadow_size, settings.seed)?;
         let direct_sums = Accumulator::new(gpu, points)?;
         let rough = PhotonMap::new(gpu, points)?;
-        let interleave = Interleave::new(settings.interleave, points, settings.seed);
+        let interleave = Interleave::new(settings.film.interleave, points, settings.seed);
         // It makes do with the memory that is left.
-        let gather = IrradianceGather::new(gpu, settings, &gathered.scene, &gathered.bvh, interleave)?;
+        let gather = IrradianceGather::new(gpu, &settings.gather, settings.layers(), &gathered.scene, &gathered.bvh, interleave)?;
         Ok(Self { source, direct, direct_sums, rough, interleave, gather, shown: None })
     }
 }

@@ -1,72 +1,148 @@
-//! What shapes a picture beside the scene: one flat value, read from the scene file and overridden by the command line.
+//! What shapes a picture beside the scene, grouped by stage. A scene file and the command line give settings by their keys, without stages.
 
 use std::fmt::{self, Display, Formatter};
+use std::ops::Range;
 
 use serde::de::{self, Unexpected, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use crate::error::Error;
 
-/// Settings of a render. Every field has a default, so that a scene file names only what differs.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct Settings {
-    /// Picture size in pixels, [width, height].
-    pub size: [u32; 2],
-    /// Number of global directions N, each shared by all points.
-    pub directions: u32,
-    /// Side of the square depth layers; [`Self::layers`] has it in texels.
-    pub layer_size: LayerSize,
-    pub points: PointSource,
-    pub pipeline: Pipeline,
-    pub estimator: Estimator,
-    pub sequence: Sequence,
-    /// Side of the squares of neighbouring pixels in which each direction is gathered by one pixel only; what the pixels of one surface
-    /// found is then shared among them. 1: every pixel gathers along every direction.
-    pub interleave: u32,
-    pub seed: u64,
-    /// The poster's criterion: peeling a direction ends with the layer that fewer than this share of the points sample.
-    /// 0 peels until no point samples.
-    pub stop_fraction: f32,
-    /// Photons emitted from the lights, afresh for every 1024 directions.
-    pub photons: u64,
-    /// The most surfaces that one photon is stored at.
-    pub bounces: u32,
-    /// Photon grid cells along the scene's longest side.
-    pub grid_cells: u32,
-    /// Samples on the area lights for direct light, over the whole picture.
-    pub light_samples: u32,
-    /// Side of a shadow map's faces in texels.
-    pub shadow_size: u32,
-    /// A render ends before all directions are done once the standard error of the mean of reflected radiance (root mean square over
-    /// the pixels, as a share of the picture's mean, estimated from two halves) is at most this. 0: never. Layers
-    /// of `auto` are no larger than what as many directions as that takes are worth.
-    pub until: f64,
-    /// Exposure of 8-bit pictures in stops; EXR is never scaled.
-    pub exposure: f32,
+/// Declares each setting once: `key | "old key" => field: type = default`, in the struct of its stage. The key is its name in scene files, reports and
+/// metadata. Makes the structs, their defaults, and the flat form of all settings.
+macro_rules! settings {
+    (
+        Settings { $($(#[$common_doc:meta])* $common:ident: $common_type:ty = $common_default:expr,)* }
+        $($(#[$stage_doc:meta])* $stage:ident: $Stage:ident {
+            $($(#[$doc:meta])* $key:ident $(| $old:literal)? => $field:ident: $type:ty = $default:expr,)*
+        })*
+    ) => {
+        $(
+            $(#[$stage_doc])*
+            #[derive(Clone, Copy, Debug, PartialEq)]
+            pub struct $Stage {
+                $($(#[$doc])* pub $field: $type,)*
+            }
+
+            impl Default for $Stage {
+                fn default() -> Self {
+                    Self { $($field: $default),* }
+                }
+            }
+        )*
+
+        /// Settings of a render or a bake. Every setting has a default, so that a scene file names only what differs.
+        #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+        #[serde(from = "FlatSettings", into = "FlatSettings")]
+        pub struct Settings {
+            $($(#[$common_doc])* pub $common: $common_type,)*
+            $($(#[$stage_doc])* pub $stage: $Stage,)*
+        }
+
+        impl Default for Settings {
+            fn default() -> Self {
+                Self { $($common: $common_default,)* $($stage: $Stage::default()),* }
+            }
+        }
+
+        /// All settings by their keys.
+        #[derive(Serialize, Deserialize)]
+        #[serde(default, deny_unknown_fields, expecting = "settings by their keys")]
+        struct FlatSettings {
+            $($common: $common_type,)*
+            $($($(#[serde(alias = $old)])? $key: $type,)*)*
+        }
+
+        impl Default for FlatSettings {
+            fn default() -> Self {
+                Settings::default().into()
+            }
+        }
+
+        impl From<Settings> for FlatSettings {
+            fn from(all: Settings) -> Self {
+                Self { $($common: all.$common,)* $($($key: all.$stage.$field,)*)* }
+            }
+        }
+
+        impl From<FlatSettings> for Settings {
+            fn from(flat: FlatSettings) -> Self {
+                Self { $($common: flat.$common,)* $($stage: $Stage { $($field: flat.$key),* }),* }
+            }
+        }
+
+        impl Settings {
+            /// The key of a setting, from its key or its old key.
+            pub(crate) fn key_of(name: &str) -> &str {
+                match name {
+                    $($($($old => stringify!($key),)?)*)*
+                    key => key,
+                }
+            }
+        }
+    };
 }
 
-impl Default for Settings {
-    fn default() -> Self {
-        Self {
-            size: [512, 512],
-            directions: 1000,
-            layer_size: LayerSize::Auto,
-            points: PointSource::Camera,
-            pipeline: Pipeline::Fused,
-            estimator: Estimator::SelfNormalised,
-            sequence: Sequence::R2,
-            interleave: 1,
-            seed: 0,
-            stop_fraction: 0.001,
-            photons: 1_000_000,
-            bounces: 64,
-            grid_cells: 32,
-            light_samples: 512,
-            shadow_size: 256,
-            until: 0.0,
-            exposure: 0.0,
-        }
+settings! {
+    Settings {
+        /// Seed of all random numbers.
+        seed: u64 = 0,
+    }
+
+    /// The picture and its points.
+    film: FilmSettings {
+        /// Picture size in pixels, [width, height].
+        size => size: [u32; 2] = [512, 512],
+        points => points: PointSource = PointSource::Camera,
+        /// Side of the squares of neighbouring pixels that divide the directions among them. Each pixel gathers along its share, and
+        /// the pixels of one surface then share what they found. 1: every pixel gathers along every direction.
+        interleave => interleave: u32 = 1,
+    }
+
+    /// The global directions, and what becomes of radiance along them.
+    directions: DirectionSettings {
+        /// Number of global directions N, each shared by all points.
+        directions => count: u32 = 1000,
+        sequence => sequence: Sequence = Sequence::R2,
+        estimator => estimator: Estimator = Estimator::SelfNormalised,
+        /// A render ends early once the standard error of the mean of reflected radiance is at most this: root mean square over the pixels,
+        /// as a share of the picture's mean, estimated from two halves. 0: never. The size of `auto` layers then follows from the number of
+        /// directions that this error takes.
+        target_error | "until" => target_error: f64 = 0.0,
+    }
+
+    /// How gather rays find their hits.
+    gather: GatherSettings {
+        pipeline => pipeline: Pipeline = Pipeline::Fused,
+        /// Side of the square depth layers; [`Self::layers`] has it in texels.
+        layer_size => layer_size: LayerSize = LayerSize::Auto,
+        /// The poster's criterion: peeling a direction ends with the layer that fewer than this share of the points sample.
+        /// 0 peels until no point samples.
+        stop_fraction => stop_fraction: f32 = 0.001,
+    }
+
+    /// The photon map.
+    photons: PhotonSettings {
+        /// Photons emitted from the lights, afresh for every 1024 directions.
+        photons => count: u64 = 1_000_000,
+        /// The most surfaces that store one photon.
+        photon_depth | "bounces" => depth: u32 = 64,
+        /// Photon grid cells along the scene's longest side.
+        grid_cells => grid_cells: u32 = 32,
+    }
+
+    /// Direct light.
+    direct: DirectSettings {
+        /// Samples on the area lights, over the whole picture.
+        light_samples => light_samples: u32 = 512,
+        /// Side of a shadow map's faces in texels.
+        shadow_size => shadow_size: u32 = 256,
+    }
+
+    /// How pictures are shown. Sums do not depend on it.
+    display: DisplaySettings {
+        /// Exposure of 8-bit pictures in stops; EXR is never scaled.
+        exposure => exposure: f32 = 0.0,
     }
 }
 
@@ -88,7 +164,7 @@ pub enum PointSource {
 /// Side of the square depth layers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum LayerSize {
-    /// What the directions are worth: see [`Settings::layers`].
+    /// It grows with the number of directions, see [`GatherSettings::layers`].
     #[default]
     Auto,
     Texels(u32),
@@ -204,81 +280,87 @@ pub enum Sequence {
 /// As many as 16384 x 16384.
 const MOST_PIXELS: u64 = 1 << 28;
 
-impl Settings {
+impl GatherSettings {
     /// Side of the square depth layers in texels.
     ///
-    /// What a texel is off by differs from one direction to the next, so that more directions even it out as they do their own noise, though less
-    /// well. The side grows with their root, or with that of as many as the wanted error takes, and adds a twentieth to a quarter to the error of so
-    /// many (ARCHITECTURE has the measurements): in the end both vanish.
-    pub fn layers(&self) -> u32 {
+    /// The error of a texel differs from one direction to the next. So more directions average it out, as they do their own noise, though less well.
+    /// The side of `auto` grows with the square root of the number of directions, or of the number that the target error takes. It adds a twentieth to a
+    /// quarter to the error of so many directions (docs/performance.md has the measurements). In the limit both errors vanish.
+    pub fn layers(&self, directions: &DirectionSettings) -> u32 {
         match self.layer_size {
             LayerSize::Texels(side) => side,
             LayerSize::Auto => {
                 // About 1024 of low discrepancy to a percent, falling as their number to the power of 3/4.
-                let wanted = 1024.0 * (0.01 / self.until).powf(4.0 / 3.0);
-                let side = 128.0 * (wanted.min(self.directions.into()) / 1024.0).sqrt();
+                let wanted = 1024.0 * (0.01 / directions.target_error).powf(4.0 / 3.0);
+                let side = 128.0 * (wanted.min(directions.count.into()) / 1024.0).sqrt();
                 // Fewer texels would save little.
                 ((side / 64.0).round() as u32 * 64).clamp(128, 1024)
             }
         }
     }
+}
+
+impl PhotonSettings {
+    /// The numbers of the photons of one map, of those after each other.
+    pub fn numbers(&self, map: u64) -> Range<u64> {
+        map * self.count..(map + 1) * self.count
+    }
+}
+
+impl Settings {
+    /// [`GatherSettings::layers`] of these directions.
+    pub fn layers(&self) -> u32 {
+        self.gather.layers(&self.directions)
+    }
+
+    /// The same after `change`.
+    pub fn with(mut self, change: impl FnOnce(&mut Self)) -> Self {
+        change(&mut self);
+        self
+    }
+
+    /// What shapes sums: the same without display settings.
+    pub fn of_sums(&self) -> Self {
+        Self { display: DisplaySettings::default(), ..*self }
+    }
 
     /// Checks every number that does not depend on the GL device.
+    ///
+    /// # Errors
+    /// [`Error::Usage`], whose problem begins with the key of the setting, or with its option where it has one.
     pub fn validate(&self) -> crate::error::Result<()> {
-        let at_least_one = |name: &str, value: u64| match value {
-            0 => Err(Error::usage(format!("{name} is 0"), format!("give {name} of 1 or more"))),
-            _ => Ok(()),
+        let Self { film, directions, gather, photons, direct, display, .. } = self;
+        let check = |sound: bool, name: &str, value: &dyn Display, cure: &str| match sound {
+            true => Ok(()),
+            false => Err(Error::usage(format!("{name} is {value}"), cure)),
         };
-        at_least_one("size (width)", self.size[0].into())?;
-        at_least_one("size (height)", self.size[1].into())?;
-        let pixels = u64::from(self.size[0]) * u64::from(self.size[1]);
-        if pixels > MOST_PIXELS {
-            let problem = format!("size is {} x {}", self.size[0], self.size[1]);
-            return Err(Error::usage(problem, format!("give at most {MOST_PIXELS} pixels")));
+        let at_least_one = |name, value: u64| check(value > 0, name, &value, &format!("give {name} of 1 or more"));
+        let [width, height] = film.size.map(u64::from);
+        at_least_one("size (width)", width)?;
+        at_least_one("size (height)", height)?;
+        let size = format!("{width} x {height}");
+        check(width * height <= MOST_PIXELS, "size", &size, &format!("give at most {MOST_PIXELS} pixels"))?;
+        at_least_one("directions", directions.count.into())?;
+        let sound = !matches!(gather.layer_size, LayerSize::Texels(0..4));
+        let cure = "give 4 texels or more, two of which are the layer's border, or auto";
+        check(sound, "layer-size", &gather.layer_size, cure)?;
+        at_least_one("photons", photons.count)?;
+        at_least_one("photon-depth", photons.depth.into())?;
+        at_least_one("light_samples", direct.light_samples.into())?;
+        at_least_one("shadow_size", direct.shadow_size.into())?;
+        check(matches!(film.interleave, 1 | 2 | 4), "interleave", &film.interleave, "give 1, 2 or 4 pixels")?;
+        let (count, square) = (directions.count, film.interleave * film.interleave);
+        if count < square {
+            let problem = format!("{count} directions leave some of the {square} pixels of a square without");
+            return Err(Error::usage(problem, "give more directions, or a smaller interleave"));
         }
-        at_least_one("directions", self.directions.into())?;
-        if matches!(self.layer_size, LayerSize::Texels(0..4)) {
-            return Err(Error::usage(
-                format!("layer-size is {}", self.layer_size),
-                "give 4 texels or more, two of which are the layer's border, or auto",
-            ));
-        }
-        at_least_one("photons", self.photons)?;
-        at_least_one("bounces", self.bounces.into())?;
-        at_least_one("light_samples", self.light_samples.into())?;
-        at_least_one("shadow_size", self.shadow_size.into())?;
-        if !matches!(self.interleave, 1 | 2 | 4) {
-            return Err(Error::usage(format!("interleave is {}", self.interleave), "give 1, 2 or 4 pixels"));
-        }
-        if self.directions < self.interleave * self.interleave {
-            return Err(Error::usage(
-                format!(
-                    "{} directions leave some of the {} pixels of a square without",
-                    self.directions,
-                    self.interleave * self.interleave
-                ),
-                "give more directions, or a smaller interleave",
-            ));
-        }
-        if !(1..=256).contains(&self.grid_cells) {
-            return Err(Error::usage(format!("grid_cells is {}", self.grid_cells), "give grid_cells from 1 to 256"));
-        }
-        if !(0.0..1.0).contains(&self.stop_fraction) {
-            return Err(Error::usage(
-                format!("stop-fraction is {}", self.stop_fraction),
-                "give a share of the points from 0 up to, not including, 1",
-            ));
-        }
-        if !(0.0..1.0).contains(&self.until) {
-            return Err(Error::usage(
-                format!("until is {}", self.until),
-                "give the relative error to reach, above 0 and below 1, or 0 for all directions",
-            ));
-        }
-        if !(-64.0..=64.0).contains(&self.exposure) {
-            return Err(Error::usage(format!("exposure is {}", self.exposure), "give stops from -64 to 64"));
-        }
-        Ok(())
+        let cells = photons.grid_cells;
+        check((1..=256).contains(&cells), "grid_cells", &cells, "give grid_cells from 1 to 256")?;
+        let cure = "give a share of the points from 0 up to, not including, 1";
+        check((0.0..1.0).contains(&gather.stop_fraction), "stop-fraction", &gather.stop_fraction, cure)?;
+        let cure = "give the relative error to reach, above 0 and below 1, or 0 for all directions";
+        check((0.0..1.0).contains(&directions.target_error), "target-error", &directions.target_error, cure)?;
+        check((-64.0..=64.0).contains(&display.exposure), "exposure", &display.exposure, "give stops from -64 to 64")
     }
 }
 
@@ -288,20 +370,24 @@ mod tests {
 
     #[test]
     fn layers_grow_with_what_is_wanted() {
-        let layers = |directions, until| Settings { directions, until, ..Settings::default() }.layers();
+        let by = |layer_size, count, target_error| {
+            let directions = DirectionSettings { count, target_error, ..Default::default() };
+            GatherSettings { layer_size, ..Default::default() }.layers(&directions)
+        };
+        let layers = |count, target_error| by(LayerSize::Auto, count, target_error);
         assert_eq!([1, 1000, 4096, 16384, 1 << 30].map(|directions| layers(directions, 0.0)), [128, 128, 256, 512, 1024]);
         // A thousand directions to a percent, and eight times as many to a fifth of it.
         assert_eq!([layers(1 << 30, 0.01), layers(1 << 30, 0.002), layers(100, 0.002)], [128, 384, 128]);
-        assert_eq!(Settings { layer_size: LayerSize::Texels(96), directions: 1 << 20, ..Settings::default() }.layers(), 96);
+        assert_eq!(by(LayerSize::Texels(96), 1 << 20, 0.0), 96);
     }
 
     #[test]
     fn layer_sizes_are_written_as_they_are_read() {
         for (size, text) in [(LayerSize::Auto, "layer_size = \"auto\"\n"), (LayerSize::Texels(96), "layer_size = 96\n")] {
             let settings: Settings = toml::from_str(text).unwrap();
-            assert_eq!(settings.layer_size, size);
+            assert_eq!(settings.gather.layer_size, size);
             assert!(toml::to_string(&settings).unwrap().contains(text), "{text}");
-            assert_eq!(serde_json::from_value::<Settings>(serde_json::to_value(&settings).unwrap()).unwrap(), settings);
+            assert_eq!(serde_json::from_value::<Settings>(serde_json::to_value(settings).unwrap()).unwrap(), settings);
         }
         for wrong in ["layer_size = \"big\"", "layer_size = -1", "layer_size = 5_000_000_000", "layer_size = 1.5"] {
             let error = toml::from_str::<Settings>(wrong).unwrap_err().to_string();

@@ -55,9 +55,9 @@ const GATHER: &str = include_str!("../glsl/gather.frag");
 /// Most directions that a shader takes at once, as its define says.
 pub const BATCH: usize = 8;
 /// Outputs of four floats that a shader has at most: OpenGL 3.3 promises no more.
-pub const TARGETS: usize = 8;
+const TARGETS: usize = 8;
 
-/// How `glsl/gather.frag` finds a hit: a file of `glsl/finder/`.
+/// How `glsl/gather.frag` finds a hit: by the file of that name in `glsl/finder/`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Finder {
     Layers,
@@ -65,7 +65,7 @@ pub enum Finder {
     Stored,
 }
 
-/// What `glsl/gather.frag` does with hits: a file of `glsl/consumer/`.
+/// What `glsl/gather.frag` does with hits, by a file of `glsl/consumer/`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Consumer {
     Irradiance(HitRadiance),
@@ -73,18 +73,17 @@ pub enum Consumer {
     Hemisphere(Option<HitRadiance>),
     IncidentHarmonics(HitRadiance, HarmonicsPass),
     /// `None`: surfaces are black. Else their transfer is that of the vertex cache, with albedo textures or without.
-    TransferHarmonics {
-        textured: Option<bool>,
-        pass: HarmonicsPass,
-    },
+    TransferHarmonics(Option<bool>, HarmonicsPass),
     Record,
 }
 
-/// What the radiance of a hit comes from, in a scene with albedo textures or without.
+/// What the radiance of a hit comes from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum HitRadiance {
-    Photons { textured: bool },
-    VertexCache { textured: bool },
+pub struct HitRadiance {
+    /// From the vertex cache, not from the photon map.
+    pub vertex_cache: bool,
+    /// In a scene with albedo textures.
+    pub textured: bool,
 }
 
 /// One of the passes that it takes to write all coefficients of so many bands.
@@ -117,13 +116,13 @@ impl HarmonicsPass {
 
 impl Consumer {
     fn all() -> Vec<Self> {
-        let radiance =
-            [false, true].map(|textured| [HitRadiance::Photons { textured }, HitRadiance::VertexCache { textured }]).concat();
+        let radiance = [(false, false), (false, true), (true, false), (true, true)]
+            .map(|(vertex_cache, textured)| HitRadiance { vertex_cache, textured });
         let mut all = vec![Self::Record, Self::Hemisphere(None)];
         all.extend(radiance.iter().flat_map(|&radiance| [Self::Irradiance(radiance), Self::Hemisphere(Some(radiance))]));
         for pass in (1..=MAX_ORDER).flat_map(HarmonicsPass::all) {
             all.extend(radiance.iter().map(|&radiance| Self::IncidentHarmonics(radiance, pass)));
-            all.extend([None, Some(false), Some(true)].map(|textured| Self::TransferHarmonics { textured, pass }));
+            all.extend([None, Some(false), Some(true)].map(|textured| Self::TransferHarmonics(textured, pass)));
         }
         all
     }
@@ -133,19 +132,16 @@ impl Consumer {
             Self::Irradiance(radiance) => ("irradiance", Some(radiance), None),
             Self::Hemisphere(radiance) => ("hemisphere", radiance, None),
             Self::IncidentHarmonics(radiance, pass) => ("harmonics", Some(radiance), Some(pass)),
-            Self::TransferHarmonics { textured, pass } => {
-                ("harmonics", textured.map(|textured| HitRadiance::VertexCache { textured }), Some(pass))
+            Self::TransferHarmonics(textured, pass) => {
+                ("harmonics", textured.map(|textured| HitRadiance { vertex_cache: true, textured }), Some(pass))
             }
             Self::Record => ("record", None, None),
         };
         let flags = [
             (radiance.is_some(), "RADIANCE"),
-            (matches!(radiance, Some(HitRadiance::VertexCache { .. })), "VERTEX_CACHE"),
-            (
-                matches!(radiance, Some(HitRadiance::Photons { textured } | HitRadiance::VertexCache { textured }) if textured),
-                "TEXTURED",
-            ),
-            (matches!(self, Self::TransferHarmonics { .. }), "TRANSFER"),
+            (radiance.is_some_and(|radiance| radiance.vertex_cache), "VERTEX_CACHE"),
+            (radiance.is_some_and(|radiance| radiance.textured), "TEXTURED"),
+            (matches!(self, Self::TransferHarmonics(..)), "TRANSFER"),
         ];
         let flags = flags.into_iter().filter(|(set, _)| *set).map(|(_, name)| name.to_owned());
         let pass = pass.map(|HarmonicsPass { order, pass }| [format!("ORDER {order}"), format!("PASS {pass}")]);
@@ -155,13 +151,8 @@ impl Consumer {
 
 /// The variant of `glsl/gather.frag` for a finder and a consumer.
 pub fn gather(finder: Finder, consumer: Consumer) -> ShaderSource {
-    let file = match finder {
-        Finder::Layers => "layers",
-        Finder::Rays => "rays",
-        Finder::Stored => "stored",
-    };
     let mut defines = consumer.defines();
-    defines.extend([format!("BATCH {BATCH}"), format!("FINDER {file}")]);
+    defines.extend([format!("BATCH {BATCH}"), format!("FINDER {}", format!("{finder:?}").to_lowercase())]);
     ShaderSource { name: "gather", fragment: GATHER, defines, ..DIRECT.clone() }
 }
 

@@ -14,7 +14,7 @@ use finalgather::error::Error;
 use finalgather::export::{ExportMesh, Lightmap, PointValues, check_writable, read_prt};
 use finalgather::image::{Channel, Image, WriteOptions};
 use finalgather::points::file::{self, OrientedPoint};
-use finalgather::scene::{Material, Mesh, Texture, Triangle, World};
+use finalgather::scene::{ImageTexture, Material, Mesh, Triangle, World};
 use glam::{Vec2, Vec3, vec2, vec3};
 use gltf::Semantic;
 use ply_rs_bw::parser::Parser;
@@ -26,7 +26,7 @@ struct Tent {
     mesh: Mesh,
     normals: Vec<Vec3>,
     materials: Vec<Material>,
-    textures: Vec<Texture>,
+    textures: Vec<ImageTexture>,
 }
 
 impl Tent {
@@ -59,7 +59,7 @@ impl Tent {
             material("lamp", Vec3::splat(0.25), vec3(12.0, 8.0, 2.0), None),
         ];
         // Half of it reflects all, half nothing.
-        let textures = vec![Texture { width: 2, height: 1, texels: vec![[255, 255, 255, 255], [0, 0, 0, 255]] }];
+        let textures = vec![ImageTexture { width: 2, height: 1, texels: vec![[255, 255, 255, 255], [0, 0, 0, 255]] }];
         Self { mesh, normals, materials, textures }
     }
 

@@ -29,7 +29,7 @@ const PLAN: Plan = Plan {
 };
 
 fn settings(directions: u32) -> Settings {
-    Settings { directions, photons: 100_000, light_samples: 16, ..Settings::default() }
+    Settings::default().with(|s| (s.directions.count, s.photons.count, s.direct.light_samples) = (directions, 100_000, 16))
 }
 
 fn bake(gpu: &Gpu, world: &World, points: &[GatherPoint], settings: &Settings, plan: &Plan) -> (Vec<Channel>, Vec<f32>) {
@@ -84,7 +84,9 @@ fn every_quantity_is_that_of_exact_rays() {
     let points = cornell_points(&world, count);
     let plan = Plan { what: Quantity::ALL.to_vec(), gather_bounces: 2, ao_distance: Some(100.0), ..PLAN };
     let by = |pipeline| {
-        bake(&gpu, &world, &points, &Settings { pipeline, layer_size: LayerSize::Texels(256), ..settings(along) }, &plan).0
+        let mut settings = settings(along);
+        (settings.gather.pipeline, settings.gather.layer_size) = (pipeline, LayerSize::Texels(256));
+        bake(&gpu, &world, &points, &settings, &plan).0
     };
     let exact = by(Pipeline::Raycast);
     // What differs is aliasing of layers (measured at 256²: irradiance 0.5 %, transfer 0.2 %); rays on the GL side differ by rounding.
@@ -115,7 +117,10 @@ fn kill_finds_the_same() {
     let (count, along) = sized(&gpu, (1024, 512), (128, 32));
     let points = cornell_points(&world, count);
     let plan = Plan { what: vec![Quantity::Ao, Quantity::Prt], ..PLAN };
-    let by = |pipeline| bake(&gpu, &world, &points, &Settings { pipeline, stop_fraction: 0.0, ..settings(along) }, &plan).0;
+    let by = |pipeline| {
+        let settings = settings(along).with(|s| (s.gather.pipeline, s.gather.stop_fraction) = (pipeline, 0.0));
+        bake(&gpu, &world, &points, &settings, &plan).0
+    };
     let (kill, early, fused) = (by(Pipeline::Kill), by(Pipeline::EarlyKill), by(Pipeline::Fused));
     for quantity in [Quantity::Ao, Quantity::Prt] {
         let of = |columns: &[Channel]| vectors_of(columns, quantity, 3);
@@ -138,10 +143,10 @@ fn irradiance_is_that_of_the_gather() {
     let baked = bake(&gpu, &world, &points, &settings, &plan).0;
     let unit = Prepared::without_glass(&world).unwrap().scene;
     let bvh = Bvh::new(&unit.mesh);
-    let mut grid = finalgather::photon::PhotonGrid::new(&unit.mesh, settings.grid_cells);
+    let mut grid = finalgather::photon::PhotonGrid::new(&unit.mesh, settings.photons.grid_cells);
     let lights = finalgather::scene::Lights::new(&unit);
-    finalgather::photon::PhotonTracer::new(&unit, &bvh, &lights, settings.seed, settings.bounces)
-        .trace(0..settings.photons, &mut grid);
+    finalgather::photon::PhotonTracer::new(&unit, &bvh, &lights, settings.seed, settings.photons.depth)
+        .trace(0..settings.photons.count, &mut grid);
     grid.add_area(&unit.mesh, &bvh, settings.seed);
     let photons = PhotonTexture::upload(&gpu, &grid).unwrap();
     let sums = gather_fused(&gpu, &unit, &photons, &points, &directions(Sequence::R2, along), settings.layers()).0;
@@ -189,7 +194,7 @@ fn gathered_bounces_are_the_geometric_series() {
     }
     let world = model.world();
     let points = points_on(&Prepared::without_glass(&world).unwrap().scene, 512);
-    let settings = Settings { light_samples: 512, ..settings(along) };
+    let settings = settings(along).with(|s| s.direct.light_samples = 512);
     let series = |bounces: u32| (1..=bounces).map(|k| albedo.powi(k as i32)).sum::<f32>();
     let mean = |bounces: u32| {
         let plan =

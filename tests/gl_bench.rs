@@ -122,7 +122,8 @@ fn contestants_have_names_of_their_own() {
 fn rays_of_both_kinds_converge() {
     let scene = cornell();
     let points = points_on(&scene, 200);
-    let bench = Bench::new(&gpu(), scene, &Settings { photons: 100_000, ..Settings::default() }, Where::Points(points)).unwrap();
+    let settings = Settings::default().with(|s| s.photons.count = 100_000);
+    let bench = Bench::new(&gpu(), scene, &settings, Where::Points(points)).unwrap();
     let truth = bench.converged(8192);
     for name in ["raycast", "raycast-cosine"] {
         let mut gather = bench.converging(Contestant::named(name).unwrap(), 1).unwrap();

@@ -148,14 +148,9 @@ fn a_block_in_a_furnace_shows_its_albedo() {
     model.scene.camera = Some(camera);
     let world = model.world();
     for pipeline in PIPELINES {
-        let settings = Settings {
-            size: [24, 20],
-            directions: 64,
-            layer_size: LayerSize::Texels(128),
-            photons: 20_000,
-            pipeline,
-            ..Settings::default()
-        };
+        let mut settings = Settings::default();
+        (settings.film.size, settings.directions.count, settings.photons.count) = ([24, 20], 64, 20_000);
+        (settings.gather.pipeline, settings.gather.layer_size) = (pipeline, LayerSize::Texels(128));
         let image = picture(&gpu, &world, &settings);
         let channel = |name: &str| image.channel(name).unwrap();
         let (coverage, rgb) = (channel("A"), image.rgb().unwrap());
@@ -194,8 +189,9 @@ fn the_background_is_what_the_camera_looks_at() {
         lens: None,
     };
     model.scene.camera = Some(camera);
-    let settings =
-        Settings { size: [30, 20], directions: 32, layer_size: LayerSize::Texels(16), photons: 1000, ..Settings::default() };
+    let mut settings = Settings::default();
+    (settings.film.size, settings.directions.count) = ([30, 20], 32);
+    (settings.gather.layer_size, settings.photons.count) = (LayerSize::Texels(16), 1000);
     let image = picture(&gpu, &model.world(), &settings);
     let ([r, g, _], coverage) = (image.rgb().unwrap(), image.channel("A").unwrap());
     let mut seen = 0;
@@ -214,11 +210,11 @@ fn the_background_is_what_the_camera_looks_at() {
 #[test]
 fn pipelines_agree_under_a_sky() {
     let gpu = gpu();
-    let Loaded { world, settings, .. } = World::load(Path::new("scenes/open.toml")).unwrap();
-    let size = sized(&gpu, [48, 48], [24, 24]);
-    let settings = Settings { size, directions: 256, layer_size: LayerSize::Texels(256), photons: 100_000, ..settings };
+    let Loaded { world, mut settings, .. } = World::load(Path::new("scenes/open.toml")).unwrap();
+    (settings.film.size, settings.directions.count) = (sized(&gpu, [48, 48], [24, 24]), 256);
+    (settings.gather.layer_size, settings.photons.count) = (LayerSize::Texels(256), 100_000);
     let [fused, kill, early, rays_gl, rays] =
-        PIPELINES.map(|pipeline| picture(&gpu, &world, &Settings { pipeline, ..settings.clone() }));
+        PIPELINES.map(|pipeline| picture(&gpu, &world, &settings.with(|s| s.gather.pipeline = pipeline)));
     let check = |name: &str, a: &Image, b: &Image, limit: f64| {
         let result = compare(a, b, Selection::default()).unwrap();
         eprintln!("{name}: bias {:+.3} %, relative RMSE {:.3} %", 100.0 * result.bias, 100.0 * result.relative_rmse);

@@ -9,7 +9,9 @@ use finalgather::image::Image;
 use finalgather::image::compare::{Comparison, Selection, compare};
 use finalgather::render::Render;
 use finalgather::scene::World;
-use finalgather::settings::{LayerSize, Settings};
+use finalgather::settings::{
+    DirectSettings, DirectionSettings, FilmSettings, GatherSettings, LayerSize, PhotonSettings, Settings,
+};
 use glam::{Affine3A, Quat, Vec3, vec3};
 
 /// The Cornell box in its own coordinates.
@@ -37,8 +39,14 @@ fn picture(gpu: &Gpu, world: &World) -> (Image, f64) {
     let (side, directions, layer_size, light_samples) =
         sized(gpu, (64, 256, LayerSize::Texels(128), 128), (24, 64, LayerSize::Texels(64), 32));
     let size = [side; 2];
-    let settings =
-        Settings { size, directions, layer_size, light_samples, photons: 200_000, shadow_size: 64, ..Settings::default() };
+    let settings = Settings {
+        film: FilmSettings { size, ..Default::default() },
+        directions: DirectionSettings { count: directions, ..Default::default() },
+        gather: GatherSettings { layer_size, ..Default::default() },
+        photons: PhotonSettings { count: 200_000, ..Default::default() },
+        direct: DirectSettings { light_samples, shadow_size: 64 },
+        ..Settings::default()
+    };
     let mut render = Render::new(gpu, world, &settings).unwrap();
     while !render.is_done() {
         render.step().unwrap();

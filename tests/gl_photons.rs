@@ -137,16 +137,18 @@ fn a_picture_shows_the_photon_map() {
         let scene = World::load(Path::new(file)).unwrap().world.flatten();
         let world = common::world_of(scene.clone());
         // Cells that stay within a tile of softpipe's, see above.
-        let settings =
-            Settings { size: [48, 40], directions: 1, photons: 50_000, grid_cells: 8, light_samples: 1, ..Settings::default() };
+        let mut settings = Settings::default();
+        (settings.film.size, settings.directions.count, settings.direct.light_samples) = ([48, 40], 1, 1);
+        (settings.photons.count, settings.photons.grid_cells) = (50_000, 8);
 
         let (bvh, lights) = (Bvh::new(&scene.mesh), Lights::new(&scene));
-        let mut grid = PhotonGrid::new(&scene.mesh, settings.grid_cells);
-        PhotonTracer::new(&scene, &bvh, &lights, settings.seed, settings.bounces).trace(0..settings.photons, &mut grid);
+        let mut grid = PhotonGrid::new(&scene.mesh, settings.photons.grid_cells);
+        PhotonTracer::new(&scene, &bvh, &lights, settings.seed, settings.photons.depth)
+            .trace(0..settings.photons.count, &mut grid);
         grid.add_area(&scene.mesh, &bvh, settings.seed);
 
         for pipeline in [Pipeline::Fused, Pipeline::Kill, Pipeline::EarlyKill, Pipeline::Raycast, Pipeline::RaycastGl] {
-            let mut render = Render::new(&gpu, &world, &Settings { pipeline, ..settings.clone() }).unwrap();
+            let mut render = Render::new(&gpu, &world, &settings.with(|s| s.gather.pipeline = pipeline)).unwrap();
             render.step().unwrap();
             let picture = render.picture();
             let [photon_map, albedo] = ["PhotonMap", "Albedo"].map(|name| vectors(&picture, name, ["R", "G", "B"]));

@@ -13,22 +13,15 @@ use finalgather::image::compare::{Selection, compare};
 use finalgather::image::{Channel, Image};
 use finalgather::render::{End, Render};
 use finalgather::scene::{Bvh, Camera, Loaded, RAY_OFFSET, World};
-use finalgather::settings::{Estimator, LayerSize, Pipeline, Settings};
+use finalgather::settings::{DirectSettings, DirectionSettings, Estimator, LayerSize, PhotonSettings, Pipeline, Settings};
 use glam::Vec3;
 
 /// The Cornell box, small.
 fn cornell() -> (World, Settings) {
-    let Loaded { world, settings, .. } = World::load(Path::new("scenes/cornell.toml")).unwrap();
-    let settings = Settings {
-        size: [48, 40],
-        directions: 64,
-        layer_size: LayerSize::Texels(64),
-        photons: 50_000,
-        grid_cells: 16,
-        light_samples: 32,
-        shadow_size: 32,
-        ..settings
-    };
+    let Loaded { world, mut settings, .. } = World::load(Path::new("scenes/cornell.toml")).unwrap();
+    (settings.film.size, settings.directions.count, settings.gather.layer_size) = ([48, 40], 64, LayerSize::Texels(64));
+    settings.photons = PhotonSettings { count: 50_000, grid_cells: 16, ..settings.photons };
+    settings.direct = DirectSettings { light_samples: 32, shadow_size: 32 };
     (world, settings)
 }
 
@@ -75,7 +68,8 @@ fn begun_again_is_begun_anew() {
     render.restart(camera, &settings).unwrap();
     render.step().unwrap();
     assert!(render.directions_done() < 64, "something is left to interrupt");
-    let other = Settings { size: [24, 20], pipeline: Pipeline::Kill, layer_size: LayerSize::Texels(32), ..settings.clone() };
+    let mut other = settings.with(|s| s.film.size = [24, 20]);
+    (other.gather.pipeline, other.gather.layer_size) = (Pipeline::Kill, LayerSize::Texels(32));
     render.restart(camera, &other).unwrap();
     let moved = gather(&mut render);
     let elsewhere = World { cameras: vec![("elsewhere".into(), camera)], ..world.clone() };
@@ -85,9 +79,9 @@ fn begun_again_is_begun_anew() {
     assert_eq!(render.statistics().gather.directions, 64);
 
     // A refused restart leaves everything as it is.
-    let refused = render.restart(camera, &Settings { layer_size: LayerSize::Texels(1), ..settings.clone() });
+    let refused = render.restart(camera, &settings.with(|s| s.gather.layer_size = LayerSize::Texels(1)));
     assert!(refused.is_err());
-    let other_photons = render.restart(camera, &Settings { seed: settings.seed + 1, ..settings.clone() });
+    let other_photons = render.restart(camera, &settings.with(|s| s.seed += 1));
     assert!(matches!(other_photons, Err(Error::Usage { .. })));
     assert!(same(&render.picture(), &start));
 
@@ -101,8 +95,9 @@ fn begun_again_is_begun_anew() {
 #[test]
 fn begun_again_with_the_first_photons() {
     let gpu = gpu();
-    let (world, settings) = cornell();
-    let settings = Settings { size: [16, 12], directions: 1056, layer_size: LayerSize::Texels(32), photons: 10_000, ..settings };
+    let (world, mut settings) = cornell();
+    (settings.film.size, settings.directions.count) = ([16, 12], 1056);
+    (settings.gather.layer_size, settings.photons.count) = (LayerSize::Texels(32), 10_000);
     let mut render = Render::new(&gpu, &world, &settings).unwrap();
     let first = render.statistics().photons;
     let gather = |render: &mut Render, directions: u32| {
@@ -220,8 +215,8 @@ fn layers_and_rays_make_the_same_picture() {
     for interleave in [1, 2, 4] {
         let change = |pipeline| {
             move |settings: &mut Settings| {
-                (settings.pipeline, settings.interleave, settings.layer_size, settings.size) =
-                    (pipeline, interleave, LayerSize::Texels(128), [47, 37]);
+                (settings.gather.pipeline, settings.gather.layer_size) = (pipeline, LayerSize::Texels(128));
+                (settings.film.size, settings.film.interleave) = ([47, 37], interleave);
             }
         };
         for pair in [[Pipeline::Kill, Pipeline::Raycast], [Pipeline::Fused, Pipeline::RaycastGl]] {
@@ -245,14 +240,14 @@ fn estimators_differ(pipeline: Pipeline, weight: impl Fn(f32) -> f32, mean_weigh
     let gpu = gpu();
     let images = [Estimator::SelfNormalised, Estimator::Plain].map(|estimator| {
         picture_with(&gpu, None, |settings| {
-            settings.estimator = estimator;
-            settings.pipeline = pipeline;
+            settings.directions.estimator = estimator;
+            settings.gather.pipeline = pipeline;
         })
     });
-    let (world, settings) = cornell();
-    let directions = Directions::new(settings.sequence, settings.seed);
-    let weights: f32 = (0..settings.directions).map(|i| weight((world.cameras[0].1.axes() * directions.get(i).vector).y)).sum();
-    let expected = weights / (settings.directions as f32 * mean_weight);
+    let (world, Settings { seed, directions: DirectionSettings { count, sequence, .. }, .. }) = cornell();
+    let directions = Directions::new(sequence, seed);
+    let weights: f32 = (0..count).map(|i| weight((world.cameras[0].1.axes() * directions.get(i).vector).y)).sum();
+    let expected = weights / (count as f32 * mean_weight);
     assert!((expected - 1.0).abs() > 1e-3, "{expected}: these directions could not tell the two apart");
     let of = |image: &Image, name: &str| image.channel(name).unwrap().to_vec();
     let covered = of(&images[0], "A");
@@ -280,8 +275,8 @@ fn interleaved_subsets_break_the_bands_of_few_directions() {
     let gpu = gpu();
     let with = |directions, interleave| {
         let change = |settings: &mut Settings| {
-            (settings.pipeline, settings.directions, settings.interleave) = (Pipeline::Raycast, directions, interleave);
-            settings.size = [96, 80];
+            (settings.gather.pipeline, settings.directions.count) = (Pipeline::Raycast, directions);
+            (settings.film.size, settings.film.interleave) = ([96, 80], interleave);
         };
         indirect(&picture_with(&gpu, None, change))
     };
@@ -302,9 +297,9 @@ fn both_ends_of_a_direction_are_worth_two() {
     let gpu = gpu();
     let with = |pipeline, directions, interleave, estimator| {
         let change = |settings: &mut Settings| {
-            (settings.pipeline, settings.directions) = (pipeline, directions);
-            (settings.interleave, settings.estimator) = (interleave, estimator);
-            (settings.size, settings.layer_size) = ([65, 53], LayerSize::Texels(128));
+            (settings.directions.count, settings.directions.estimator) = (directions, estimator);
+            (settings.gather.pipeline, settings.gather.layer_size) = (pipeline, LayerSize::Texels(128));
+            (settings.film.size, settings.film.interleave) = ([65, 53], interleave);
         };
         indirect(&picture_with(&gpu, None, change))
     };

@@ -64,15 +64,10 @@ fn furnace_with_mirror_and_glass() {
     model.scene.camera = Some(camera);
     let world = model.world();
     let (size, directions, photons) = sized(&gpu, (96, 256, 400_000), (24, 64, 100_000));
-    let settings = Settings {
-        size: [size; 2],
-        points: PointSource::Traced,
-        directions,
-        photons,
-        light_samples: 1024,
-        layer_size: LayerSize::Texels(128),
-        ..Settings::default()
-    };
+    let mut settings = Settings::default();
+    (settings.film.size, settings.film.points) = ([size; 2], PointSource::Traced);
+    (settings.directions.count, settings.gather.layer_size) = (directions, LayerSize::Texels(128));
+    (settings.photons.count, settings.direct.light_samples) = (photons, 1024);
     let mut render = Render::new(&gpu, &world, &settings).unwrap();
     while !render.is_done() {
         render.step().unwrap();

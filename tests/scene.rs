@@ -6,9 +6,11 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use finalgather::Environment;
+use finalgather::job::SceneRequest;
 use finalgather::scene::{ImageTexture, Instance, Lens, LoadOptions, Loaded, Material, Mesh, Scene, Surface, Triangle, World};
 use finalgather::settings::{Pipeline, Settings};
 use glam::{DAffine3, DQuat, DVec3, Vec2, Vec3, dvec3, vec2, vec3};
+use serde_json::Map;
 use tempfile::TempDir;
 
 /// Files in a folder of their own.
@@ -101,7 +103,7 @@ fn cornell_box_loads_exactly() {
 #[test]
 fn textured_demo_multiplies_colour_and_tile() {
     let Loaded { world, settings, report } = World::load(Path::new("scenes/cornell_textured.toml")).unwrap();
-    assert_eq!((settings.directions, world.textures.len()), (2000, 1));
+    assert_eq!((settings.directions.count, world.textures.len()), (2000, 1));
     assert_eq!(report.warnings, [""; 0]);
     let scene = world.flatten();
     // The second tile from the left, nearest to the viewer, in front of the short block: red, (226, 52, 36) in sRGB. The
@@ -303,10 +305,25 @@ fn scene_files_override_the_model() {
     let red = png(1, 1, [255, 0, 0]);
     let files: [(&str, &[u8]); 4] = [("m.obj", obj.as_bytes()), ("m.mtl", MTL.as_bytes()), ("s.TOML", toml), ("red.png", &red)];
     let Loaded { world: scene, settings, .. } = Folder::new(&files).load("s.TOML");
-    assert_eq!(settings, Settings { seed: 4, pipeline: Pipeline::Kill, ..Settings::default() });
+    assert_eq!(settings, Settings::default().with(|s| (s.seed, s.gather.pipeline) = (4, Pipeline::Kill)));
     assert_eq!((scene.materials[0].albedo, scene.materials[0].emission), (vec3(0.1, 0.2, 0.3), Vec3::ZERO));
     assert_eq!((scene.materials[1].albedo, scene.materials[1].emission), (vec3(0.2, 0.4, 0.6), vec3(7.0, 8.0, 9.0)));
     assert_eq!(scene.flatten().albedo(1, Vec3::X), vec3(0.2, 0.0, 0.0));
+}
+
+/// Settings that were renamed are read by their old keys too: from a scene file, and from a request.
+#[test]
+fn old_keys_of_settings() {
+    let toml = b"mesh = 'm.obj'\n[settings]\nbounces = 3\nuntil = 0.5\n";
+    let folder = Folder::new(&[("m.obj", LIT.as_bytes()), ("m.mtl", MTL.as_bytes()), ("s.toml", toml)]);
+    let expected = Settings::default().with(|s| (s.photons.depth, s.directions.target_error) = (3, 0.5));
+    assert_eq!(folder.load("s.toml").settings, expected);
+    let flat = serde_json::to_value(expected).unwrap();
+    assert_eq!((&flat["photon_depth"], &flat["target_error"]), (&3.into(), &0.5.into()));
+    let settings = Map::from_iter([("bounces".into(), 3.into()), ("until".into(), 0.5.into())]);
+    let request = SceneRequest { settings, ..SceneRequest::default() };
+    let of_scene = Settings::default().with(|s| s.photons.depth = 7);
+    assert_eq!(request.settings(&of_scene).unwrap(), expected);
 }
 
 /// What counts is what `illum` makes of it; numbers that exporters write beside are not looked at.
@@ -416,7 +433,7 @@ fn missing_cameras_frame_the_model_and_partial_ones_are_completed() {
     ]);
     for (name, aspect) in [("m.obj", 1.0), ("tall.toml", 1.0 / 3.0)] {
         let Loaded { world, settings, .. } = folder.load(name);
-        let camera = world.camera(settings.size);
+        let camera = world.camera(settings.film.size);
         let forward = (camera.target - camera.eye).normalize();
         let right = forward.cross(camera.up).normalize();
         let up = right.cross(forward);

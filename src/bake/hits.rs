@@ -10,7 +10,7 @@ use crate::geometry::Geometry;
 use crate::gpu::Gpu;
 use crate::points::{PointList, Points};
 use crate::prepared::Prepared;
-use crate::settings::Settings;
+use crate::settings::GatherSettings;
 
 /// The hits of each tile, by the first direction of their batch.
 pub type VertexHits = BTreeMap<u32, Vec<StoredHits>>;
@@ -22,15 +22,15 @@ pub struct HitSource {
 }
 
 impl HitSource {
-    /// For so many points at a time.
+    /// For so many points at a time, with layers of so many texels on a side.
     ///
     /// # Errors
     /// When layers are beyond the device's limits, or it has no memory for the hits of a batch.
-    pub fn new(gpu: &Gpu, settings: &Settings, prepared: &Prepared, points: usize) -> Result<Self> {
+    pub fn new(gpu: &Gpu, gather: &GatherSettings, layers: u32, prepared: &Prepared, points: usize) -> Result<Self> {
         let size = PointList::size(points.min(TILE));
         // The finder comes last: it makes do with the memory that is left.
-        let recorder = Recorder::new(gpu, settings.pipeline, size)?;
-        Ok(Self { recorder, finder: hit_finder(gpu, settings, &prepared.scene, &prepared.bvh, size)? })
+        let recorder = Recorder::new(gpu, gather.pipeline, size)?;
+        Ok(Self { recorder, finder: hit_finder(gpu, gather, layers, &prepared.scene, &prepared.bvh, size)? })
     }
 
     /// The most directions at once.

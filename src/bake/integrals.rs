@@ -103,7 +103,7 @@ pub struct Values {
 impl Integrals {
     /// With albedo textures or without, and for the kinds of radiance and transfer that will be given.
     pub fn new(gpu: &Gpu, wanted: Wanted, textured: bool, gathered: bool, transfer: bool) -> Result<Self> {
-        let radiance = if gathered { HitRadiance::VertexCache { textured } } else { HitRadiance::Photons { textured } };
+        let radiance = HitRadiance { vertex_cache: gathered, textured };
         let pass = |consumer, outputs, reads_transfer| {
             Ok(IntegralPass { pass: GatherPass::new(gpu, Finder::Stored, consumer)?, outputs, reads_transfer })
         };
@@ -111,8 +111,7 @@ impl Integrals {
         let hemisphere = pass(Consumer::Hemisphere(wanted.radiance.then_some(radiance)), HEMISPHERE, false);
         let sh = harmonics(wanted.sh).map(|part| pass(Consumer::IncidentHarmonics(radiance, part), part.outputs(), false));
         let textured = transfer.then_some(textured);
-        let prt =
-            harmonics(wanted.prt).map(|part| pass(Consumer::TransferHarmonics { textured, pass: part }, part.outputs(), true));
+        let prt = harmonics(wanted.prt).map(|part| pass(Consumer::TransferHarmonics(textured, part), part.outputs(), true));
         Ok(Self { passes: [hemisphere].into_iter().chain(sh).chain(prt).collect::<Result<_>>()? })
     }
 

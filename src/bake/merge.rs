@@ -37,7 +37,7 @@ impl Merge {
         let points: u32 = Part::parse_value(path, &part.state["points"])?;
         let damaged = |_| Error::input(path, None, "damaged: its settings are out of range", "make it again");
         settings.validate().and_then(|()| plan.validate()).map_err(damaged)?;
-        let (blocks, points) = (blocks_of(&settings), points as usize);
+        let (blocks, points) = (blocks_of(&settings.directions), points as usize);
         Ok(Self { job: part.job.clone(), settings, plan, blocks, points, sums: RoundSums::default() })
     }
 

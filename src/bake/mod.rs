@@ -100,26 +100,27 @@ impl Bake {
     pub fn new(gpu: &Gpu, prepared: Prepared, points: Vec<GatherPoint>, settings: &Settings, plan: &Plan) -> Result<Self> {
         settings.validate()?;
         plan.validate()?;
-        if settings.until > 0.0 {
-            return Err(Error::usage("a bake does not tell the error at which it is to stop", "let until be 0"));
+        if settings.directions.target_error > 0.0 {
+            return Err(Error::usage("a bake does not tell the error at which it is to stop", "let target_error be 0"));
         }
         if points.is_empty() {
             return Err(Error::usage("there are no points to bake", "give a scene or a file that has some"));
         }
         let geometry = Geometry::upload(gpu, &prepared.scene)?;
         let start = Instant::now();
-        let photons = plan.needs_photons().then(|| Photons::new(gpu, [&prepared, &prepared], settings, || false)).transpose()?;
+        let traced = || Photons::new(gpu, [&prepared, &prepared], (&settings.photons, settings.seed), || false);
+        let photons = plan.needs_photons().then(traced).transpose()?;
         let seconds = Seconds { photons: start.elapsed().as_secs_f64(), ..Seconds::default() };
-        let cache = (plan.stages() > 0).then(|| VertexCache::new(gpu, &prepared.scene, vertex_inset(settings)));
+        let cache = (plan.stages() > 0).then(|| VertexCache::new(gpu, &prepared.scene, vertex_inset(settings.layers())));
         let cache = cache.transpose()?.unwrap_or_default();
         // Where they are the vertices themselves, hits are stored for them too.
         let receivers = if cache.points() == points { PointSet::Vertices } else { PointSet::Receivers };
         let mut bake = Self {
             gpu: gpu.clone(),
             digest: digest(&prepared.scene, &points),
-            schedule: Schedule::new(settings, [cache.points().len(), points.len()], receivers),
-            direct: Direct::new(gpu, settings.shadow_size, settings.seed)?,
-            settings: settings.clone(),
+            schedule: Schedule::new(&settings.directions, settings.seed, [cache.points().len(), points.len()], receivers),
+            direct: Direct::new(gpu, settings.direct.shadow_size, settings.seed)?,
+            settings: *settings,
             plan: plan.clone(),
             prepared,
             geometry,
@@ -181,7 +182,6 @@ impl Bake {
 
     /// What shapes the bits of its sums.
     pub fn job(&self) -> Value {
-        let settings = Settings { exposure: 0.0, ..self.settings.clone() };
         let [scene, points] = &self.digest;
         json!({
             "what": "bake",
@@ -190,7 +190,7 @@ impl Bake {
             "scene": scene,
             "space": self.prepared.scene.space,
             "points": points,
-            "settings": settings,
+            "settings": self.settings.of_sums(),
             "plan": self.plan,
         })
     }
@@ -327,8 +327,9 @@ impl Bake {
             let points = tile.list.points();
             let sums = Accumulator::new(&self.gpu, points.size())?;
             sums.clear();
-            (0..self.settings.light_samples.into()).for_each(|sample| self.direct.add(geometry, lights, sample, points, &sums));
-            let mean = 1.0 / self.settings.light_samples as f32;
+            let samples = self.settings.direct.light_samples;
+            (0..samples.into()).for_each(|sample| self.direct.add(geometry, lights, sample, points, &sums));
+            let mean = 1.0 / samples as f32;
             direct.extend(tile.list.in_order(sums.read()).iter().map(|sum| mean * sum.truncate()));
         }
         Ok(direct)
@@ -338,7 +339,7 @@ impl Bake {
     fn trace_photons(&mut self, direction: u32) -> Result<()> {
         let Some(photons) = &mut self.photons else { return Ok(()) };
         let start = Instant::now();
-        photons.renew(&self.gpu, &self.prepared, &self.settings, (direction / DIRECTIONS_PER_PHOTON_MAP).into())?;
+        photons.renew(&self.gpu, &self.prepared, (direction / DIRECTIONS_PER_PHOTON_MAP).into())?;
         self.seconds.photons += start.elapsed().as_secs_f64();
         Ok(())
     }
@@ -349,7 +350,10 @@ impl Bake {
         let Some(block) = &self.sums.block else { return Ok(0) };
         let source = match &mut self.hit_source {
             Some(source) => source,
-            none => none.insert(HitSource::new(&self.gpu, &self.settings, &self.prepared, self.schedule.largest_round())?),
+            none => {
+                let (layers, points) = (self.settings.layers(), self.schedule.largest_round());
+                none.insert(HitSource::new(&self.gpu, &self.settings.gather, layers, &self.prepared, points)?)
+            }
         };
         let mut directions = self.schedule.directions(at, source.batch());
         let (scene, geometry) = (&self.prepared.scene, &self.geometry);

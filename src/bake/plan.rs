@@ -12,10 +12,10 @@ use crate::harmonics::MAX_ORDER;
 use crate::image::Channel;
 use crate::points::GatherPoint;
 use crate::quantity::Quantity;
-use crate::settings::Settings;
+use crate::settings::DirectionSettings;
 use crate::shaders::BATCH;
 
-/// What a bake computes, beside [`Settings`]. Files and reports keep the older names of two fields.
+/// What a bake computes, beside [`Settings`](crate::settings::Settings). Files and reports keep the older names of two fields.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Plan {
     pub what: Vec<Quantity>,
@@ -114,12 +114,12 @@ impl Plan {
     }
 }
 
-/// How far from a vertex its gather point lies, in unit space: half a texel of a layer. Nearer to the foot of a wall, layers lose light.
-pub fn vertex_inset(settings: &Settings) -> f32 {
-    1.0 / settings.layers() as f32
+/// How far from a vertex its gather point lies, in unit space: half a texel of a layer of this side. Nearer to the foot of a wall, layers lose light.
+pub fn vertex_inset(layers: u32) -> f32 {
+    1.0 / layers as f32
 }
 
 /// How the directions of a bake fall into blocks, each of whole batches.
-pub fn blocks_of(settings: &Settings) -> Blocks {
-    Blocks::new(settings.directions, BATCH as u32)
+pub fn blocks_of(directions: &DirectionSettings) -> Blocks {
+    Blocks::new(directions.count, BATCH as u32)
 }

@@ -11,7 +11,7 @@ use super::memory::most_points;
 use super::plan::{Plan, blocks_of};
 use crate::blocks::Blocks;
 use crate::direction::{Direction, Directions};
-use crate::settings::Settings;
+use crate::settings::DirectionSettings;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PointSet {
@@ -59,8 +59,8 @@ pub struct Schedule {
 
 impl Schedule {
     /// Without rounds yet.
-    pub fn new(settings: &Settings, points: [usize; 2], receivers: PointSet) -> Self {
-        let (directions, blocks) = (Directions::new(settings.sequence, settings.seed), blocks_of(settings));
+    pub fn new(settings: &DirectionSettings, seed: u64, points: [usize; 2], receivers: PointSet) -> Self {
+        let (directions, blocks) = (Directions::new(settings.sequence, seed), blocks_of(settings));
         let shard = 0..blocks.count();
         Self { directions, blocks, shard, points, receivers, rounds: Vec::new(), stage: 0, current: None }
     }
@@ -165,8 +165,8 @@ mod tests {
         let radiance_cache = RadianceCache::Vertices;
         let plan =
             Plan { what: vec![Quantity::Irradiance], order: 3, gather_bounces: 2, ao_distance: None, radiance_cache, memory: 0 };
-        let settings = Settings { directions: 157, ..Settings::default() };
-        let mut schedule = Schedule::new(&settings, [VERTICES, RECEIVERS], PointSet::Receivers);
+        let settings = DirectionSettings { count: 157, ..Default::default() };
+        let mut schedule = Schedule::new(&settings, 0, [VERTICES, RECEIVERS], PointSet::Receivers);
         schedule.restart(&plan);
         let sums = schedule.rounds.iter().map(|_| RoundSums::default()).collect();
         (schedule, sums)

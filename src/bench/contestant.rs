@@ -11,7 +11,7 @@ use crate::math::cosine_direction;
 use crate::points::{GatherPoint, Interleave};
 use crate::random::{Random, Recurrence};
 use crate::reference::Reference;
-use crate::settings::{Pipeline, Settings};
+use crate::settings::{GatherSettings, Pipeline};
 
 /// A way to gather, by name.
 pub struct Contestant {
@@ -55,9 +55,9 @@ impl Contestant {
         let Some(pipeline) = self.pipeline else {
             return Ok(Entrant::CosineRays { sums: vec![Vec4::ZERO; bench.pixels.len()], seed, taken: 0 });
         };
-        let settings = Settings { pipeline, ..bench.settings.clone() };
+        let settings = GatherSettings { pipeline, ..bench.settings.gather };
         let all = Interleave::new(1, bench.points().size(), 0);
-        Ok(Entrant::Shared(IrradianceGather::new(&bench.gpu, &settings, &bench.scene, &bench.bvh, all)?))
+        Ok(Entrant::Shared(IrradianceGather::new(&bench.gpu, &settings, bench.settings.layers(), &bench.scene, &bench.bvh, all)?))
     }
 }
 

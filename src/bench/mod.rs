@@ -53,7 +53,7 @@ enum PointOrigin {
 
 /// Where to gather.
 pub enum Where {
-    /// At what the scene's camera sees in a picture of [`Settings::size`].
+    /// At what the scene's camera sees in a picture of [`FilmSettings::size`](crate::settings::FilmSettings::size).
     Camera,
     /// In unit space.
     Points(Vec<GatherPoint>),
@@ -130,8 +130,8 @@ impl Bench {
         let geometry = Geometry::upload(gpu, &scene)?;
         let (source, pixels) = match at {
             Where::Camera => {
-                let camera = CameraPoints::new(gpu, settings.size)?;
-                let visible = camera.see(&geometry, &scene.camera(settings.size), Vec2::splat(0.5));
+                let camera = CameraPoints::new(gpu, settings.film.size)?;
+                let visible = camera.see(&geometry, &scene.camera(settings.film.size), Vec2::splat(0.5));
                 let pixels = visible.pixels();
                 // Of what was read back, the count is enough from now on.
                 let (count, cut) = (visible.count, visible.cut);
@@ -150,13 +150,14 @@ impl Bench {
             return Err(Error::usage("the scene has no light that is large enough beside it", "enlarge the lights"));
         }
         let bvh = Rc::new(Bvh::new(&scene.mesh));
-        let mut grid = PhotonGrid::new(&scene.mesh, settings.grid_cells);
-        PhotonTracer::new(&scene, &bvh, &lights, settings.seed, settings.bounces).trace(0..settings.photons, &mut grid);
+        let mut grid = PhotonGrid::new(&scene.mesh, settings.photons.grid_cells);
+        PhotonTracer::new(&scene, &bvh, &lights, settings.seed, settings.photons.depth)
+            .trace(settings.photons.numbers(0), &mut grid);
         grid.add_area(&scene.mesh, &bvh, settings.seed);
         let photons = PhotonTexture::upload(gpu, &grid)?;
         gpu.finish();
         gpu.check("preparing a bench")?;
-        Ok(Self { gpu: gpu.clone(), settings: settings.clone(), scene, bvh, grid, photons, geometry, source, pixels })
+        Ok(Self { gpu: gpu.clone(), settings: *settings, scene, bvh, grid, photons, geometry, source, pixels })
     }
 
     /// How many points there are.
@@ -183,7 +184,7 @@ impl Bench {
         if plan.rounds == 0 || plan.directions == 0 {
             return Err(Error::usage("nothing is measured in 0 rounds or along 0 directions", "give 1 or more"));
         }
-        let directions = Directions::new(self.settings.sequence, self.settings.seed);
+        let directions = Directions::new(self.settings.directions.sequence, self.settings.seed);
         let directions: Vec<_> = (0..plan.directions).map(|index| directions.get(index)).collect();
         let mut entrants =
             contestants.iter().map(|contestant| contestant.enter(self, self.settings.seed)).collect::<Result<Vec<_>>>()?;
@@ -235,7 +236,7 @@ impl Bench {
     pub fn converging(&self, contestant: &Contestant, seed: u64) -> Result<Converging<'_>> {
         let mut entrant = contestant.enter(self, seed)?;
         entrant.begin(self);
-        Ok(Converging { bench: self, entrant, sequence: Directions::new(self.settings.sequence, seed), done: 0 })
+        Ok(Converging { bench: self, entrant, sequence: Directions::new(self.settings.directions.sequence, seed), done: 0 })
     }
 
     /// Irradiance at every point by exact rays along both ends of this many directions, none of which a contestant uses.
@@ -244,7 +245,7 @@ impl Bench {
     }
 
     fn other_directions(&self, count: u32) -> Vec<Vec3> {
-        let others = Directions::new(self.settings.sequence, !self.settings.seed);
+        let others = Directions::new(self.settings.directions.sequence, !self.settings.seed);
         both_ends(&(0..count).map(|index| others.get(index).vector).collect::<Vec<_>>())
     }
 

@@ -48,15 +48,12 @@ impl Bundle {
         }
     }
 
-    /// Unit space to clip space of a row of `tiles` layers side by side, of which this one is in tile `tile`.
-    fn to_clip_of_tile(self, tile: u32, tiles: u32) -> Mat4 {
-        let middle = (2 * tile + 1) as f32 / tiles as f32 - 1.0;
-        Mat4::from_translation(Vec3::X * middle) * Mat4::from_scale(Vec3::new(1.0 / tiles as f32, 1.0, 1.0)) * self.to_clip
-    }
-
-    /// The same of several bundles, in the tiles from the first on.
+    /// Unit space to clip space of a row of `tiles` layers side by side, for each of `bundles` in a tile of its own, from the first on.
     pub fn to_clip_of_tiles(bundles: &[Self], tiles: u32) -> Vec<Mat4> {
-        (0..).zip(bundles).map(|(tile, bundle)| bundle.to_clip_of_tile(tile, tiles)).collect()
+        let narrow = Mat4::from_scale(Vec3::new(1.0 / tiles as f32, 1.0, 1.0));
+        let middle = |tile: u32| (2 * tile + 1) as f32 / tiles as f32 - 1.0;
+        let to_clip = |(tile, bundle): (u32, &Self)| Mat4::from_translation(Vec3::X * middle(tile)) * narrow * bundle.to_clip;
+        (0..).zip(bundles).map(to_clip).collect()
     }
 
     /// Of layer space, whose axes are at right angles: the squared lengths that its units have as covectors.

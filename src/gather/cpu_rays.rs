@@ -39,10 +39,6 @@ impl HitFinder for CpuRayFinder {
         1
     }
 
-    fn both_ends(&self) -> bool {
-        true
-    }
-
     fn begin(&mut self, _: &Geometry, directions: &[Direction]) -> Result<usize> {
         self.direction = [directions[0].vector.extend(0.0)];
         Ok(1)

@@ -17,7 +17,7 @@ use crate::photon::PhotonTexture;
 use crate::points::{Accumulator, GatherPoint, Interleave, Points};
 use crate::reference::Reference;
 use crate::scene::{Bvh, Scene};
-use crate::settings::{Pipeline, Settings};
+use crate::settings::{GatherSettings, Pipeline};
 use crate::shaders::{Consumer, HitRadiance};
 
 /// What [`IrradianceGather::add`] reads.
@@ -52,19 +52,26 @@ enum Method {
 }
 
 impl IrradianceGather {
-    /// By the settings' pipeline, for point textures of `interleave`. `scene` is in unit space, and `bvh` of its mesh.
+    /// By the settings' pipeline, for point textures of `interleave` and [`GatherSettings::layers`]. `scene` is in unit space, and `bvh` of its mesh.
     ///
     /// # Errors
     /// When a size is beyond the device's limits.
-    pub fn new(gpu: &Gpu, settings: &Settings, scene: &Scene, bvh: &Rc<Bvh>, interleave: Interleave) -> Result<Self> {
+    pub fn new(
+        gpu: &Gpu,
+        settings: &GatherSettings,
+        layers: u32,
+        scene: &Scene,
+        bvh: &Rc<Bvh>,
+        interleave: Interleave,
+    ) -> Result<Self> {
         let method = match settings.pipeline {
             Pipeline::Raycast => Method::Oracle { points: Vec::new(), sums: Vec::new() },
             pipeline => {
                 // The finder comes last: it makes do with the memory that is left.
                 let sums = Accumulator::new(gpu, interleave.sums_size())?;
-                let radiance = HitRadiance::Photons { textured: !scene.textures.is_empty() };
+                let radiance = HitRadiance { vertex_cache: false, textured: !scene.textures.is_empty() };
                 let pass = GatherPass::new(gpu, shader_of(pipeline), Consumer::Irradiance(radiance))?;
-                Method::Shader { finder: hit_finder(gpu, settings, scene, bvh, interleave.tile())?, pass, sums }
+                Method::Shader { finder: hit_finder(gpu, settings, layers, scene, bvh, interleave.tile())?, pass, sums }
             }
         };
         Ok(Self { interleave, method })

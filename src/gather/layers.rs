@@ -37,10 +37,6 @@ impl HitFinder for LayerFinder {
         self.store.tiles() as usize
     }
 
-    fn both_ends(&self) -> bool {
-        true
-    }
-
     fn begin(&mut self, geometry: &Geometry, directions: &[Direction]) -> Result<usize> {
         let size = self.store.layer_size();
         let mut bundles: Vec<Bundle> =

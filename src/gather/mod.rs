@@ -46,7 +46,7 @@ use crate::geometry::Geometry;
 use crate::gpu::{Gpu, Uniform};
 use crate::points::Points;
 use crate::scene::{Bvh, Scene};
-use crate::settings::{Pipeline, Settings};
+use crate::settings::{GatherSettings, Pipeline};
 use crate::shaders::Finder;
 
 /// A way to find hits: what each point sees along each direction of a batch.
@@ -56,7 +56,9 @@ pub trait HitFinder {
 
     /// Whether a direction counts at both its ends: each point looks along the end on its side of its surface. Else only points that face along the
     /// direction have a weight.
-    fn both_ends(&self) -> bool;
+    fn both_ends(&self) -> bool {
+        true
+    }
 
     /// Does what is the same for all points, for the first of at most [`Self::batch`] directions: as many as there is memory for. Returns how many, at
     /// least one.
@@ -109,14 +111,21 @@ fn shader_of(pipeline: Pipeline) -> Finder {
     }
 }
 
-/// The finder of the settings' pipeline, for point textures of one size. `scene` is in unit space, and `bvh` of its mesh.
+/// The finder of the settings' pipeline, for point textures of one size and [`GatherSettings::layers`]. `scene` is in unit space, and `bvh` of its mesh.
 ///
 /// # Errors
 /// When a size is beyond the device's limits.
-pub fn hit_finder(gpu: &Gpu, settings: &Settings, scene: &Scene, bvh: &Rc<Bvh>, points: [u32; 2]) -> Result<Box<dyn HitFinder>> {
-    let kill = |kill| KillFinder::new(gpu, settings.layers(), kill, settings.stop_fraction);
+pub fn hit_finder(
+    gpu: &Gpu,
+    settings: &GatherSettings,
+    layers: u32,
+    scene: &Scene,
+    bvh: &Rc<Bvh>,
+    points: [u32; 2],
+) -> Result<Box<dyn HitFinder>> {
+    let kill = |kill| KillFinder::new(gpu, layers, kill, settings.stop_fraction);
     Ok(match settings.pipeline {
-        Pipeline::Fused => Box::new(LayerFinder::new(gpu, settings.layers())?),
+        Pipeline::Fused => Box::new(LayerFinder::new(gpu, layers)?),
         Pipeline::Kill => Box::new(kill(Kill::new(gpu, points)?)?),
         Pipeline::EarlyKill => Box::new(kill(Kill::early(gpu, points)?)?),
         Pipeline::RaycastGl => Box::new(RayFinder::new(gpu, scene)?),

@@ -27,16 +27,8 @@ impl KillFinder {
     /// # Errors
     /// When the size is beyond the device's limits.
     pub fn new(gpu: &Gpu, layer_size: u32, kill: Kill, stop_fraction: f32) -> Result<Self> {
-        let peel = Peel::new(gpu, layer_size)?;
-        Ok(Self {
-            gpu: gpu.clone(),
-            layer_size,
-            peel,
-            kill,
-            stop_fraction,
-            direction: Direction::default(),
-            vector: [Vec4::ZERO],
-        })
+        let (peel, direction) = (Peel::new(gpu, layer_size)?, Direction::default());
+        Ok(Self { gpu: gpu.clone(), layer_size, peel, kill, stop_fraction, direction, vector: [Vec4::ZERO] })
     }
 }
 

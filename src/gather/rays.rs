@@ -54,10 +54,6 @@ impl HitFinder for RayFinder {
         BATCH
     }
 
-    fn both_ends(&self) -> bool {
-        true
-    }
-
     fn begin(&mut self, _: &Geometry, directions: &[Direction]) -> Result<usize> {
         self.directions = directions.iter().map(|direction| direction.vector.extend(0.0)).collect();
         Ok(self.directions.len())

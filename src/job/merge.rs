@@ -36,7 +36,7 @@ pub fn merge(parts: &[PathBuf], outputs: &[String], exposure: Option<f32>, watch
             let mut merge = RenderMerge::new(path, &first)?;
             each(&mut |path, part| merge.add(path, part))?;
             let (settings, picture) = (merge.settings(), Results::Picture(merge.picture()?));
-            picture.write(&request, merge.job(), exposure.unwrap_or(settings.exposure), (settings.directions, true))
+            picture.write(&request, merge.job(), exposure.unwrap_or(settings.display.exposure), (settings.directions.count, true))
         }
         Some("bake") => {
             let (mut request, own) = request_of(path, &first)?;
@@ -51,14 +51,14 @@ pub fn merge(parts: &[PathBuf], outputs: &[String], exposure: Option<f32>, watch
             loaded.report.warnings.iter().for_each(|warning| watch.say(&format!("warning: {warning}")));
             let scene = Prepared::without_glass(&loaded.world)?.scene;
             watch.stage("placing points");
-            let settings = merge.settings().clone();
-            let camera = || Receiver::of_part(path, &first, settings.size);
+            let settings = *merge.settings();
+            let camera = || Receiver::of_part(path, &first, settings.film.size);
             let (receivers, points) = place(&bake, &scene, &settings, &camera, watch)?;
             merge.check_scene(path, &scene, &points)?;
             watch.stage("merging");
             each(&mut |path, part| merge.add(path, part))?;
             let values = Results::Values(&receivers, merge.columns(&points)?, &scene);
-            values.write(&request, merge.job(), exposure.unwrap_or(own), (settings.directions, true))
+            values.write(&request, merge.job(), exposure.unwrap_or(own), (settings.directions.count, true))
         }
         _ => return Err(unknown(path)),
     };

@@ -180,7 +180,7 @@ impl Job {
         let (report, stages) = task.report(already, names);
         let report = JobReport {
             gl: gpu.identity(),
-            settings: settings.clone(),
+            settings,
             task: report,
             seconds: JobSeconds { load, stages, write, total: started.elapsed().as_secs_f64() },
             peak_memory_bytes: peak_memory_bytes(),

@@ -63,7 +63,7 @@ pub struct SceneRequest {
     pub environment: Option<PathBuf>,
     /// The scene may name files outside its folder.
     pub allow_outside: bool,
-    /// Settings in place of the scene's, under the names of the fields of [`Settings`].
+    /// Settings in place of the scene's, by the keys that scene files use.
     pub settings: Map<String, Value>,
 }
 
@@ -89,7 +89,7 @@ impl SceneRequest {
     /// [`Error::Usage`] when a name is not known or a value has another type.
     pub fn settings(&self, of_scene: &Settings) -> Result<Settings> {
         let mut all = serde_json::to_value(of_scene).unwrap_or_default();
-        self.settings.iter().for_each(|(name, value)| all[name] = value.clone());
+        self.settings.iter().for_each(|(name, value)| all[Settings::key_of(name)] = value.clone());
         serde_json::from_value(all).map_err(|error| Error::usage(format!("settings: {error}"), "give a setting of this version"))
     }
 }
@@ -130,7 +130,7 @@ impl JobRequest {
         let mut settings = self.scene.settings(of_scene)?;
         if let Work::Bake(bake) = &self.work {
             // It takes all its directions, and layers for as many.
-            settings.until = 0.0;
+            settings.directions.target_error = 0.0;
             bake.plan.validate()?;
         }
         settings.validate()?;
@@ -138,7 +138,7 @@ impl JobRequest {
     }
 
     pub(super) fn blocks(&self, settings: &Settings) -> Blocks {
-        if let Work::Bake(_) = &self.work { blocks_of_bake(settings) } else { blocks_of(settings) }
+        if let Work::Bake(_) = &self.work { blocks_of_bake(&settings.directions) } else { blocks_of(settings) }
     }
 
     /// Refuses what can be refused before the device starts. `shard`: the blocks of a shard.
@@ -158,10 +158,10 @@ impl JobRequest {
             };
         }
         let lens = world.cameras.first().is_some_and(|(_, camera)| camera.lens.is_some());
-        if settings.points == PointSource::Camera && (lens || world.surfaces().any(Material::is_specular)) {
+        if settings.film.points == PointSource::Camera && (lens || world.surfaces().any(Material::is_specular)) {
             watch.say("warning: mirrors and glass are drawn as diffuse, through a pinhole; --points traced shows what they are");
         }
-        if shard.is_some() && settings.until > 0.0 {
+        if shard.is_some() && settings.directions.target_error > 0.0 {
             return Err(Error::usage("a shard cannot tell the error of the whole picture", "give --target-error 0"));
         }
         self.memory.map_or(Ok(()), |allowed| check_memory(allowed as u64, world, settings, shard))
@@ -185,14 +185,16 @@ fn check_memory(allowed: u64, world: &World, settings: &Settings, shard: Option<
     let scene = world.flatten();
     let blocks = |settings: &Settings| shard.map_or(blocks_of(settings).count(), |shard| shard.len() as u32);
     let of = |settings: &Settings| memory_of(&scene, settings, blocks(settings), shard.is_some()).div_ceil(1 << 20);
-    let (needed, fits) = (of(settings), |settings: Settings| of(&settings) <= allowed);
+    let (needed, fits) = (of(settings), |change: &dyn Fn(&mut Settings)| of(&settings.with(change)) <= allowed);
     if needed <= allowed {
         return Ok(());
     }
-    let sizes = successors(Some(settings.size), |size| Some(size.map(|side| side * 15 / 16)).filter(|size| !size.contains(&0)));
-    let size = { sizes }.find(|&size| fits(Settings { size, ..settings.clone() }));
-    let counts = successors(Some(settings.directions), |directions| Some(directions / 2).filter(|&directions| directions > 0));
-    let directions = { counts }.find(|&directions| shard.is_none() && fits(Settings { directions, ..settings.clone() }));
+    let sizes =
+        successors(Some(settings.film.size), |size| Some(size.map(|side| side * 15 / 16)).filter(|size| !size.contains(&0)));
+    let size = { sizes }.find(|&size| fits(&|settings| settings.film.size = size));
+    let counts =
+        successors(Some(settings.directions.count), |directions| Some(directions / 2).filter(|&directions| directions > 0));
+    let directions = { counts }.find(|&directions| shard.is_none() && fits(&|settings| settings.directions.count = directions));
     let size = size.map(|[width, height]| format!("--size {width}x{height}"));
     let directions = directions.map(|directions| format!("--directions {directions}"));
     let cures = size.into_iter().chain(directions).chain([format!("--memory {needed}")]).collect::<Vec<_>>();

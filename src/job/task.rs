@@ -84,7 +84,7 @@ impl<'a> Task<'a> {
             Work::Bake(bake) => {
                 watch.stage("placing points");
                 let prepared = Prepared::without_glass(world)?;
-                let camera = || see(gpu, &prepared.scene, settings.size);
+                let camera = || see(gpu, &prepared.scene, settings.film.size);
                 let (receivers, points) = place(bake, &prepared.scene, settings, &camera, watch)?;
                 placing = start.elapsed().as_secs_f64();
                 watch.stage("tracing photons");
@@ -136,7 +136,7 @@ impl<'a> Task<'a> {
         if let Gather::Bake(_, receivers) = &self.gather {
             // Null where a path is not UTF-8: then it is no shard's, and nobody merges it.
             part.state[REQUEST] = serde_json::to_value(self.request).unwrap_or_default();
-            part.state[EXPOSURE] = self.settings.exposure.into();
+            part.state[EXPOSURE] = self.settings.display.exposure.into();
             receivers.iter().for_each(|receiver| receiver.save(&mut part));
         }
         part
@@ -149,7 +149,7 @@ impl<'a> Task<'a> {
     /// Whether an earlier run of the same job has finished all files.
     pub fn is_written(&self) -> bool {
         let job = either!(&self.gather, gather => gather.job());
-        let metadata = |receiver| self.request.metadata(receiver, &job, self.settings.exposure, (0, true));
+        let metadata = |receiver| self.request.metadata(receiver, &job, self.settings.display.exposure, (0, true));
         self.request.outputs.iter().enumerate().all(|(receiver, paths)| are_finished(paths, &metadata(receiver)))
     }
 
@@ -168,7 +168,7 @@ impl<'a> Task<'a> {
             watch.say("warning: the picture is black: the camera sees no surface that light reaches; turn it or the lights");
         }
         let (job, done) = either!(&self.gather, gather => (gather.job(), (gather.directions_done(), gather.is_done())));
-        let (counts, errors) = results.write(self.request, &job, self.settings.exposure, done);
+        let (counts, errors) = results.write(self.request, &job, self.settings.display.exposure, done);
         self.counts = counts;
         errors
     }

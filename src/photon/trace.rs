@@ -30,7 +30,7 @@ pub struct PhotonTracer<'a> {
     lights: &'a Lights,
     starts: Recurrence<5>,
     seed: u64,
-    bounces: u32,
+    depth: u32,
 }
 
 /// How a photon's path ends.
@@ -65,9 +65,9 @@ impl AddAssign for PhotonCounts {
 }
 
 impl<'a> PhotonTracer<'a> {
-    /// `bounces` is the most surfaces that store one photon. `scene` is in unit space.
-    pub fn new(scene: &'a Scene, bvh: &'a Bvh, lights: &'a Lights, seed: u64, bounces: u32) -> Self {
-        Self { scene, bvh, lights, starts: Recurrence::new(seed), seed, bounces }
+    /// `depth` is the most surfaces that store one photon. `scene` is in unit space.
+    pub fn new(scene: &'a Scene, bvh: &'a Bvh, lights: &'a Lights, seed: u64, depth: u32) -> Self {
+        Self { scene, bvh, lights, starts: Recurrence::new(seed), seed, depth }
     }
 
     /// Emits the photons with these numbers, which share the whole power of lights and environment, and adds their flux at surfaces to `grid`.
@@ -155,7 +155,7 @@ impl<'a> PhotonTracer<'a> {
             }
             flux = reflected / survival;
             (diffuse, specular) = if kept.is_some() { (diffuse, specular + 1) } else { (diffuse + 1, 0) };
-            if diffuse == self.bounces || specular > MOST_SPECULAR {
+            if diffuse == self.depth || specular > MOST_SPECULAR {
                 return PhotonEnd::Cut;
             }
             if kept.is_none() {

@@ -121,7 +121,7 @@ impl Render {
     /// When a program does not compile or the device fails.
     pub fn probe(&mut self, layers: &Layers, place: Vec2) -> Result<Option<Probe>> {
         let camera = self.camera;
-        let [width, height] = self.settings.size.map(|side| side as f32);
+        let [width, height] = self.settings.film.size.map(|side| side as f32);
         let ray = camera.ray(place, width / height);
         let Some(seen) = self.gathered.bvh.nearest(camera.eye, ray, None) else { return Ok(None) };
         let normal = self.gathered.scene.mesh.side_met(seen.triangle, ray);

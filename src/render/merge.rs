@@ -30,7 +30,7 @@ impl RenderMerge {
     pub fn new(path: &Path, part: &Part) -> Result<Self> {
         part.check_version(path)?;
         let mut settings: Settings = Part::parse_value(path, &part.job["settings"])?;
-        settings.exposure = Part::parse_value(path, &part.state["exposure"])?;
+        settings.display.exposure = Part::parse_value(path, &part.state["exposure"])?;
         let space = Part::parse_value(path, &part.job["space"])?;
         settings.validate().map_err(|_| Error::input(path, None, "damaged: its settings are out of range", "make it again"))?;
         Ok(Self { job: part.job.clone(), settings, space, film: FilmSum::default() })
@@ -48,7 +48,7 @@ impl RenderMerge {
     /// [`Error::Usage`] when directions are missing.
     pub fn picture(&self) -> Result<Image> {
         blocks_of(&self.settings).check_whole(&self.film)?;
-        Ok(self.film.image(self.settings.size, &self.space))
+        Ok(self.film.image(self.settings.film.size, &self.space))
     }
 
     /// As [`super::Render::job`].
@@ -67,11 +67,11 @@ impl RenderMerge {
 /// # Errors
 /// [`Error::Input`] when it does not fit the settings.
 pub(super) fn film_of_part(path: &Path, part: &Part, settings: &Settings, blocks: Blocks) -> Result<FilmSum> {
-    let film = |range, planes: Vec<&[f32]>| Film::of_planes(settings.size, blocks.directions(range).len() as u32, &planes);
+    let film = |range, planes: Vec<&[f32]>| Film::of_planes(settings.film.size, blocks.directions(range).len() as u32, &planes);
     part.tree(path, FILM, blocks, film)
 }
 
 /// How the directions of a render fall into blocks. A block has its own sub-pixel offset, and a direction or more for each interleaved subset.
 pub fn blocks_of(settings: &Settings) -> Blocks {
-    Blocks::new(settings.directions, settings.interleave * settings.interleave)
+    Blocks::new(settings.directions.count, settings.film.interleave * settings.film.interleave)
 }

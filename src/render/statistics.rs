@@ -11,7 +11,7 @@ pub struct RenderStatistics {
     pub seconds: StageSeconds,
     pub gather: GatherCounts,
     pub photons: PhotonCounts,
-    /// Relative standard error of the picture, see [`Settings::until`]; estimated now and then.
+    /// Relative standard error of the picture, see [`DirectionSettings::target_error`]; estimated now and then.
     pub error: Option<f64>,
 }
 

@@ -21,7 +21,7 @@ use finalgather::points::{GatherPoint, Interleave, PointList};
 use finalgather::random::Random;
 use finalgather::reference::Reference;
 use finalgather::scene::{Bvh, Camera, Instance, Lights, Material, Mesh, Scene, Surface, Triangle, UnitSpace, World};
-use finalgather::settings::{LayerSize, Pipeline, Sequence, Settings};
+use finalgather::settings::{GatherSettings, LayerSize, Pipeline, Sequence};
 use glam::{DVec3, Vec2, Vec3, Vec4, vec3};
 
 thread_local! {
@@ -311,14 +311,15 @@ fn gather_by(
     directions: &[Direction],
     layer_size: u32,
 ) -> (Vec<Vec4>, u32) {
-    let settings = Settings { pipeline, layer_size: LayerSize::Texels(layer_size), stop_fraction: 0.0, ..Settings::default() };
+    let settings = GatherSettings { pipeline, layer_size: LayerSize::Texels(layer_size), stop_fraction: 0.0 };
     let geometry = &Geometry::upload(gpu, scene).unwrap();
     let list = PointList::upload(gpu, points).unwrap();
     let points = list.points();
     let (bvh, grid) = (Rc::new(Bvh::new(&scene.mesh)), PhotonGrid::new(&scene.mesh, 1));
     // Which no pipeline of the GL side asks.
     let oracle = Reference::new(scene, &bvh, &grid);
-    let mut gather = IrradianceGather::new(gpu, &settings, scene, &bvh, Interleave::new(1, points.size(), 0)).unwrap();
+    let mut gather =
+        IrradianceGather::new(gpu, &settings, layer_size, scene, &bvh, Interleave::new(1, points.size(), 0)).unwrap();
     gather.begin(points);
     let layers = gather.add(GatherInputs { scene, geometry, photons, oracle, points }, directions).unwrap();
     gpu.check("gathering").unwrap();

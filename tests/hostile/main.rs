@@ -160,7 +160,7 @@ fn mutants_are_read_or_refused() {
 
 /// A render of 2x2 pixels along 8 directions, of which these nodes are done.
 fn part(change: impl Fn(&mut Value, &mut Value), nodes: &[(&str, usize)]) -> Vec<u8> {
-    let settings = Settings { size: [2, 2], directions: 8, ..Settings::default() };
+    let settings = Settings::default().with(|s| (s.film.size, s.directions.count) = ([2, 2], 8));
     let space = json!({ "center": [0.0, 0.0, 0.0], "scale": 1.0 });
     let mut job = json!({ "what": "render", "version": env!("CARGO_PKG_VERSION"), "settings": settings, "space": space });
     let mut state = json!({ "exposure": 0.0 });

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::draw::{Axis, Curve, Panel, plot, short_percent, whole};
 use crate::figure::{Figure, Result, Task};
-use crate::lab::{Image, Measured, Pictures, Pipeline, Settings};
+use crate::lab::{Image, Measured, Pictures, Pipeline};
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -59,7 +59,8 @@ impl Figure for Banding {
             for (per_pixel, directions) in few.chain(parameters.many.iter().map(|&all| (all / squares, all))) {
                 let directions = task.scale.of(directions, squares);
                 // Exact rays, to exclude the aliasing of layers.
-                let settings = Settings { pipeline: Pipeline::Raycast, interleave, ..pictures.settings(directions) };
+                let mut settings = pictures.settings(directions);
+                (settings.gather.pipeline, settings.film.interleave) = (Pipeline::Raycast, interleave);
                 let found = pictures.measure(&settings)?;
                 runs.push(Run {
                     interleave,

@@ -37,7 +37,7 @@ impl Figure for SideBySide {
     fn measure(&Parameters { size, directions, rounds, converged }: &Parameters, task: &Task) -> Result<Self> {
         let scale = task.scale;
         let size = scale.of(size, 64);
-        let settings = Settings { size: [size; 2], ..Settings::default() };
+        let settings = Settings::default().with(|s| s.film.size = [size; 2]);
         let bench = Bench::new(&gpu()?, cornell()?, &settings, Where::Camera)?;
         let plan = BenchPlan { directions: scale.of(directions, 4), rounds, stages: true, converged: scale.of(converged, 256) };
         let rows = bench.measure(&CONTESTANTS.iter().collect::<Vec<_>>(), plan)?;

@@ -45,31 +45,27 @@ struct Run {
 
 /// Cause, value and settings of all runs, the default first.
 fn changes(default: &Settings, parameters: &Parameters) -> Vec<(&'static str, String, Settings)> {
-    let mut changes = vec![("", String::new(), default.clone())];
-    let mut change = |cause, value: String, of: &dyn Fn(&mut Settings)| {
-        let mut settings = default.clone();
-        of(&mut settings);
-        changes.push((cause, value, settings));
-    };
+    let mut changes = vec![("", String::new(), *default)];
+    let mut change = |cause, value: String, of: &dyn Fn(&mut Settings)| changes.push((cause, value, default.with(of)));
     for &size in &parameters.layer_sizes {
-        change("layers", format!("{size}²"), &|settings| settings.layer_size = LayerSize::Texels(size));
+        change("layers", format!("{size}²"), &|s| s.gather.layer_size = LayerSize::Texels(size));
     }
-    change("layers", "exact rays".into(), &|settings| settings.pipeline = Pipeline::Raycast);
+    change("layers", "exact rays".into(), &|s| s.gather.pipeline = Pipeline::Raycast);
     for factor in &parameters.direction_factors {
-        let directions = (f64::from(default.directions) * factor).round() as u32;
-        change("directions", directions.to_string(), &|settings| settings.directions = directions);
+        let directions = (f64::from(default.directions.count) * factor).round() as u32;
+        change("directions", directions.to_string(), &|s| s.directions.count = directions);
     }
     for &photons in &parameters.photons {
-        change("photons", count(photons), &|settings| settings.photons = photons.into());
+        change("photons", count(photons), &|s| s.photons.count = photons.into());
     }
     for &cells in &parameters.grid_cells {
-        change("grid cells", cells.to_string(), &|settings| settings.grid_cells = cells);
+        change("grid cells", cells.to_string(), &|s| s.photons.grid_cells = cells);
     }
     for &samples in &parameters.light_samples {
-        change("light samples", samples.to_string(), &|settings| settings.light_samples = samples);
+        change("light samples", samples.to_string(), &|s| s.direct.light_samples = samples);
     }
     for &seed in &parameters.seeds {
-        change("seed", seed.to_string(), &|settings| settings.seed = seed);
+        change("seed", seed.to_string(), &|s| s.seed = seed);
     }
     changes
 }
@@ -80,9 +76,9 @@ impl Figure for Causes {
     fn measure(parameters: &Parameters, task: &Task) -> Result<Self> {
         let pictures = Pictures::new()?;
         let directions = task.scale.of(parameters.directions, 8);
-        let mut default = Settings { pipeline: parameters.pipeline, ..pictures.settings(directions) };
+        let mut default = pictures.settings(directions).with(|s| s.gather.pipeline = parameters.pipeline);
         // The default layer size depends on the number of directions, which some runs change.
-        default.layer_size = LayerSize::Texels(default.layers());
+        default.gather.layer_size = LayerSize::Texels(default.layers());
         let mut first: Option<Image> = None;
         let run = |(cause, value, settings): (&str, String, Settings)| {
             let found = pictures.measure(&settings)?;

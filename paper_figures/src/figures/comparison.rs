@@ -84,8 +84,8 @@ impl Figure for PictureComparison {
         let size = task.scale.of(parameters.size, 32).next_power_of_two();
         let directions = task.scale.of(parameters.directions, 8);
         let mut settings = pictures.settings(directions);
-        (settings.size, settings.pipeline) = ([size; 2], parameters.pipeline);
-        let exposure = settings.exposure;
+        (settings.film.size, settings.gather.pipeline) = ([size; 2], parameters.pipeline);
+        let exposure = settings.display.exposure;
         let (picture, statistics) = pictures.render(&settings)?;
 
         let direct = sum_of(&picture, &["Direct", "Emission"])?;

@@ -68,7 +68,7 @@ impl Figure for Convergence {
         let scale = task.scale;
         let cornell = Cornell::load()?;
         let settings = Settings::default();
-        let photons = u64::from(scale.of(settings.photons as u32, 1));
+        let photons = u64::from(scale.of(settings.photons.count as u32, 1));
         let grid = cornell.photon_grid(&settings, 0..photons);
         let points = cornell.camera_points(scale.of(parameters.size, 4))?;
 
@@ -95,7 +95,7 @@ impl Figure for Convergence {
             irradiance.extend(ESTIMATORS.map(|estimator| errors(estimator, &truth, |sum| sum)));
             constant.push(errors(Estimator::Plain, &ones, |sum| DVec4::splat(sum.w)));
         }
-        let (points, grid_cells, winners) = (points.len(), settings.grid_cells, winners(&directions, &irradiance));
+        let (points, grid_cells, winners) = (points.len(), settings.photons.grid_cells, winners(&directions, &irradiance));
         Ok(Self { points, seeds, photons, grid_cells, truth_directions, fitted, directions, irradiance, constant, winners })
     }
 

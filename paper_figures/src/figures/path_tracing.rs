@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::draw::{Axis, Curve, Panel, plot, short, short_percent};
 use crate::figure::{Figure, Result, Task};
-use crate::lab::{PathTracer, Pictures, Pipeline, Settings};
+use crate::lab::{PathTracer, Pictures, Pipeline};
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -57,7 +57,7 @@ impl Figure for PathTracing {
             let gathered = |&directions: &u32| {
                 let directions = task.scale.of(directions, 8);
                 let start = Instant::now();
-                let picture = pictures.render(&Settings { pipeline, ..pictures.settings(directions) })?.0;
+                let picture = pictures.render(&pictures.settings(directions).with(|s| s.gather.pipeline = pipeline))?.0;
                 at(directions, start.elapsed().as_secs_f64(), picture)
             };
             let pictures = parameters.directions.iter().map(gathered).collect::<Result<_>>()?;

@@ -96,7 +96,7 @@ impl Figure for PhotonGridErrors {
         let light_samples = scale.of(parameters.truth_light_samples, 256);
         let truth_directions = scale.of(parameters.truth_directions, 256);
         let photons = scale.of(parameters.truth_photons, 1);
-        let settings = |seed, grid_cells| Settings { seed, grid_cells, ..Settings::default() };
+        let settings = |seed, cells| Settings::default().with(|s| (s.seed, s.photons.grid_cells) = (seed, cells));
         let finest = cornell.photon_grid(&settings(u64::MAX, parameters.truth_grid_cells), 0..photons.into());
 
         let points = cornell.surface_points(scale.of(parameters.surface_points, 64));

@@ -106,7 +106,7 @@ impl Figure for Scaling {
         let few = scale.of(16, 8);
         // At the points of a picture.
         let setup = |scene, side: u32, directions| {
-            let settings = Settings { size: [side; 2], photons: 100_000, ..Settings::default() };
+            let settings = Settings::default().with(|s| (s.film.size, s.photons.count) = ([side; 2], 100_000));
             Setup { scene, points: Where::Camera, settings, directions, rounds: 3 }
         };
         let in_box = |side, directions| setup(cornell.clone(), side, directions);
@@ -131,7 +131,7 @@ impl Figure for Scaling {
             })?,
             series("layer size".into(), "Cornell box, 2^16 points", layer_sizes, 4.0, &all, &|size| {
                 let mut setup = in_box(256, few);
-                setup.settings.layer_size = LayerSize::Texels(size);
+                setup.settings.gather.layer_size = LayerSize::Texels(size);
                 setup
             })?,
             series("triangles".into(), "room with hills, 2^18 points", triangles, 4.0, &all, &|triangles| {

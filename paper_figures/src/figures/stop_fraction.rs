@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::draw::{Axis, Curve, Panel, percent, plot, short_percent, whole};
 use crate::figure::{Figure, Result, Task};
-use crate::lab::{Measured, Pictures, Pipeline, Settings};
+use crate::lab::{Measured, Pictures, Pipeline};
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -35,7 +35,8 @@ impl Figure for StopFraction {
         let pictures = Pictures::new()?;
         let directions = task.scale.of(parameters.directions, 8);
         let run = |&stop_fraction: &f32| {
-            let settings = Settings { pipeline: parameters.pipeline, stop_fraction, ..pictures.settings(directions) };
+            let mut settings = pictures.settings(directions);
+            (settings.gather.pipeline, settings.gather.stop_fraction) = (parameters.pipeline, stop_fraction);
             let found = pictures.measure(&settings)?;
             let layers_mean = found.statistics.gather.layers_mean;
             Ok(Run { stop_fraction: stop_fraction.into(), layers_mean, measured: found.measured() })

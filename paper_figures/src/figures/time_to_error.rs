@@ -63,7 +63,7 @@ impl Figure for TimeToError {
         let &Parameters { goal, rounds, seeds, .. } = parameters;
         let (gpu, cornell) = (gpu()?, Cornell::load()?);
         let size = scale.of(parameters.size, 64);
-        let settings = Settings { size: [size; 2], ..Settings::default() };
+        let settings = Settings::default().with(|s| s.film.size = [size; 2]);
         let contestants: Vec<_> = CONTESTANTS.iter().collect();
         let plan = BenchPlan { directions: scale.of(parameters.directions, 4), rounds, stages: false, converged: 0 };
         let times = Bench::new(&gpu, cornell.scene.clone(), &settings, Where::Camera)?.measure(&contestants, plan)?;

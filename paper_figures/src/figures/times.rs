@@ -83,7 +83,7 @@ impl Figure for Times {
             let mut points = 0;
             let run = |&pipeline: &Pipeline| -> Result<Run> {
                 let mut settings = pictures.settings(directions);
-                (settings.size, settings.pipeline) = ([size; 2], pipeline);
+                (settings.film.size, settings.gather.pipeline) = ([size; 2], pipeline);
                 let mut progress: Vec<(u32, f64)> = Vec::new();
                 let start = Instant::now();
                 let (picture, statistics) = pictures.render_in_steps(&settings, |done, seconds| {
@@ -98,7 +98,7 @@ impl Figure for Times {
                 let pipeline = pipeline.name().to_owned();
                 let stages = Stages::of(&statistics);
                 eprintln!("  {} by {pipeline}: {total:.1} s, gather {:.1} s", declared.name, stages.gather);
-                settings.directions = directions.div_ceil(PARTS);
+                settings.directions.count = directions.div_ceil(PARTS);
                 Ok(Run {
                     pipeline,
                     stages,

@@ -48,8 +48,8 @@ impl Cornell {
 
     /// The flux of [`Self::photon_grid`] alone.
     pub fn traced(&self, settings: &Settings, photons: Range<u64>) -> PhotonGrid {
-        let mut grid = self.empty_grid(settings.grid_cells);
-        PhotonTracer::new(&self.scene, &self.bvh, &self.lights, settings.seed, settings.bounces).trace(photons, &mut grid);
+        let mut grid = self.empty_grid(settings.photons.grid_cells);
+        PhotonTracer::new(&self.scene, &self.bvh, &self.lights, settings.seed, settings.photons.depth).trace(photons, &mut grid);
         grid
     }
 

@@ -85,7 +85,7 @@ impl Pictures {
     /// Of the path-traced picture's size, everything else as the scene has it.
     pub fn settings(&self, directions: u32) -> Settings {
         let size = [self.path_traced.width as u32, self.path_traced.height as u32];
-        Settings { size, directions, ..self.loaded.settings.clone() }
+        self.loaded.settings.with(|s| (s.film.size, s.directions.count) = (size, directions))
     }
 
     pub fn render(&self, settings: &Settings) -> Result<(Image, RenderStatistics)> {

@@ -12,7 +12,7 @@ use crate::figures::photon_grid::PhotonGridErrors;
 use crate::figures::scaling::{Scaling, Step};
 use crate::figures::stop_fraction::StopFraction;
 use crate::figures::times::{OfPicture, Run, Times};
-use crate::lab::{FUSED, Row, Settings};
+use crate::lab::{FUSED, PhotonSettings, Row};
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -97,8 +97,8 @@ fn find(measure: &str, run: &mut Evidence) -> Option<(Vec<String>, Verdict)> {
         "photon map" => {
             let error = run.of::<PictureComparison>("figure2")?.error;
             let grid: PhotonGridErrors = run.of("photon_grid")?;
-            let Settings { grid_cells, photons, .. } = Settings::default();
-            let kind = grid.kinds.iter().find(|kind| kind.grid_cells == grid_cells && u64::from(kind.photons) == photons)?;
+            let PhotonSettings { grid_cells, count, .. } = PhotonSettings::default();
+            let kind = grid.kinds.iter().find(|kind| kind.grid_cells == grid_cells && u64::from(kind.photons) == count)?;
             let (seen, gathered) = (kind.seen.noise, kind.gathered.noise);
             let values = [error.photon_map, error.relative_rmse, seen, gathered].map(percent);
             (values.to_vec(), error.holds? && gathered < seen)

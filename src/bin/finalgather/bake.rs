@@ -49,11 +49,11 @@ pub struct BakeArgs {
     #[arg(long, value_name = "LENGTH")]
     ao_distance: Option<f32>,
 
-    /// Where the light of surfaces comes from: photons, or --gather-bounces earlier gathers at the vertices of the scene
+    /// Where the light of surfaces comes from. photons: the photon map. gathered: earlier gathers at the vertices of the scene, one for each of --gather-bounces
     #[arg(long, alias = "rough", default_value = "photons", value_parser = named::<RadianceCache>(&["photons", "gathered"]))]
     radiance_cache: RadianceCache,
 
-    /// Surfaces that reflect light between a light or the environment and the surface that a point sees: for prt, and for the gathered radiance cache
+    /// How many surfaces may reflect light on its way to a point. For prt and for --radiance-cache gathered; photons have --photon-depth
     #[arg(long, alias = "bounces", value_name = "N", default_value_t = 2, value_parser = count::<u32>)]
     gather_bounces: u32,
 
@@ -65,7 +65,7 @@ pub struct BakeArgs {
     #[arg(long, value_name = "F", value_parser = density, help_heading = "Light map")]
     texels_per_unit: Option<f32>,
 
-    /// Texture coordinates. own: the mesh's. atlas: new ones. auto: own where they serve, else an atlas
+    /// Texture coordinates. own: the mesh's. atlas: new ones. auto: the mesh's if they cover it once within 0 to 1, else new ones
     #[arg(long, default_value = "auto", value_name = "auto|own|atlas", value_parser = named::<UvSource>(&["auto", "own", "atlas"]), hide_possible_values = true, help_heading = "Light map")]
     uvs: UvSource,
 
@@ -77,7 +77,7 @@ pub struct BakeArgs {
     #[arg(long, value_name = "N", default_value_t = 4, value_parser = square, help_heading = "Light map")]
     samples_per_texel: u32,
 
-    /// MiB that the bake may take, on the GL side and on the CPU together. It gathers fewer points at a time to fit, and is refused where that is not enough.
+    /// MiB that the bake may take, on the GL side and on the CPU together. It gathers fewer points at a time to fit. If that is not enough, it is refused.
     /// Without this option, points and their sums take up to 1024 MiB on the GL side at a time
     #[arg(long, value_name = "MIB", value_parser = count::<usize>)]
     memory: Option<usize>,

@@ -8,7 +8,7 @@ use finalgather::bench::{Bench, BenchPlan, CONTESTANTS, Contestant, FUSED, Row, 
 use finalgather::error::{Error, Result};
 use finalgather::job::Watch;
 use finalgather::scene::Loaded;
-use finalgather::settings::{LayerSize, Settings};
+use finalgather::settings::LayerSize;
 use serde_json::{Value, json};
 
 use crate::args::{DeviceArgs, FilesArg, count, layer_size, size};
@@ -66,18 +66,13 @@ pub struct BenchArgs {
 pub fn run(args: &BenchArgs) -> Result<u8> {
     let mut terminal = Terminal::new(None)?;
     let file = args.scene.clone().map_or_else(default_scene, Ok)?;
-    let Loaded { world, settings: from_scene, report } = args.files.scene(&file).load(true)?;
+    let Loaded { world, mut settings, report } = args.files.scene(&file).load(true)?;
     report.warnings.iter().for_each(|warning| terminal.say(&format!("warning: {warning}")));
     // A round is of few directions, and stands for the many of a render.
-    let layers = Settings { layer_size: args.layer_size.unwrap_or(from_scene.layer_size), ..from_scene.clone() }.layers();
-    let settings = Settings {
-        size: args.size,
-        directions: args.directions,
-        layer_size: LayerSize::Texels(layers),
-        photons: args.photons.unwrap_or(from_scene.photons),
-        interleave: 1,
-        ..from_scene.clone()
-    };
+    settings.gather.layer_size = args.layer_size.unwrap_or(settings.gather.layer_size);
+    settings.gather.layer_size = LayerSize::Texels(settings.layers());
+    (settings.film.size, settings.film.interleave, settings.directions.count) = (args.size, 1, args.directions);
+    settings.photons.count = args.photons.unwrap_or(settings.photons.count);
     settings.validate()?;
     if args.rounds == 0 {
         return Err(Error::usage("rounds is 0", "give rounds of 1 or more"));
@@ -105,11 +100,11 @@ pub fn run(args: &BenchArgs) -> Result<u8> {
         "scene": { "file": file.display().to_string(), "triangles": bench.triangle_count() },
         // What the points, directions and photons are; further settings are the scene's.
         "settings": {
-            "size": settings.size,
+            "size": settings.film.size,
             "points": bench.point_count(),
-            "directions": settings.directions,
+            "directions": settings.directions.count,
             "layer_size": settings.layers(),
-            "photons": settings.photons,
+            "photons": settings.photons.count,
             "rounds": args.rounds,
             "converged_directions": CONVERGED,
         },

@@ -9,7 +9,7 @@ use crate::terminal::Terminal;
 
 /// Merge the parts of a sharded job, to the same bits as one run
 ///
-/// A picture needs only the parts. A bake also reads its scene and files of points, from the paths that its command gave.
+/// It needs no OpenGL. A picture needs only the parts. A bake also reads its scene and files of points, from the paths that its command gave.
 #[derive(Debug, clap::Args)]
 #[command(after_help = include_str!("help/merge.txt"), args_override_self = true, allow_negative_numbers = true)]
 pub struct MergeArgs {

@@ -96,8 +96,8 @@ pub fn run(args: &RelightArgs) -> Result<u8> {
     for path in &args.outputs {
         match (&model, ending(path)) {
             (Some(model), "png" | "exr") => {
-                let size = args.size.unwrap_or(model.loaded.settings.size);
-                let settings = Settings { size, exposure: args.exposure, ..Settings::default() };
+                let size = args.size.unwrap_or(model.loaded.settings.film.size);
+                let settings = Settings::default().with(|s| (s.film.size, s.display.exposure) = (size, args.exposure));
                 settings.validate()?;
                 model.picture(&irradiance, &environment, size).write(path, &options)?;
             }

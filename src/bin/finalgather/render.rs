@@ -71,7 +71,10 @@ pub fn run(args: &RenderArgs) -> Result<u8> {
 #[cfg(test)]
 mod tests {
     use clap::Parser;
-    use finalgather::settings::{Estimator, LayerSize, Pipeline, PointSource, Sequence, Settings};
+    use finalgather::settings::{
+        DirectionSettings, DisplaySettings, Estimator, FilmSettings, GatherSettings, LayerSize, PhotonSettings, Pipeline,
+        PointSource, Sequence, Settings,
+    };
 
     use super::*;
 
@@ -92,27 +95,24 @@ mod tests {
     /// Every option overrides its own setting, and only that; under its old name too.
     #[test]
     fn options_override_settings() {
-        let scene = Settings { grid_cells: 7, seed: 3, ..Settings::default() };
+        let scene = Settings::default().with(|s| (s.photons.grid_cells, s.seed) = (7, 3));
         assert_eq!(settings("render a.toml", &scene), scene);
         let all = "render a.toml --size 3x4 --directions 5 --layer-size 6 --points traced --pipeline raycast-gl --photons 1e2 \
                    --photon-depth 8 --estimator plain --sequence sobol --interleave 4 --seed 9 --stop-fraction 0.5 --target-error 0.25 \
                    --exposure -1.5";
         let expected = Settings {
-            size: [3, 4],
-            directions: 5,
-            layer_size: LayerSize::Texels(6),
-            points: PointSource::Traced,
-            pipeline: Pipeline::RaycastGl,
-            photons: 100,
-            bounces: 8,
-            estimator: Estimator::Plain,
-            sequence: Sequence::Sobol,
-            interleave: 4,
             seed: 9,
-            stop_fraction: 0.5,
-            until: 0.25,
-            exposure: -1.5,
-            ..scene.clone()
+            film: FilmSettings { size: [3, 4], points: PointSource::Traced, interleave: 4 },
+            directions: DirectionSettings {
+                count: 5,
+                sequence: Sequence::Sobol,
+                estimator: Estimator::Plain,
+                target_error: 0.25,
+            },
+            gather: GatherSettings { pipeline: Pipeline::RaycastGl, layer_size: LayerSize::Texels(6), stop_fraction: 0.5 },
+            photons: PhotonSettings { count: 100, depth: 8, ..scene.photons },
+            display: DisplaySettings { exposure: -1.5 },
+            ..scene
         };
         assert_eq!(settings(all, &scene), expected);
         let old = all.replace("photon-depth", "bounces").replace("target-error", "until");

@@ -16,7 +16,7 @@
 //! scale = 1                    # the default, as are no
 //! turn_degrees = 0             # turns about +y, counter-clockwise from above
 //!
-//! [settings]                   # any field of `Settings`
+//! [settings]                   # any key of `Settings`
 //! directions = 1000
 //!
 //! [materials.floor]            # a material of the model
@@ -107,8 +107,8 @@ pub fn load(loader: &mut Loader, path: &Path) -> Result<(World, Settings)> {
     file.settings.validate().map_err(|fault| match fault {
         Error::Usage { problem, cure } => {
             // The problem starts with the setting's name.
-            let name = problem.split_whitespace().next().unwrap_or_default().replace('-', "_");
-            let named = |line: &str| line.split('=').next().is_some_and(|key| key.trim() == name);
+            let key = problem.split_whitespace().next().unwrap_or_default().replace('-', "_");
+            let named = |line: &str| line.split('=').next().is_some_and(|name| Settings::key_of(name.trim()) == key);
             let line = text.lines().position(named).map(|index| index + 1);
             Error::input(path, line, problem, cure)
         }

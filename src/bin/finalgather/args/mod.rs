@@ -21,7 +21,7 @@ use values::{name, setting};
 #[derive(Clone, Copy, Debug, clap::Args)]
 #[command(next_help_heading = "OpenGL")]
 pub struct DeviceArgs {
-    /// Where the OpenGL context comes from
+    /// Library that makes the OpenGL context. auto: EGL, else OSMesa
     #[arg(long, default_value = "auto", value_parser = PossibleValuesParser::new(["auto", "egl", "osmesa"]).try_map(|name| name.parse::<Backend>()))]
     backend: Backend,
 
@@ -38,7 +38,7 @@ pub struct JobArgs {
     #[arg(long, value_name = "FILE", conflicts_with = "shard")]
     checkpoint: Option<PathBuf>,
 
-    /// Seconds between two writes of the checkpoint, rounded up to the end of a block of directions. It is longer where writing takes long. 0: after every block
+    /// Seconds between two writes of the checkpoint, rounded up to the end of a block of directions, and more if writing takes long. 0: after every block
     #[arg(long, value_name = "SECONDS", default_value_t = 30, value_parser = |text: &str| count(text).ok().filter(|&seconds: &u64| seconds <= 86_400).ok_or("not whole seconds, 86400 at most"))]
     checkpoint_every: u64,
 
@@ -56,48 +56,46 @@ pub struct JobArgs {
 #[derive(Clone, Debug, Serialize, clap::Args)]
 #[command(next_help_heading = "Settings")]
 pub struct Overrides {
-    #[arg(long, value_name = "WxH|N", value_parser = size, help = setting("Picture size in pixels; N is N by N", |s| format!("{}x{}", s.size[0], s.size[1])))]
+    #[arg(long, value_name = "WxH|N", value_parser = size, help = setting("Picture size in pixels; N is N by N", |s| format!("{}x{}", s.film.size[0], s.film.size[1])))]
     size: Option<[u32; 2]>,
 
-    #[arg(long, value_name = "N", value_parser = count::<u32>, help = setting("Number of global directions. All points share them", |s| s.directions))]
+    #[arg(long, value_name = "N", value_parser = count::<u32>, help = setting("Number of global directions. All points share them", |s| s.directions.count))]
     directions: Option<u32>,
 
-    #[arg(long, value_name = "auto|N", value_parser = layer_size, help = setting("Side of the depth layers in texels. auto grows with the number of directions: 128 up to a thousand, 256 at four thousand, 1024 at most", |s| s.layer_size))]
+    #[arg(long, value_name = "auto|N", value_parser = layer_size, help = setting("Side of the depth layers in texels. auto grows with the number of directions: 128 up to a thousand, 256 at four thousand, 1024 at most", |s| s.gather.layer_size))]
     layer_size: Option<LayerSize>,
 
-    #[arg(long, value_parser = named::<PointSource>(&["camera", "traced"]), help = setting("How the camera finds its points: by rasterisation, or by rays through mirrors, glass and the lens", |s| name(s.points)))]
+    #[arg(long, value_parser = named::<PointSource>(&["camera", "traced"]), help = setting("How the camera finds its points: by rasterisation, or by rays through mirrors, glass and the lens", |s| name(s.film.points)))]
     points: Option<PointSource>,
 
-    #[arg(long, value_parser = named::<Pipeline>(&["fused", "kill", "early-kill", "raycast", "raycast-gl"]), help = setting("How to gather. fused: several directions in one pass, both ends of each. kill: the method of 2004. early-kill: the same with early KILL. raycast: exact rays on the CPU. raycast-gl: exact rays on the GL side, both ends of each direction", |s| name(s.pipeline)))]
+    #[arg(long, value_parser = named::<Pipeline>(&["fused", "kill", "early-kill", "raycast", "raycast-gl"]), help = setting("How to gather. fused: several directions in one pass, both ends of each. kill: the method of 2004. early-kill: the same with early KILL. raycast: exact rays on the CPU. raycast-gl: exact rays on the GL side, both ends of each direction", |s| name(s.gather.pipeline)))]
     pipeline: Option<Pipeline>,
 
-    #[arg(long, value_name = "N", value_parser = count::<u64>, help = setting("Photons that the lights emit, new ones for every 1024 directions. 1e6 and 1_000_000 are numbers too", |s| s.photons))]
+    #[arg(long, value_name = "N", value_parser = count::<u64>, help = setting("Photons that the lights emit, new ones for every 1024 directions. 1e6 and 1_000_000 are numbers too", |s| s.photons.count))]
     photons: Option<u64>,
 
-    #[arg(long, value_name = "N", value_parser = count::<u32>, help = setting("The most surfaces that store one photon", |s| s.bounces))]
-    #[serde(rename = "bounces")]
+    #[arg(long, value_name = "N", value_parser = count::<u32>, help = setting("The most surfaces that store one photon", |s| s.photons.depth))]
     photon_depth: Option<u32>,
 
-    #[arg(long, value_parser = named::<Estimator>(&["self-normalised", "plain"]), help = setting("What divides the sum of radiance: the sum of its weights, or the expected sum", |s| name(s.estimator)))]
+    #[arg(long, value_parser = named::<Estimator>(&["self-normalised", "plain"]), help = setting("What divides the sum of radiance: the sum of its weights, or the expected sum", |s| name(s.directions.estimator)))]
     estimator: Option<Estimator>,
 
-    #[arg(long, value_parser = named::<Sequence>(&["random", "r2", "sobol"]), help = setting("Sequence of the directions", |s| name(s.sequence)))]
+    #[arg(long, value_parser = named::<Sequence>(&["random", "r2", "sobol"]), help = setting("Sequence of the directions", |s| name(s.directions.sequence)))]
     sequence: Option<Sequence>,
 
-    #[arg(long, value_name = "1|2|4", help = setting("Divide the directions among the pixels of squares of N by N. Neighbours share the light that they find", |s| s.interleave))]
+    #[arg(long, value_name = "1|2|4", help = setting("Divide the directions among the pixels of squares of N by N. Neighbours share the light that they find", |s| s.film.interleave))]
     interleave: Option<u32>,
 
     #[arg(long, value_name = "N", value_parser = count::<u64>, help = setting("Seed of all random numbers", |s| s.seed))]
     seed: Option<u64>,
 
-    #[arg(long, value_name = "F", help = setting("Stop peeling when fewer than this fraction of the points sample a layer", |s| s.stop_fraction))]
+    #[arg(long, value_name = "F", help = setting("Stop peeling when fewer than this fraction of the points sample a layer", |s| s.gather.stop_fraction))]
     stop_fraction: Option<f32>,
 
-    #[arg(long, alias = "until", value_name = "ERROR", help = setting("Stop when the relative standard error of the picture is at most this. It is estimated a few times. Layers of `auto` size are then as large as this error needs. 0: never stop early", |s| s.until))]
-    #[serde(rename = "until")]
+    #[arg(long, alias = "until", value_name = "ERROR", help = setting("Stop when the relative standard error of the picture is at most this. It is estimated a few times. Layers of `auto` size are then as large as this error needs. 0: never stop early", |s| s.directions.target_error))]
     target_error: Option<f64>,
 
-    #[arg(long, value_name = "EV", help = setting("Exposure of .png in stops", |s| s.exposure))]
+    #[arg(long, value_name = "EV", help = setting("Exposure of .png in stops", |s| s.display.exposure))]
     exposure: Option<f32>,
 
     /// Environment, a lat-long .hdr or .exr: the light from outside the scene [default: the scene file's, else black]

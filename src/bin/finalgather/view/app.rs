@@ -173,8 +173,8 @@ impl App {
                 WorkerReport::Opened(opened) => {
                     self.opening -= 1;
                     self.refused = None;
-                    (self.view.camera, self.view.settings, self.view.moving) = (opened.camera, opened.settings.clone(), false);
-                    self.shown.exposure = opened.settings.exposure;
+                    (self.view.camera, self.view.settings, self.view.moving) = (opened.camera, opened.settings, false);
+                    self.shown.exposure = opened.settings.display.exposure;
                     opened.warnings.iter().for_each(|text| self.say(text.clone(), false));
                     self.progress = RenderProgress::default();
                     (self.picture, self.sent, self.moved) = (None, Sent::default(), None);
@@ -273,7 +273,7 @@ impl App {
         self.layers ^= shortcut(Modifiers::NONE, Key::L);
         for (key, by) in [(Key::Comma, -1), (Key::Period, 1)] {
             if self.layers && shortcut(Modifiers::NONE, key) {
-                self.layer_view.step(by, self.view.settings.directions);
+                self.layer_view.step(by, self.view.settings.directions.count);
             }
         }
         if shortcut(Modifiers::NONE, Key::Escape) {
@@ -353,7 +353,7 @@ impl App {
         {
             self.moved = Some(Instant::now());
         }
-        let [width, height] = self.view.settings.size.map(|side| side as f32);
+        let [width, height] = self.view.settings.film.size.map(|side| side as f32);
         let shown = fitted(area, vec2(width, height), ui.pixels_per_point());
         let Some(picture) = &self.picture else { return shown };
         let texture =

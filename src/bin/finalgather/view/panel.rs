@@ -68,10 +68,10 @@ fn progress(app: &App, ui: &mut Ui) {
     section(ui, &name);
     let (progress, settings) = (&app.progress, &app.view.settings);
     let done = progress.statistics.gather.directions;
-    let share = if app.done() { 1.0 } else { done as f32 / settings.directions as f32 };
+    let share = if app.done() { 1.0 } else { done as f32 / settings.directions.count as f32 };
     ui.add(ProgressBar::new(share).desired_height(6.0));
     rows(ui, "progress", |ui| {
-        row(ui, "Directions", |ui| ui.monospace(format!("{done} of {}", settings.directions)));
+        row(ui, "Directions", |ui| ui.monospace(format!("{done} of {}", settings.directions.count)));
         let rate = if progress.seconds > 0.0 { f64::from(done) / progress.seconds } else { 0.0 };
         row(ui, "Rate", |ui| ui.monospace(format!("{rate:.0} a second")));
         let error = progress.statistics.error.map_or("–".into(), |error| format!("{:.2} %", 100.0 * error));
@@ -82,7 +82,7 @@ fn progress(app: &App, ui: &mut Ui) {
 
 fn layers(app: &mut App, ui: &mut Ui) {
     section(ui, &format!("{} layers, far to near", app.layer_view.count()));
-    let directions = app.view.settings.directions;
+    let directions = app.view.settings.directions.count;
     let view = &mut app.layer_view;
     rows(ui, "layers", |ui| {
         row(ui, "Direction", |ui| {
@@ -131,39 +131,39 @@ fn shown(app: &mut App, ui: &mut Ui) {
         row(ui, "Exposure", |ui| ui.add(slider));
     });
     // Saved pictures have the displayed exposure.
-    app.view.settings.exposure = shown.exposure;
+    app.view.settings.display.exposure = shown.exposure;
 }
 
 fn settings(app: &mut App, ui: &mut Ui) {
     section(ui, "Gather");
     let (settings, pace) = (&mut app.view.settings, &mut app.view.pace);
     rows(ui, "gather", |ui| {
-        let name = PIPELINES.iter().find(|(pipeline, _)| *pipeline == settings.pipeline).map_or("", |(_, name)| name);
+        let name = PIPELINES.iter().find(|(pipeline, _)| *pipeline == settings.gather.pipeline).map_or("", |(_, name)| name);
         row(ui, "Pipeline", |ui| {
             ComboBox::from_id_salt("pipeline").selected_text(name).show_ui(ui, |ui| {
                 for (pipeline, name) in PIPELINES {
-                    ui.selectable_value(&mut settings.pipeline, pipeline, name);
+                    ui.selectable_value(&mut settings.gather.pipeline, pipeline, name);
                 }
             })
         });
-        let layered = matches!(settings.pipeline, Pipeline::Fused | Pipeline::Kill | Pipeline::EarlyKill);
+        let layered = matches!(settings.gather.pipeline, Pipeline::Fused | Pipeline::Kill | Pipeline::EarlyKill);
         row(ui, "Layer size", |ui| {
             ui.add_enabled_ui(layered, |ui| {
-                ComboBox::from_id_salt("layer size").selected_text(settings.layer_size.to_string()).show_ui(ui, |ui| {
+                ComboBox::from_id_salt("layer size").selected_text(settings.gather.layer_size.to_string()).show_ui(ui, |ui| {
                     let texels = [64, 128, 256, 512, 1024].map(LayerSize::Texels);
                     for size in [LayerSize::Auto].into_iter().chain(texels) {
-                        ui.selectable_value(&mut settings.layer_size, size, size.to_string());
+                        ui.selectable_value(&mut settings.gather.layer_size, size, size.to_string());
                     }
                 });
             })
         });
-        let stops = matches!(settings.pipeline, Pipeline::Kill | Pipeline::EarlyKill);
-        let fraction = DragValue::new(&mut settings.stop_fraction).range(0.0..=0.2).speed(0.0002).max_decimals(4);
+        let stops = matches!(settings.gather.pipeline, Pipeline::Kill | Pipeline::EarlyKill);
+        let fraction = DragValue::new(&mut settings.gather.stop_fraction).range(0.0..=0.2).speed(0.0002).max_decimals(4);
         row(ui, "Stop fraction", |ui| {
             ui.add_enabled(stops, fraction.clamp_existing_to_range(false))
                 .on_disabled_hover_text("For the pipelines of 2004: the others look at all layers.")
         });
-        let directions = DragValue::new(&mut settings.directions).range(16..=1_000_000).speed(8.0);
+        let directions = DragValue::new(&mut settings.directions.count).range(16..=1_000_000).speed(8.0);
         row(ui, "Directions", |ui| ui.add(directions.clamp_existing_to_range(false).update_while_editing(false)));
         let text = |pace: f64, _| if pace == 0.0 { "as fits".into() } else { format!("{pace}") };
         row(ui, "Per picture", |ui| {

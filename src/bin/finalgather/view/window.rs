@@ -62,7 +62,7 @@ pub struct WindowSummary {
 
 impl Window {
     pub fn new(args: &ViewArgs, app: App) -> Self {
-        let picture = app.view.settings.size;
+        let picture = app.view.settings.film.size;
         let size = args.window.unwrap_or([picture[0].clamp(320, 1280) + panel::WIDTH as u32, picture[1].clamp(640, 900)]);
         Self {
             app,

@@ -57,7 +57,7 @@ pub struct ViewState {
 impl ViewState {
     /// Whether both need the same gathering.
     pub fn is_gathered_as(&self, other: &Self) -> bool {
-        let settings = Settings { exposure: other.settings.exposure, ..self.settings.clone() };
+        let settings = Settings { display: other.settings.display, ..self.settings };
         Self { settings, pace: other.pace, ..*self } == *other
     }
 }
@@ -285,11 +285,11 @@ fn open(gpu: &Gpu, options: &WorkerOptions, path: &Path) -> Result<(OpenedScene,
     let settings = request.settings(&settings)?;
     let render = Render::new(gpu, &world, &settings)?;
     let bounds = world.bounds();
-    let camera = about(world.camera(settings.size), bounds);
+    let camera = about(world.camera(settings.film.size), bounds);
     let opened = OpenedScene {
         path: path.to_owned(),
         camera,
-        settings: settings.clone(),
+        settings,
         bounds,
         warnings: report.warnings,
         renderer: gpu.info().renderer.clone(),
@@ -415,13 +415,13 @@ impl SceneRender {
 
     /// Begins again with the requested view.
     fn restart(&mut self, tell: &dyn Fn(WorkerReport)) {
-        let mut settings = self.view.settings.clone();
+        let mut settings = self.view.settings;
         if self.view.moving {
-            settings.size = settings.size.map(|side| side.div_ceil(SHRINK));
-            settings.layer_size = LayerSize::Texels(settings.layers().min(128));
+            settings.film.size = settings.film.size.map(|side| side.div_ceil(SHRINK));
+            settings.gather.layer_size = LayerSize::Texels(settings.layers().min(128));
             // This gives blocks of eight directions, with a few light samples each.
-            settings.directions = 256;
-            settings.light_samples = 128;
+            settings.directions.count = 256;
+            settings.direct.light_samples = 128;
         }
         self.outdated = false;
         match self.render.restart(self.view.camera, &settings) {
@@ -451,7 +451,7 @@ impl SceneRender {
 
     fn save(&self, path: &Path) -> Result<()> {
         // The exposure is the view's. Its other settings may belong to the next render.
-        let exposure = self.view.settings.exposure;
+        let exposure = self.view.settings.display.exposure;
         let done = (self.render.directions_done(), self.render.is_done());
         let metadata = metadata(&self.render.job(), exposure, &Value::Null, done);
         self.render.picture().write(path, &WriteOptions { exposure, metadata: Some(&metadata) })
