@@ -1,4 +1,4 @@
-// What was gathered at the scene's vertices, interpolated at a hit. Mirrors `Carriers` in src/bake/carriers.rs.
+// What was gathered at the scene's vertices, interpolated at a hit. Mirrors `VertexCache` in src/bake/vertex_cache.rs.
 
 uniform sampler2D cache_vertices;   // four texels a triangle: its corners' cached vertices; weights of the second and of the third corner as functions of the position
 uniform sampler2D cached_values;    // so many texels a vertex, 1024 in a row
