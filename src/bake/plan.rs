@@ -15,7 +15,7 @@ use crate::quantity::Quantity;
 use crate::settings::DirectionSettings;
 use crate::shaders::BATCH;
 
-/// What a bake computes, beside [`Settings`](crate::settings::Settings). Files and reports keep the older names of two fields.
+/// What a bake computes, beside [`Settings`](crate::settings::Settings).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Plan {
     pub what: Vec<Quantity>,
@@ -23,11 +23,9 @@ pub struct Plan {
     pub order: usize,
     /// Gathers at the scene's vertices before the last one: each adds a bounce. [`Quantity::Prt`] takes any number,
     /// [`RadianceCache::Vertices`] at least one; nothing else has any.
-    #[serde(rename = "bounces")]
     pub gather_bounces: u32,
     /// In world space; surfaces farther away leave a point open. `None`: no surface does.
     pub ao_distance: Option<f32>,
-    #[serde(rename = "rough")]
     pub radiance_cache: RadianceCache,
     /// MiB that points and their sums may take on the GL side at a time. The sum of a point does not depend on it.
     #[serde(skip)]
