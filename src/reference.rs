@@ -45,7 +45,7 @@ impl<'a> Reference<'a> {
         }
         let radiance = match self.hit(point, direction) {
             Some(hit) => self.radiosity(point, direction, hit).as_dvec3() / PI,
-            None => self.scene.beyond(direction).as_dvec3(),
+            None => self.scene.miss_radiance(direction).as_dvec3(),
         };
         weight * radiance.extend(1.0)
     }

@@ -7,7 +7,7 @@
 //! ([`Render::only`]), and a render that ends early goes on from those that were done ([`Render::save`], [`Render::resume`]). Photons are
 //! traced afresh now and then, so that their noise averages out in long renders as the directions' does.
 
-mod layers;
+mod layer_view;
 mod merge;
 mod statistics;
 
@@ -41,7 +41,7 @@ use crate::settings::{DIRECTIONS_PER_PHOTON_MAP, Estimator, PointSource, Setting
 use self::merge::{FILM, film_of_part};
 
 pub use crate::memory::of_render as memory_of;
-pub use layers::{End, LayerTexel, Layers, Probe};
+pub use layer_view::{End, LayerTexel, Layers, Probe};
 pub use merge::{RenderMerge, blocks_of};
 pub use statistics::{GatherCounts, RenderStatistics, SceneCounts, StageSeconds};
 
@@ -79,12 +79,12 @@ struct Passes {
     source: PixelSource,
     direct: Direct,
     direct_sums: Accumulator,
-    rough: PhotonMap,
+    photon_map: PhotonMap,
     interleave: Interleave,
     /// Of the block in progress.
     gather: IrradianceGather,
     /// Of the layer view, once there is one.
-    shown: Option<layers::Apart>,
+    shown: Option<layer_view::Apart>,
 }
 
 /// Where the points of a block come from.
@@ -97,9 +97,9 @@ enum PixelSource {
 /// A run of consecutive directions with one sub-pixel offset.
 struct Block {
     index: u32,
-    visible: GBuffer,
+    g_buffer: GBuffer,
     /// Irradiance of the photon map at the visible points.
-    rough: Vec<Vec4>,
+    photon_map: Vec<Vec4>,
     /// Irradiance of the caustics there.
     caustics: Vec<Vec3>,
     /// The directions left, those of one subset of the pixels after those of another, so that a batch has one subset; the next one last.
@@ -168,7 +168,7 @@ impl Render {
             return Err(Error::usage("the photons of a render in progress cannot change", "open the scene again"));
         }
         settings.validate()?;
-        let passes = |of: &Settings| (of.film, of.gather, of.layers(), of.direct);
+        let passes = |of: &Settings| (of.film, of.gather, of.layers(), of.direct.shadow_size);
         if passes(settings) != passes(&self.settings) {
             self.passes = Passes::new(&self.gpu, &self.gathered, settings)?;
         }
@@ -335,23 +335,23 @@ impl Render {
 
         let start = Instant::now();
         let offset = sobol(index, self.settings.seed);
-        let visible = match &mut self.passes.source {
+        let g_buffer = match &mut self.passes.source {
             PixelSource::Camera(points) => {
-                let mut visible = points.see(&self.geometry, &self.camera, offset.into());
-                visible.add_environment(&self.all.scene, &self.camera, self.settings.film.size, offset.into());
-                visible
+                let mut g_buffer = points.see(&self.geometry, &self.camera, offset.into());
+                g_buffer.add_environment(&self.all.scene, &self.camera, self.settings.film.size, offset.into());
+                g_buffer
             }
             PixelSource::Traced(points) => {
                 let Prepared { scene, bvh, .. } = &*self.all;
                 let rays = EyeRays { scene, bvh, camera: &self.camera, size: self.settings.film.size, seed: self.settings.seed };
-                let visible = rays.see(offset.into(), index);
-                let GBuffer { position, normal, count, .. } = &visible;
+                let g_buffer = rays.see(offset.into(), index);
+                let GBuffer { position, normal, count, .. } = &g_buffer;
                 *points = Some(PointTextures::upload(&self.gpu, self.settings.film.size, position, normal, *count)?);
-                visible
+                g_buffer
             }
         };
-        let points = self.passes.source.points(&visible);
-        let rough = self.passes.rough.see(&self.photons.texture, points);
+        let points = self.passes.source.points(&g_buffer);
+        let photon_map = self.passes.photon_map.see(&self.photons.texture, points);
         self.statistics.seconds.visible_points += self.finish("finding visible points", start)?;
 
         // Each block takes its share of one sequence of light samples, so that together they cover the lights evenly.
@@ -365,28 +365,28 @@ impl Render {
         }
         self.statistics.seconds.direct += self.finish("direct light", start)?;
         let start = Instant::now();
-        let caustics = self.caustics(index, &visible);
+        let caustics = self.caustics(index, &g_buffer);
         self.statistics.seconds.caustics += start.elapsed().as_secs_f64();
 
         self.passes.gather.begin(points);
-        self.statistics.gather.points = visible.count;
-        self.statistics.gather.cut += u64::from(visible.cut);
+        self.statistics.gather.points = g_buffer.count;
+        self.statistics.gather.cut += u64::from(g_buffer.cut);
         let mut left: Vec<u32> = directions.rev().collect();
         left.sort_by_key(|&direction| self.passes.interleave.subset(direction, index).index());
         let taken = vec![0; self.passes.interleave.subsets()];
-        Ok(Block { index, visible, rough, caustics, left, taken, light_samples: light_samples as u32 })
+        Ok(Block { index, g_buffer, photon_map, caustics, left, taken, light_samples: light_samples as u32 })
     }
 
     /// Irradiance at the points of a block by way of mirrors and glass, from photons of its own.
-    fn caustics(&self, block: u32, visible: &GBuffer) -> Vec<Vec3> {
+    fn caustics(&self, block: u32, g_buffer: &GBuffer) -> Vec<Vec3> {
         if !self.all.scene.is_specular() {
-            return vec![Vec3::ZERO; visible.normal.len()];
+            return vec![Vec3::ZERO; g_buffer.normal.len()];
         }
         let (settings, seed) = (&self.settings.photons, self.settings.seed);
         let photons = self.all.photons(settings, seed).caustics(settings.numbers(block.into()));
         let map = CausticMap::new(photons, block);
         let see = |point: Option<GatherPoint>| point.map_or(Vec3::ZERO, |p| map.irradiance(p.position, p.surface_normal));
-        visible.pixels().into_par_iter().map(see).collect()
+        g_buffer.pixels().into_par_iter().map(see).collect()
     }
 
     fn gather_directions(&mut self, block: &mut Block) -> Result<()> {
@@ -403,7 +403,7 @@ impl Render {
             Direction { vector: axes * direction.vector, ..direction }
         };
         let directions: Vec<Direction> = numbers.iter().map(turned).collect();
-        let points = self.passes.source.points(&block.visible).only(subset);
+        let points = self.passes.source.points(&block.g_buffer).only(subset);
         let Prepared { scene, bvh, .. } = &*self.gathered;
         let oracle = Reference::new(scene, bvh, &self.photons.grid);
         let (geometry, photons) = (&*self.gathered_geometry, &self.photons.texture);
@@ -424,11 +424,18 @@ impl Render {
             let taken = |pixel| block.taken[self.passes.interleave.subset_of(pixel).index()];
             gathered.iter_mut().enumerate().for_each(|(pixel, sum)| sum.w = mean * taken(pixel) as f32);
         }
-        let gathered = self.passes.interleave.share(gathered, &block.taken, &block.visible);
+        let gathered = self.passes.interleave.share(gathered, &block.taken, &block.g_buffer);
         let directions = block.taken.iter().sum();
         let direct = self.passes.direct_sums.read();
         let direct = (&direct[..], block.light_samples);
-        Film::of_block(self.settings.film.size, &block.visible, direct, &block.rough, &block.caustics, (&gathered, directions))
+        Film::of_block(
+            self.settings.film.size,
+            &block.g_buffer,
+            direct,
+            &block.photon_map,
+            &block.caustics,
+            (&gathered, directions),
+        )
     }
 
     /// Once in a while, for the report and to stop a render that is good enough.
@@ -459,19 +466,19 @@ impl Passes {
         };
         let direct = Direct::new(gpu, settings.direct.shadow_size, settings.seed)?;
         let direct_sums = Accumulator::new(gpu, points)?;
-        let rough = PhotonMap::new(gpu, points)?;
+        let photon_map = PhotonMap::new(gpu, points)?;
         let interleave = Interleave::new(settings.film.interleave, points, settings.seed);
         // It makes do with the memory that is left.
         let gather = IrradianceGather::new(gpu, &settings.gather, settings.layers(), &gathered.scene, &gathered.bvh, interleave)?;
-        Ok(Self { source, direct, direct_sums, rough, interleave, gather, shown: None })
+        Ok(Self { source, direct, direct_sums, photon_map, interleave, gather, shown: None })
     }
 }
 
 impl PixelSource {
     /// The points of the block in progress.
-    fn points<'a>(&'a self, visible: &GBuffer) -> Points<'a> {
+    fn points<'a>(&'a self, g_buffer: &GBuffer) -> Points<'a> {
         match self {
-            Self::Camera(points) => points.points(visible),
+            Self::Camera(points) => points.points(g_buffer),
             Self::Traced(points) => points.as_ref().expect("a block begins with its points").points(),
         }
     }

@@ -152,11 +152,16 @@ impl Consumer {
 /// The variant of `glsl/gather.frag` for a finder and a consumer.
 pub fn gather(finder: Finder, consumer: Consumer) -> ShaderSource {
     let mut defines = consumer.defines();
-    defines.extend([format!("BATCH {BATCH}"), format!("FINDER {}", format!("{finder:?}").to_lowercase())]);
+    let file = match finder {
+        Finder::Layers => "layers",
+        Finder::Rays => "rays",
+        Finder::Stored => "stored",
+    };
+    defines.extend([format!("BATCH {BATCH}"), format!("FINDER {file}")]);
     ShaderSource { name: "gather", fragment: GATHER, defines, ..DIRECT.clone() }
 }
 
-/// All programs there are.
+/// All programs there are. The tool uses some pairs of finder and consumer; all are listed, so that every pair stays valid.
 pub fn variants() -> Vec<ShaderSource> {
     let finders = [Finder::Layers, Finder::Rays, Finder::Stored];
     let pairs = finders.into_iter().flat_map(|finder| Consumer::all().into_iter().map(move |consumer| gather(finder, consumer)));

@@ -463,8 +463,10 @@ fn environments_light_what_does_not_shine() {
     ]);
     // The left half of the picture, of centre -x, is red and 2 bright.
     let scene = folder.load("s.toml").world.flatten();
-    assert!((scene.beyond(Vec3::X) - Vec3::X).length() < 1e-6 && (scene.beyond(Vec3::NEG_X) - Vec3::Y).length() < 1e-6);
-    assert_eq!(folder.load("c.toml").world.flatten().beyond(Vec3::Y), vec3(1.0, 2.0, 3.0));
+    assert!(
+        (scene.miss_radiance(Vec3::X) - Vec3::X).length() < 1e-6 && (scene.miss_radiance(Vec3::NEG_X) - Vec3::Y).length() < 1e-6
+    );
+    assert_eq!(folder.load("c.toml").world.flatten().miss_radiance(Vec3::Y), vec3(1.0, 2.0, 3.0));
     let own = Environment::load(&folder.path("sky.hdr")).unwrap();
     for name in ["m.obj", "c.toml", "gone.toml"] {
         let scene =
@@ -472,6 +474,6 @@ fn environments_light_what_does_not_shine() {
                 .unwrap()
                 .world
                 .flatten();
-        assert!((scene.beyond(Vec3::NEG_X) - 2.0 * Vec3::X).length() < 1e-6, "{name}");
+        assert!((scene.miss_radiance(Vec3::NEG_X) - 2.0 * Vec3::X).length() < 1e-6, "{name}");
     }
 }

@@ -1,4 +1,4 @@
-// Adds the radiance of hits, cosine-weighted (additive blending). Mirrors `IrradianceGather` in src/gather/mod.rs.
+// Adds the radiance of hits, cosine-weighted (additive blending). Mirrors `IrradianceGather` in src/gather/irradiance.rs.
 
 #include "include/radiance.glsl"
 

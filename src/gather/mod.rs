@@ -16,11 +16,11 @@ mod bundle;
 mod cpu_rays;
 mod irradiance;
 mod kill;
+mod kill_finder;
 mod layer_store;
 mod layers;
 mod pass;
 mod peel;
-mod poster;
 mod rays;
 mod stored;
 
@@ -32,11 +32,11 @@ pub use bundle::Bundle;
 pub use cpu_rays::CpuRayFinder;
 pub use irradiance::{GatherInputs, IrradianceGather};
 pub use kill::Kill;
+pub use kill_finder::KillFinder;
 pub use layer_store::{Filled, LayerStore};
 pub use layers::LayerFinder;
 pub use pass::GatherPass;
 pub use peel::Peel;
-pub use poster::KillFinder;
 pub use rays::RayFinder;
 pub use stored::{HIT_BYTES, Recorder, StoredHits};
 
@@ -143,7 +143,7 @@ impl MissRadiance {
     /// Along and against each direction of a batch.
     pub fn new(scene: &Scene, directions: &[Direction]) -> Self {
         let seen = |side: f32| {
-            let radiance = |direction: &Direction| scene.beyond(side * direction.vector).extend(0.0);
+            let radiance = |direction: &Direction| scene.miss_radiance(side * direction.vector).extend(0.0);
             directions.iter().map(radiance).collect()
         };
         Self { along: seen(1.0), against: seen(-1.0) }

@@ -7,8 +7,13 @@ use libloading::Library;
 
 const LIBRARIES: [&str; 3] = ["libOSMesa.so.8", "libOSMesa.so.6", "libOSMesa.so"];
 
-/// Names and values of the context attributes, from GL/osmesa.h: format, no depth bits, core profile, version 3.3, end.
-const ATTRIBUTES: [[c_int; 2]; 6] = [[0x22, glow::RGBA as c_int], [0x30, 0], [0x33, 0x34], [0x36, 3], [0x37, 3], [0, 0]];
+// From GL/osmesa.h.
+const FORMAT: c_int = 0x22;
+const DEPTH_BITS: c_int = 0x30;
+const PROFILE: c_int = 0x33;
+const CORE_PROFILE: c_int = 0x34;
+const CONTEXT_MAJOR_VERSION: c_int = 0x36;
+const CONTEXT_MINOR_VERSION: c_int = 0x37;
 
 type Handle = *mut c_void;
 type CreateContextAttribs = unsafe extern "C" fn(*const c_int, Handle) -> Handle;
@@ -34,9 +39,17 @@ impl OsMesa {
             .iter()
             .find_map(|name| unsafe { Library::new(name) }.ok())
             .ok_or_else(|| format!("none of {} is installed", LIBRARIES.join(", ")))?;
+        let attributes = [
+            [FORMAT, glow::RGBA as c_int],
+            [DEPTH_BITS, 0],
+            [PROFILE, CORE_PROFILE],
+            [CONTEXT_MAJOR_VERSION, 3],
+            [CONTEXT_MINOR_VERSION, 3],
+            [0, 0],
+        ];
         let context = unsafe {
             let create: CreateContextAttribs = symbol(&library, "OSMesaCreateContextAttribs")?;
-            let handle = create(ATTRIBUTES.as_ptr().cast(), std::ptr::null_mut());
+            let handle = create(attributes.as_ptr().cast(), std::ptr::null_mut());
             if handle.is_null() {
                 return Err("the library refuses a 3.3 core context".into());
             }

@@ -105,7 +105,8 @@ impl ShaderSource {
                 Some(file) => {
                     let values = self.defines.iter().filter_map(|define| define.split_once(' '));
                     let file = file.trim().trim_matches('"').to_owned();
-                    let file = values.fold(file, |file, (name, value)| file.replace(name, value));
+                    // The define stands for the whole name of the file.
+                    let file = values.fold(file, |file, (name, value)| file.replace(&format!("/{name}."), &format!("/{value}.")));
                     let found = self.includes.iter().find(|(name, _)| *name == file);
                     let (_, text) = found.ok_or_else(|| {
                         Error::gl(format!("shader {} includes {file}, which does not exist", self.name), "report this")

@@ -74,7 +74,7 @@ impl EyeRays<'_> {
             let Some(triangle) = path.advance(self.bvh) else {
                 // Behind glass and mirrors, `emitted` has added the environment already.
                 if surfaces == 0 {
-                    seen.emission = self.scene.beyond(path.direction).extend(0.0);
+                    seen.emission = self.scene.miss_radiance(path.direction).extend(0.0);
                 }
                 break;
             };
@@ -112,7 +112,7 @@ impl EyeRays<'_> {
             }
             match way.advance(self.bvh) {
                 Some(_) => self.emitted(&way, share, surfaces + 1),
-                None => share * self.scene.beyond(way.direction),
+                None => share * self.scene.miss_radiance(way.direction),
             }
         };
         let ways = [(reflected, reflectance * kept[0]), (refracted, (1.0 - reflectance) * kept[1])];

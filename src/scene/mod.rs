@@ -69,7 +69,7 @@ impl Scene {
     }
 
     /// Radiance along a ray that meets no surface; the unit vector `direction` points along the ray.
-    pub fn beyond(&self, direction: Vec3) -> Vec3 {
+    pub fn miss_radiance(&self, direction: Vec3) -> Vec3 {
         self.environment.as_ref().map_or(Vec3::ZERO, |environment| environment.radiance(direction))
     }
 
