@@ -285,6 +285,28 @@ fn transfer_of_a_plane_is_the_cosine() {
     assert!(inside.iter().all(|&share| share == 0.0));
 }
 
+/// A red wall sends red light only, in each of the coefficients that several passes share.
+#[test]
+fn transfer_by_way_of_a_red_wall_is_red() {
+    let gpu = gpu();
+    let mut model = Model::new();
+    let red = model.material(Vec3::X, Vec3::ZERO);
+    model.plate(Vec3::ZERO, Vec3::Z, Vec3::X, red);
+    model.plate(vec3(-1.0, 1.0, 0.0), Vec3::Y, Vec3::Z, red);
+    let world = model.world();
+    let points = points_on(&Prepared::without_glass(&world).unwrap().scene, 64);
+    let transfer = |gather_bounces| {
+        let plan = Plan { what: vec![Quantity::Prt], order: 5, gather_bounces, ..PLAN };
+        vectors_of(&bake(&gpu, &world, &points, &settings(sized(&gpu, 64, 16)), &plan).0, Quantity::Prt, 5)
+    };
+    let mut reflected = [0.0f32; 3];
+    for (with, without) in transfer(1).iter().zip(&transfer(0)) {
+        // The bands of the later passes.
+        (32..75).for_each(|k| reflected[k % 3] += (with[k] - without[k]).abs());
+    }
+    assert!(reflected[0] > 0.1 && reflected[1..] == [0.0; 2], "{reflected:?}");
+}
+
 /// Beside a wall, what is open is what passes over it or beside it; the sums over that are done by a grid of directions.
 #[test]
 fn bent_normals_and_ao_beside_a_wall() {

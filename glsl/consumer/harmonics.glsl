@@ -23,7 +23,7 @@ layout(location = 0) out vec4 sums[8];
 #define FOUR(t) CHANNELS(incident, t) * vec4(BASIS(4 * (t)), BASIS(4 * (t) + 1), BASIS(4 * (t) + 2), BASIS(4 * (t) + 3))
 #define CLEAR(t) sums[t] = vec4(0.0)
 #define ADD(t) sums[t] += FOUR(8 * PASS + t)
-#define ADD_CACHED(t) if (4 * (8 * PASS + t) < FLOATS) sums[t] += CHANNELS(back, t) * cached(place, 8 * PASS + t)
+#define ADD_CACHED(t) if (4 * (8 * PASS + t) < FLOATS) sums[t] += CHANNELS(back, 8 * PASS + t) * cached(place, 8 * PASS + t)
 #define EACH(DO) DO(0); DO(1); DO(2); DO(3); DO(4); DO(5); DO(6); DO(7)
 
 void begin()
