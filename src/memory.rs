@@ -41,7 +41,7 @@ pub fn of_render(scene: &Scene, settings: &Settings, blocks: u32, shard: bool) -
     let texels = |count: usize| count * size_of::<Vec4>() * pixels;
     // Three accumulators: gather, direct light, photon map.
     let gl = CameraPoints::bytes(size) + Accumulator::bytes(size, 3);
-    // Four arrays of texels: the photon map; at the end of a block the gather's sums as read, the same in pixel order, and direct light. One of caustics.
+    // The photon map; at the end of a block the gather's sums as read, the same in pixel order, and direct light; caustics.
     let block = GBuffer::bytes(pixels) + texels(4) + size_of::<Vec3>() * pixels;
     let rays = match (settings.gather.pipeline, settings.film.points) {
         (Pipeline::Raycast, _) | (_, PointSource::Traced) => {
@@ -50,7 +50,7 @@ pub fn of_render(scene: &Scene, settings: &Settings, blocks: u32, shard: bool) -
         _ => 0,
     };
     let films = FilmSum::most_nodes(blocks) as usize;
-    // The tree when the number of blocks is no power of two, and its two halves or its whole; the picture's channels, a copy for the writer, and the file.
+    // The tree, when its size is no power of two, and its two halves or its whole; the picture's channels, a copy for the writer, and the file.
     let writing = if shard { 0 } else { Film::bytes(films.max(2) * pixels) + 3 * 32 * size_of::<f32>() * pixels };
     (common(scene, settings) + gl + rays + (block + Film::bytes(films * pixels)).max(writing)) as u64
 }

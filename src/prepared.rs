@@ -72,7 +72,7 @@ pub struct Photons {
 }
 
 impl Photons {
-    /// Traces the first map through `all`. Its flux also decides, for all maps, which surface area of `gathered` light reaches. When the device has no
+    /// Traces the first map through `all`. Its flux decides, for all maps, which surface area of `gathered` light reaches. When the device has no
     /// memory left, `make_room` frees some and returns true, or returns false.
     ///
     /// # Errors
