@@ -6,7 +6,7 @@
 //! E(x) = π Σ L(x, d) w / Σ w, w = max(n·d, 0), over N directions uniform on the sphere.
 //!
 //! Dividing by the sum of the weights, not by its expected value N/4, makes a constant radiance exact. A direction that counts at both ends has
-//! w = |n·d|. A direction costs one pass over the triangles and one over the points for each layer. The rays of other directions do not matter.
+//! w = |n·d|. A direction costs one pass over the triangles and one over the points for each layer, independent of other directions.
 //!
 //! A [`HitFinder`] finds hits, and a [`GatherPass`] gives them to a [`Consumer`](crate::shaders::Consumer). Each finder works with each consumer.
 //! [`KillFinder`] is the method of the source: Hachisuka 2004, "Final Gathering on GPU".
