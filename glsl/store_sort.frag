@@ -1,7 +1,6 @@
 #version 420 core
-// Sorts the lists of store_append.frag into slots of the layer store. The slots hold the same as after peeling: surfaces far to near, each depth
-// once. The shader reads the list once for every four slots: the list is short, and a fetch costs more than a comparison.
-// Mirrors src/gather/layer_store/sort.rs.
+// Sorts the lists of store_append.frag into slots of the layer store, as peeling would fill them: surfaces far to near, each depth once. Reads a list
+// once for every four slots: lists are short, and a fetch costs more than a comparison. Mirrors src/gather/layer_store/sort.rs.
 
 #include "include/packed_surface.glsl"
 

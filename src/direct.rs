@@ -1,5 +1,4 @@
-//! Direct light: the irradiance from the area lights. Each of many samples on the lights has a shadow map, which gives soft shadows.
-//! Mirrors `glsl/shadow.frag` and `glsl/direct.frag`.
+//! Direct light: irradiance from samples on the area lights. Each sample has a shadow map. Mirrors `glsl/shadow.frag` and `glsl/direct.frag`.
 //!
 //! E(x) = 1/S Σ L A/p cos θ cos θ' / r² V over S samples. A sample emits into the hemisphere about its normal, so its map is a hemicube: one
 //! whole face and the upper halves of four. A random turn about the normal makes aliasing average out.

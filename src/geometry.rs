@@ -194,8 +194,7 @@ pub(crate) fn upload_table<T: Pod + Default>(gpu: &Gpu, format: Format, mut texe
     Texture::from_texels(gpu, format, [TABLE_WIDTH as u32, rows as u32], Filter::Nearest, Wrap::Clamp, &texels)
 }
 
-/// All textures in one, and the first row of each. Each texture begins a new row, so a narrow width wastes little; the width grows only as far as the
-/// device's limits need.
+/// All textures in one, and the first row of each. Each begins a new row, which wastes least when narrow: the width grows only as device limits need.
 fn upload_texels(gpu: &Gpu, textures: &[ImageTexture]) -> Result<(Texture, Vec<usize>)> {
     let limit = gpu.info().limits.max_texture_size as usize;
     let rows_of = |texture: &ImageTexture, width: usize| texture.texels.len().div_ceil(width);

@@ -1,5 +1,4 @@
-//! The irradiance of the photon map at the points themselves. A render writes it beside the gathered irradiance, for comparison.
-//! Mirrors `glsl/photon_map.frag`.
+//! The photon map's irradiance at the points themselves. A render writes it beside the gathered one, to compare. Mirrors `glsl/photon_map.frag`.
 
 use glam::Vec4;
 

@@ -1,5 +1,4 @@
-//! All shader programs of the crate, from the sources in `glsl/`. [`variants`] lists them: the programs named here, and one for each pair of a
-//! [`Finder`] and a [`Consumer`].
+//! All shader programs, from the sources in `glsl/`. [`variants`] lists them: those named here, and one for each [`Finder`] and [`Consumer`].
 
 use std::fs;
 use std::path::Path;

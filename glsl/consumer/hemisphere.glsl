@@ -1,5 +1,4 @@
-// Consumer: adds hemisphere integrals that are plain sums over hits (additive blending); with RADIANCE also the radiance of hits.
-// Mirrors src/bake/integrals.rs.
+// Consumer: adds hemisphere integrals that are sums over hits (additive blending); with RADIANCE also their radiance. Mirrors src/bake/integrals.rs.
 
 #include "include/surface.glsl"
 #ifdef RADIANCE

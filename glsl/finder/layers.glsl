@@ -15,9 +15,8 @@ struct LayerHit
     ivec2 step;                     // from the receiver's texel to the hit's
 };
 
-// The search goes through the surfaces of the receiver's texel, far to near, and ends at the receiver. A receiver that looks along the direction
-// meets its hits first; the last of them is the nearest. One that looks against it first meets surfaces that are no hits, its own surface last of
-// them; then the first hit is the nearest.
+// The search goes through the surfaces of the receiver's texel, far to near, and ends at the receiver. Looking along the direction, it meets the hits
+// first; the last one is the nearest. Looking against it, it first meets non-hits, its own surface last; then the first hit is the nearest.
 struct Search
 {
     Sample nearest;

@@ -52,20 +52,19 @@ Sample sample_surface(Receiver receiver, vec4 surface, vec2 offset)
     float ahead = surface.x + dot(surface.yz, offset) - receiver.place.z;
     float above = height(receiver, offset, surface.x);
     float on_ray = receiver.normal.z * ahead;
-    // Facets of the receiver's own surface rise a little above its tangent plane or cross its ray, but must not hide anything. So they count only when
+    // Facets of the receiver's own surface rise a little above its tangent plane or cross its ray, but must not hide anything. So they count only if
     // they do both by a sixteenth of a texel, as another surface does.
     if (is_next_facet(receiver, surface.yz))
         above = min(above, on_ray) - 15.0 * receiver.depth_bias;
-    // When the centre is too close to the tangent plane, the receiver's own ray decides. Rasterisers round vertices to a grid of 1/256 of a texel. That
+    // If the centre is too close to the tangent plane, the receiver's own ray decides. Rasterisers round vertices to a grid of 1/256 of a texel. This
     // moves the receiver's surface by half a grid step, which depth_bias allows for, and the seen surface by half a step times its slope.
     else if (above > -0.5 * receiver.depth_bias - abs(receiver.normal.z) * (abs(surface.y) + abs(surface.z)) / 512.0)
         above = max(above, on_ray);
     return Sample(surface.w, receiver.side * ahead, above);
 }
 
-// The texel's centre is not on the receiver's ray, so a hit needs two things. Its plane lies ahead on the ray itself: this is right in concave
-// corners. And the texel lies above the receiver's tangent plane, as all of its hemisphere does: this is right at convex edges and excludes the
-// receiver's own surface at any slope.
+// The texel's centre is off the receiver's ray, so a hit needs two things. Its plane lies ahead on the ray itself: right in concave corners. And the
+// texel lies above the tangent plane, as the whole hemisphere does: right at convex edges, and excludes the receiver's own surface at any slope.
 bool is_hit(Receiver receiver, Sample s)
 {
     return s.id > 0.0 && s.ahead > 0.0 && s.above > receiver.depth_bias;
@@ -77,8 +76,8 @@ bool is_nearer_hit(Receiver receiver, Sample s, Sample nearest)
     return is_hit(receiver, s) && (nearest.id == 0.0 || s.ahead < nearest.ahead);
 }
 
-// Beside a concave edge the centre may lie below the tangent plane although the ray meets the surface above the plane. Then the neighbour texel on the
-// upper side has the surface. Returns the step to it, along the axis with the larger rise, or 0 when the centre lies higher than the ray.
+// Beside a concave edge the centre may lie below the tangent plane although the ray meets the surface above it. Then the neighbour texel on the upper
+// side has the surface. Returns the step to it, along the axis on which it is sure to be above, or 0 when the centre lies higher than the ray.
 ivec2 step_beside_edge(Receiver receiver)
 {
     vec2 rise = receiver.normal.xy;

@@ -7,7 +7,7 @@ vec2 octahedral_encode(vec3 n)
     return n.z < 0.0 ? fold : p;
 }
 
-// Not normalised: most of this file's cost is here, and some readers need only the side of the surface.
+// Not normalised: readers normalise where they need to, because most of this file's cost is here.
 vec3 octahedral_decode(vec2 p)
 {
     vec3 n = vec3(p, 1.0 - abs(p.x) - abs(p.y));

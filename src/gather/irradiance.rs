@@ -52,8 +52,7 @@ enum Method {
 }
 
 impl IrradianceGather {
-    /// Uses the settings' pipeline, with point textures of `interleave` and `layers` of [`GatherSettings::layers`]. `scene` is in unit space; `bvh`
-    /// belongs to its mesh.
+    /// Uses the settings' pipeline, point textures of `interleave`, [`GatherSettings::layers`]. `scene` is in unit space, `bvh` of its mesh.
     ///
     /// # Errors
     /// When a size is beyond the device's limits.

@@ -1,7 +1,6 @@
 //! A hit finder that keeps all layers of a batch of directions (the pipeline "fused"). Mirrors `glsl/finder/layers.glsl`.
 //!
-//! One pass over the points samples the layers for the rays at both ends of each direction. So every direction serves every point, which halves
-//! the work on the geometry.
+//! One pass over the points samples the layers for both ends of each direction. So every direction serves every point: half the work on the geometry.
 
 use glam::{Mat4, Vec4};
 

@@ -53,14 +53,12 @@ pub trait HitFinder {
     /// The most directions in a batch.
     fn batch(&self) -> usize;
 
-    /// Whether both ends of a direction count: each point looks along the end on its side of its surface. Otherwise only points that face along
-    /// the direction have a weight.
+    /// Whether both ends of a direction count: a point looks along the end on its side of its surface. Else only points that face it have a weight.
     fn both_ends(&self) -> bool {
         true
     }
 
-    /// Does the work that all points share, for the first of at most [`Self::batch`] directions: as many as memory allows. Returns their number,
-    /// at least 1.
+    /// Does the work that all points share, for the first of at most [`Self::batch`] directions: as many as memory allows. Returns how many (1 or more).
     ///
     /// # Errors
     /// [`crate::Error::Gl`] when the device is too small for the scene.
@@ -110,8 +108,8 @@ fn shader_of(pipeline: Pipeline) -> Finder {
     }
 }
 
-/// The hit finder of the settings' pipeline, for point textures of size `points` and `layers` of [`GatherSettings::layers`]. `scene` is in unit
-/// space; `bvh` belongs to its mesh.
+/// The hit finder of the settings' pipeline, for point textures of size `points` and layers of [`GatherSettings::layers`]. `scene` is in unit space;
+/// `bvh` belongs to its mesh.
 ///
 /// # Errors
 /// When a size is beyond the device's limits.

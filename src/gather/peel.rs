@@ -1,5 +1,4 @@
-//! Inverse depth peeling (after Everitt 2001, "Interactive order-independent transparency"): the layers of a bundle, the farthest first.
-//! Mirrors `glsl/peel.frag`.
+//! Inverse depth peeling: layers, the farthest first (after Everitt 2001, "Interactive order-independent transparency"). Mirrors `glsl/peel.frag`.
 //!
 //! Each pass draws the scene with the depth test GREATER and discards fragments that are not nearer than the layer before. The farthest of the
 //! others remain. A layer holds triangles and depths; the consumer looks up the light of a triangle only for hits.

@@ -16,8 +16,7 @@ use crate::points::Points;
 use crate::scene::{FlatBvh, Scene};
 use crate::shaders::{BATCH, Finder};
 
-/// Width by which triangles are grown, in unit space, so that no ray passes between two neighbours: a few times the rounding of a hit's
-/// position at coordinates of 1.
+/// Growth of triangles in unit space, so that no ray passes between two neighbours: a few times the rounding of a hit's position at coordinates of 1.
 const EDGE: f64 = 3e-7;
 
 /// Casts rays through one scene.

@@ -11,7 +11,7 @@ pub struct RenderStatistics {
     pub seconds: StageSeconds,
     pub gather: GatherCounts,
     pub photons: PhotonCounts,
-    /// Last estimate of the picture's relative standard error, as [`DirectionSettings::target_error`] defines it.
+    /// Last estimate of the picture's relative standard error, as [`target_error`](crate::settings::DirectionSettings::target_error) defines it.
     pub error: Option<f64>,
 }
 

@@ -1,5 +1,4 @@
-//! Fills the layer store by depth peeling, as [`super::super::Peel`] does. One draw peels one layer of all tiles.
-//! Mirrors `glsl/store_peel.frag`.
+//! Fills the layer store by depth peeling, as [`super::super::Peel`] does. One draw peels a layer of all tiles. Mirrors `glsl/store_peel.frag`.
 
 use std::rc::Rc;
 
