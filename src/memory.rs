@@ -33,7 +33,7 @@ pub fn common(scene: &Scene, settings: &Settings) -> usize {
     DRIVER + surfaces + environment + photons + Direct::bytes(settings.direct.shadow_size) + LayerStore::bytes(settings.layers())
 }
 
-/// Most bytes of a render: `common`, the pixels of a block, a film in each node of the pairwise tree over `blocks`; for no shard also the picture.
+/// Most bytes of a render: `common`, a block's pixels, a film in each node of the pairwise tree over `blocks`; and the picture, unless a shard.
 pub fn of_render(scene: &Scene, settings: &Settings, blocks: u32, shard: bool) -> u64 {
     let size = settings.film.size;
     let pixels: usize = size.map(|side| side as usize).iter().product();

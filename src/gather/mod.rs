@@ -58,7 +58,7 @@ pub trait HitFinder {
         true
     }
 
-    /// Does the work that all points share, for the first of at most [`Self::batch`] directions: as many as memory allows. Returns how many (1 or more).
+    /// Does the work that all points share, for the first of at most [`Self::batch`] directions, as memory allows. Returns how many, 1 or more.
     ///
     /// # Errors
     /// [`crate::Error::Gl`] when the device is too small for the scene.

@@ -165,7 +165,7 @@ impl LayerStore {
         &self.kept.as_ref().expect("a store is filled before it is read").slots
     }
 
-    /// The layers of one tile, as in [`super::Peel`], far to near, row by row: (depth, its change to the next texel in x and y, triangle from 1; 0: none).
+    /// The layers of one tile, far to near, row by row, as [`super::Peel`]: (depth, its change to the next texel in x and y, triangle from 1 or 0).
     pub fn read(&self, tile: u32) -> Vec<Vec<Vec4>> {
         let (planes, triangles) = (self.slots().planes.read::<[u32; 4]>(), self.slots().triangles.read::<[u32; 4]>());
         let size = self.layer_size;
