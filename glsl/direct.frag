@@ -1,14 +1,14 @@
 #version 330 core
-// Irradiance from one sample on a light, by its shadow map (additive blending). Mirrors src/direct.rs.
+// Irradiance from one sample on a light, with its shadow map (additive blending). Mirrors src/direct.rs.
 //
-// The light's frame has its origin at the sample and z along the emitting normal. The map is a hemicube: the face across z, then the
-// upper halves of the faces across +x, -x, +y, -y, one above the other in one texture.
+// The light's frame has its origin at the sample and z along the emitting normal. The map is a hemicube in one texture: the face across z, then,
+// one above the other, the upper halves of the faces across +x, -x, +y, -y.
 
 #include "include/points.glsl"
 
 uniform ivec2 first_texel;          // of the subset in the sums
 uniform sampler2D shadow_map;
-uniform mat4 to_light;              // world to the light's frame
+uniform mat4 to_light;              // unit space to the light's frame
 uniform vec3 intensity;             // radiance x area / probability of the sample
 uniform float depth_bias;            // as in layer.glsl, per unit of distance
 
@@ -26,7 +26,7 @@ void main()
     if (cosine_here == 0.0)
         discard;
 
-    // The face, as the axes right, up and outward, and its rows in the map.
+    // The face that sees the point: its axes right, up and outward, and its rows in the map.
     float size = float(textureSize(shadow_map, 0).x);
     vec2 side = abs(place.xy);
     vec3 right, outward, up = vec3(0.0, 0.0, 1.0);
@@ -58,8 +58,8 @@ void main()
     vec2 high = vec2(size, first_row + (half_face > 0.0 ? 0.5 : 1.0) * size) - 1.0;
     vec2 texel = clamp(floor(at), low, high);
 
-    // As in layer.glsl: shadowed where the occluder's plane lies before the point on its own ray, and the occluder itself above
-    // the point's tangent plane.
+    // As in layer.glsl, the point is in shadow when two things hold: the occluder's plane lies before the point on the point's own ray, and the
+    // occluder lies above the point's tangent plane.
     vec4 plane = texelFetch(shadow_map, ivec2(texel), 0);
     float inverse = plane.x + dot(plane.yz, at - (texel + 0.5));
     if (plane.x > 0.0 && inverse * distance > 1.0) {

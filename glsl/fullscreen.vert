@@ -1,5 +1,5 @@
 #version 330 core
-// One triangle that covers the target; drawn as three vertices without attributes.
+// One triangle that covers the target, drawn as three vertices without attributes.
 
 void main()
 {

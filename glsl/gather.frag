@@ -1,9 +1,9 @@
 #version 330 core
-// Final gathering: each point looks along every direction of a batch. A finder (a file of glsl/finder/) finds the hit, and a consumer (a file of
-// glsl/consumer/) uses it. The defines FINDER and CONSUMER name the two. Mirrors src/gather/pass.rs.
+// Final gathering: each point looks along every direction of a batch. A hit finder (a file of glsl/finder/) finds the hit, and a consumer (a file
+// of glsl/consumer/) uses it. The defines FINDER and CONSUMER name the two. Mirrors src/gather/pass.rs.
 //
-// A finder gives `PointHit find_hit(GatherPoint point, ivec2 place, int i)` for direction i of the batch.
-// A consumer declares the outputs, `begin` clears them, and `consume` adds one hit.
+// A finder defines `PointHit find_hit(GatherPoint point, ivec2 place, int i)` for direction i of the batch.
+// A consumer declares the outputs. Its `begin` clears them, and its `consume` adds one hit.
 
 #include "include/points.glsl"
 #include "include/hits.glsl"
@@ -16,11 +16,11 @@ void main()
 {
     ivec2 place = ivec2(gl_FragCoord.xy) - first_texel;
     GatherPoint point = fetch_point(place);
-    // Texels without a point would search as long as any.
+    // Without this, texels without a point would search as long as others.
     if (!point.exists)
         discard;
     begin();
-    // The loop tests at the end: software drivers run the body once more to find that a test at the beginning fails.
+    // The loop tests at the end. With a test at the beginning, software drivers run the body once more before they see it fail.
     int i = 0;
     do {
         consume(point, find_hit(point, place, i), i);

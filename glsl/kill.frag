@@ -1,6 +1,6 @@
 #version 330 core
-// Sampling one layer, as in 2004: every point looks up the texel on its ray and overwrites its hit, unless the texel lies
-// behind the point (KILL). Layers come far to near, so the last to survive is the nearest hit. Mirrors src/gather/kill.rs.
+// Samples one layer by the method of 2004: every point looks up the texel on its ray and overwrites its hit, unless the texel lies behind the point
+// (KILL). Layers come far to near, so the last sample that survives is the nearest hit. Mirrors src/gather/kill.rs.
 
 #include "include/points.glsl"
 #include "include/layer.glsl"
@@ -8,15 +8,15 @@
 uniform sampler2D layer;
 uniform vec3 direction;
 uniform mat4 to_layer;              // unit space to texel x, texel y, window depth
-uniform float depth_bias;            // see Receiver
+uniform float depth_bias;           // see Receiver
 uniform vec3 metric;                // see Receiver
 
 layout(location = 0) out vec2 hit;  // distance along the direction; triangle, counted from 1
 
 #ifdef FARTHEST
 
-// Receivers lie on the scene, but a texel on its outline may have its centre outside. What closes the scene there is in a texel around;
-// above the tangent plane, for about a convex body nothing is. Of several, the ray leaves the scene through the nearest.
+// A texel on the scene's outline may have its centre outside the scene. Then a texel around it has the surface that closes the scene. It must lie
+// above the tangent plane, because around a convex body nothing does. Of several, the ray leaves the scene through the nearest.
 Sample sample_around(Receiver receiver)
 {
     Sample nearest = NOTHING;
@@ -54,7 +54,7 @@ void main()
     }
     if (!is_hit(receiver, nearest))
 #ifdef EARLY
-        nearest = NOTHING;          // facing, and so not culled yet: see Kill::early
+        nearest = NOTHING;          // the point faces the direction, so this layer does not cull it: see Kill::early
 #else
         discard;                    // KILL
 #endif

@@ -1,5 +1,5 @@
 #version 330 core
-// The photon map seen directly: the irradiance that it holds at each point. Mirrors src/photon_map.rs.
+// The irradiance of the photon map at each point. Mirrors src/photon_map.rs.
 
 #include "include/points.glsl"
 #include "include/photon_grid.glsl"
@@ -12,7 +12,7 @@ void main()
 {
     GatherPoint point = fetch_point(ivec2(gl_FragCoord.xy) - first_texel);
     vec3 size = abs(point.surface_normal);
-    // The first of equals, as `dominant_axis` in src/math.rs.
+    // Of equal components the first counts, as in `dominant_axis` in src/math.rs.
     int axis = size.x >= max(size.y, size.z) ? 0 : size.y >= size.z ? 1 : 2;
     irradiance = vec4(photon_irradiance(point.position, axis, point.surface_normal[axis] > 0.0), 0.0);
 }

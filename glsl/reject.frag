@@ -1,6 +1,5 @@
 #version 330 core
-// Early KILL: fragments that get here are rejected by the stencil test from now on; which do, the tests of depth and stencil decide alone.
-// Mirrors src/gather/kill.rs.
+// Early KILL: the depth and stencil tests decide which fragments get here; later the stencil test rejects them. Mirrors src/gather/kill.rs.
 
 void main()
 {

@@ -1,6 +1,5 @@
 #version 330 core
-// One face of a shadow map: the inverse distance along the face's axis, which is linear over the face, and its slope.
-// Mirrors src/direct.rs.
+// One face of a shadow map: the inverse distance along the face's axis, linear over the face, and its slope. Mirrors src/direct.rs.
 
 layout(location = 0) out vec4 plane;
 

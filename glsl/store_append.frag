@@ -1,12 +1,12 @@
 #version 420 core
-// Every surface of some tiles of the layer store in one pass over the geometry: each fragment is appended to its texel's list, in whatever order
-// they come; store_sort.frag puts them in theirs. Mirrors src/gather/layer_store/sort.rs.
+// Collects every surface of some tiles of the layer store in one pass over the geometry: appends each fragment to its texel's list, in any order.
+// store_sort.frag sorts the lists. Mirrors src/gather/layer_store/sort.rs.
 
 flat in int surface_triangle;
 
 layout(r32ui) uniform uimage2D counts;
 layout(rgba32ui) writeonly uniform uimage2DArray lists;     // bits of: depth, its change to the next texel in x and in y, triangle
-uniform int list_limit;             // what comes later is counted alone
+uniform int list_limit;             // later fragments are counted but not stored
 
 void main()
 {

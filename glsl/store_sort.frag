@@ -1,7 +1,6 @@
 #version 420 core
-// From the lists of store_append.frag to slots of the layer store, which hold what peeling would have put there: surfaces far to near, each depth
-// once. The list is gone through once for every four slots: it is short, and to fetch is dearer than to compare.
-// Mirrors src/gather/layer_store/sort.rs.
+// Sorts the lists of store_append.frag into slots of the layer store, as peeling would fill them: surfaces far to near, each depth once. Reads a list
+// once for every four slots: lists are short, and a fetch costs more than a comparison. Mirrors src/gather/layer_store/sort.rs.
 
 #include "include/packed_surface.glsl"
 
@@ -11,11 +10,11 @@ uniform int list_limit;
 uniform ivec2 first_texel;          // of these tiles in the store
 layout(rgba32ui) writeonly uniform uimage2DArray planes;
 layout(rgba32ui) writeonly uniform uimage2DArray stored_triangles;
-layout(r32ui) uniform uimage2D deepest;     // the longest list, as far as it is longer than
-uniform int granted;
+layout(r32ui) uniform uimage2D deepest;     // length of the longest list
+uniform int granted;                        // shorter lists need not write to `deepest`
 
-// Puts a surface in its place among those of a slot and behind: on return the slot has the farther of the two. Depths are positive, so that their
-// bits, too, grow with them. Of two at one depth the first that was drawn stays, as by a depth test.
+// Puts the farther surface into the slot and hands on the other. Depths are positive, so their bits grow with them. Of two surfaces at one depth
+// the one drawn first stays, as with a depth test.
 void insert(inout uvec4 slot, inout uvec4 surface)
 {
     bool farther = surface.x > slot.x || surface.x == slot.x && surface.w < slot.w;
@@ -36,7 +35,7 @@ void main()
     if (count > granted)
         imageAtomicMax(deepest, ivec2(0), uint(count));
     count = min(count, list_limit);
-    uint nearest = 0xffffffffu;         // so far
+    uint nearest = 0xffffffffu;         // depth of the nearest surface so far
     int slot = 0;
     do {
         uvec4 a = uvec4(0u), b = a, c = a, d = a;

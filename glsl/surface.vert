@@ -1,6 +1,6 @@
 #version 330 core
-// The scene's triangles under any projection. Vertices are not shared, so that their numbers tell the triangle: softpipe draws
-// nothing where a fragment shader reads gl_PrimitiveID. Mirrors `Geometry` in src/geometry.rs.
+// Draws the scene's triangles by any projection. Triangles share no vertices, so the vertex number gives the triangle: softpipe draws nothing
+// when a fragment shader reads gl_PrimitiveID. Mirrors `Geometry` in src/geometry.rs.
 
 layout(location = 0) in vec3 position;
 layout(location = 1) in vec3 normal;    // zero: flat shading
@@ -14,7 +14,7 @@ uniform mat4 to_clip;
 out vec3 surface_position;
 out vec3 surface_normal;
 flat out int surface_triangle;
-invariant gl_Position;                  // peeling compares depths that different programs have made
+invariant gl_Position;                  // peeling compares depths from different programs
 
 void main()
 {

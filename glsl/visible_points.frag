@@ -8,7 +8,7 @@ in vec3 surface_position;
 in vec3 surface_normal;
 flat in int surface_triangle;
 
-uniform sampler2D albedo_texture;   // of all triangles in this batch
+uniform sampler2D albedo_texture;   // shared by all triangles of the draw
 uniform vec3 eye;
 uniform vec3 forward;
 uniform float near;
@@ -33,7 +33,7 @@ void main()
     normal_out = vec4(shading, code.y);
     vec3 texel = texture(albedo_texture, texture_coordinates(surface, surface_position)).rgb;
     albedo_out = vec4(plain_albedo(surface) * texel, 1.0);
-    // 1 at the near plane, falling with distance: as precise in a float at the far end of a terrain as in a room within it.
+    // 1 at the near plane, falling with distance: a float is then as precise at the far end of a terrain as in a room within it.
     gl_FragDepth = near * gl_FragCoord.w;
     emission_out = vec4(front ? emission(surface) : vec3(0.0), -dot(forward, to_eye));
 }

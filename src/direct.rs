@@ -1,8 +1,7 @@
-//! Direct light: irradiance from the area lights, soft shadows by a shadow map for each of many samples on them.
-//! Mirrors `glsl/shadow.frag` and `glsl/direct.frag`.
+//! Direct light: irradiance from samples on the area lights. Each sample has a shadow map. Mirrors `glsl/shadow.frag` and `glsl/direct.frag`.
 //!
 //! E(x) = 1/S Σ L A/p cos θ cos θ' / r² V over S samples. A sample emits into the hemisphere about its normal, so its map is a hemicube: one
-//! whole face and the upper halves of four, turned at random about the normal so that aliasing averages out.
+//! whole face and the upper halves of four. A random turn about the normal makes aliasing average out.
 
 use std::f32::consts::TAU;
 
@@ -18,11 +17,11 @@ use crate::random::{Random, shuffled, sobol};
 use crate::scene::{LightPoint, Lights};
 use crate::shaders;
 
-/// Nearest distance at which a shadow map sees an occluder, in unit space; the farthest is the scene's diameter.
+/// Nearest and farthest distance at which a shadow map sees an occluder, in unit space. The farthest covers the scene's diameter, 2.
 const NEAR: f32 = 1e-4;
 const FAR: f32 = 2.1;
 
-/// Adds light samples to points.
+/// Adds the irradiance from light samples at gather points.
 pub struct Direct {
     shadow: Program,
     direct: Program,
@@ -49,7 +48,7 @@ impl Direct {
         Target::bytes(Self::map_size(shadow_size), &[Format::Rgba32F], true)
     }
 
-    /// Of a hemicube: its whole face, and below it the halves of the others.
+    /// Width and height of a hemicube's map: the whole face, then the four half faces above it in the texture.
     fn map_size(shadow_size: u32) -> [u32; 2] {
         let size = shadow_size.next_multiple_of(2);
         [size, 3 * size]
@@ -57,12 +56,12 @@ impl Direct {
 
     /// Adds the irradiance from light sample `index` to `sums` (rgb).
     pub fn add(&self, geometry: &Geometry, lights: &Lights, index: u64, points: Points, sums: &Accumulator) {
-        // In an order of their own: else blocks of one sample each, whose offsets in the pixel are of the same sequence, would see each part of the
-        // pixel by its own part of the light.
+        // The sub-pixel offsets of blocks use the same sequence. Without the shuffle, blocks of one light sample each would always pair the same part
+        // of the pixel with the same part of the light.
         let light = lights.point_of_square(sobol(shuffled(index as u32, self.seed), self.seed));
         let turn = Random::new(self.seed, index).uniform();
         let to_light = self.shadow_map(geometry, &light, TAU * turn);
-        // A texel of the map is 2/size wide at a distance of 1; see `Bundle::new` for the shares.
+        // A texel of the map is 2/size wide at a distance of 1. `Bundle::new` explains the two terms.
         let depth_bias = 2.0 / self.map.size()[0] as f32 / 256.0 + 4e-6;
         let uniforms = [
             ("shadow_map", Uniform::Texture(self.map.color(0))),
@@ -73,7 +72,7 @@ impl Direct {
         sums.add(points, &self.direct, &uniforms);
     }
 
-    /// Draws the hemicube of `light` and returns the way from unit space to the light's frame.
+    /// Draws the hemicube of `light` and returns the transform from unit space to the light's frame.
     fn shadow_map(&self, geometry: &Geometry, light: &LightPoint, turn: f32) -> Mat4 {
         let axes = frame(light.normal) * Mat3::from_rotation_z(turn);
         let to_light = Mat4::from_mat3(axes.transpose()) * Mat4::from_translation(-light.position);
@@ -81,7 +80,7 @@ impl Direct {
         self.map.clear([0.0; 4], 1.0);
         let face = |right: Vec3, up: Vec3, outward: Vec3, region: [i32; 4]| {
             let lowest = if outward == Vec3::Z { -1.0 } else { 0.0 };
-            // glam's frustum looks along -z.
+            // The frustum of glam looks along -z.
             let project = frustum(-NEAR, NEAR, lowest * NEAR, NEAR, NEAR, FAR);
             let turn = Mat4::from_mat3(Mat3::from_cols(right, up, -outward).transpose());
             geometry.draw(SurfacePass {

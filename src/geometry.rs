@@ -1,4 +1,4 @@
-//! The scene's surfaces on the GL side: one vertex array, a table of triangles, a table of materials and the albedo textures.
+//! The scene's surfaces on the GL side: a vertex array, a table of triangles, a table of materials and the albedo textures.
 //! Mirrors `glsl/surface.vert`, `glsl/include/surface.glsl` and `glsl/include/radiance.glsl`.
 
 use std::ops::Range;
@@ -11,20 +11,20 @@ use crate::gpu::{Blend, DepthTest, Draw, Filter, Format, Gpu, Program, Shape, Ta
 use crate::math::dominant_axis;
 use crate::scene::{ImageTexture, Material, Mesh, Scene};
 
-/// Texels in a row of the tables, within the least that 3.3 promises for textures. Four make an entry.
+/// Texels in a row of a table. OpenGL 3.3 promises at least this texture width. An entry has four texels.
 const TABLE_WIDTH: usize = 1024;
 
-/// Everything that shaders read of a scene's surfaces.
+/// All data of the scene's surfaces that shaders read, in unit space.
 pub struct Geometry {
     vertices: VertexArray,
     triangles: Texture,
     materials: Texture,
-    /// For drawing, one for each texture, and a white one for triangles without.
+    /// Albedo textures for drawing; the last one is white, for triangles without a texture.
     textures: Vec<Texture>,
-    /// For hits, all textures in one.
+    /// All albedo textures in one, for the albedo of hits.
     texels: Texture,
     batches: Vec<Batch>,
-    /// All vertex positions, for fitting projections.
+    /// All vertex positions. Bundles fit their projections to them.
     pub positions: Vec<Vec3>,
 }
 
@@ -35,8 +35,10 @@ struct Batch {
 }
 
 impl Geometry {
+    /// Uploads a scene in unit space.
+    ///
     /// # Errors
-    /// When the device has no memory or its limits are below the scene's sizes.
+    /// When the device has no memory left or the scene exceeds its limits.
     pub fn upload(gpu: &Gpu, scene: &Scene) -> Result<Self> {
         let mesh = &scene.mesh;
         let white = scene.textures.len();
@@ -96,15 +98,14 @@ impl Geometry {
         })
     }
 
-    /// Bytes that [`Self::upload`] takes: for a triangle its vertices and its entry in the table, for a texel its mipmaps and its copy in the
-    /// texture of all.
+    /// Bytes that [`Self::upload`] takes: per triangle the vertices and a table entry, per texel the mipmaps and the copy in the joint texture.
     pub fn bytes(scene: &Scene) -> usize {
         const TRIANGLE: usize = 3 * size_of::<[Vec3; 2]>() + 4 * size_of::<[f32; 4]>();
         let texels: usize = scene.textures.iter().map(|texture| texture.texels.len()).sum();
         TRIANGLE * scene.mesh.triangles.len() + Format::Srgb8Alpha8.bytes() * (texels + texels * 4 / 3)
     }
 
-    /// The uniforms that shaders of hits read.
+    /// The uniforms by which shaders read the surface of a hit.
     pub fn uniforms(&self) -> [(&'static str, Uniform<'_>); 4] {
         [
             ("triangles", Uniform::Texture(&self.triangles)),
@@ -119,7 +120,7 @@ impl Geometry {
         self.textures.len() > 1
     }
 
-    /// All surfaces, so many times, whatever they are made of.
+    /// `count` instances of all triangles, drawn without textures.
     pub fn instances(&self, count: u32) -> Shape<'_> {
         Shape::Instances(&self.vertices, count)
     }
@@ -144,32 +145,32 @@ impl Geometry {
     }
 }
 
-/// Into the textures of a [`Geometry`].
+/// Index of a triangle's texture in the textures of a [`Geometry`].
 fn texture_of(scene: &Scene, triangle: usize) -> usize {
     scene.material(triangle).albedo_texture.unwrap_or(scene.textures.len())
 }
 
-/// The scene's triangles in the order of the shaders' table.
+/// The scene's triangle indices in the order of the shaders' table.
 pub(crate) fn triangle_order(scene: &Scene) -> Vec<usize> {
     let mut order: Vec<usize> = (0..scene.mesh.triangles.len()).collect();
     order.sort_by_key(|&triangle| texture_of(scene, triangle));
     order
 }
 
-/// How surfaces are drawn.
+/// A pass that draws all surfaces.
 pub struct SurfacePass<'a> {
     pub target: &'a Target,
-    /// [x, y, width, height] of the target in texels; `None` is all of it.
+    /// [x, y, width, height] in the target, in texels; `None`: the whole target.
     pub region: Option<[i32; 4]>,
     pub program: &'a Program,
     pub to_clip: Mat4,
     pub depth: DepthTest,
-    /// Beside those of the surfaces.
+    /// Uniforms of the program, besides those of the surfaces.
     pub uniforms: &'a [(&'static str, Uniform<'a>)],
 }
 
-/// The weights of a triangle's second and third corner as functions of the position: (gradient, offset). They need no corners, so that a hit knows
-/// its own from its position alone. In f64, as thin triangles need.
+/// The barycentric weights of a triangle's second and third corner as linear functions of the position: (gradient, offset). Shaders compute a hit's
+/// weights from its position alone, without the corners. Thin triangles need f64.
 pub(crate) fn corner_weights([a, b, c]: [DVec3; 3]) -> [DVec4; 2] {
     let normal = (b - a).cross(c - a);
     let weight = |edge: DVec3| {
@@ -179,21 +180,21 @@ pub(crate) fn corner_weights([a, b, c]: [DVec3; 3]) -> [DVec4; 2] {
     [weight((c - a).cross(normal)), weight(normal.cross(b - a))]
 }
 
-/// Texture coordinates as functions of the position: of u and of v.
+/// The texture coordinates u and v of a triangle as linear functions of the position: (gradient, offset).
 fn texture_planes(mesh: &Mesh, triangle: usize) -> [[f32; 4]; 2] {
     let [second, third] = corner_weights(mesh.corners(triangle).map(|corner| corner.as_dvec3()));
     let [ta, tb, tc] = mesh.triangles[triangle].vertices.map(|vertex| mesh.uvs[vertex as usize].as_dvec2());
     [0, 1].map(|k| (second * (tb[k] - ta[k]) + third * (tc[k] - ta[k]) + DVec4::W * ta[k]).as_vec4().to_array())
 }
 
-/// A list of texels of four 32-bit numbers as a texture, row by row.
+/// Uploads a list of texels of four 32-bit numbers as a texture, row by row.
 pub(crate) fn upload_table<T: Pod + Default>(gpu: &Gpu, format: Format, mut texels: Vec<[T; 4]>) -> Result<Texture> {
     let rows = texels.len().div_ceil(TABLE_WIDTH).max(1);
     texels.resize(rows * TABLE_WIDTH, [T::default(); 4]);
     Texture::from_texels(gpu, format, [TABLE_WIDTH as u32, rows as u32], Filter::Nearest, Wrap::Clamp, &texels)
 }
 
-/// All textures in one, and the row at which each begins: no wider than needed to stay within the device's limit, for each begins a row.
+/// All textures in one, and the first row of each. Each begins a new row, which wastes least when narrow: the width grows only as device limits need.
 fn upload_texels(gpu: &Gpu, textures: &[ImageTexture]) -> Result<(Texture, Vec<usize>)> {
     let limit = gpu.info().limits.max_texture_size as usize;
     let rows_of = |texture: &ImageTexture, width: usize| texture.texels.len().div_ceil(width);

@@ -1,9 +1,9 @@
 //! Final gathering by rasterised ray bundles, on OpenGL 3.3, headless.
 //!
 //! A noise-free global illumination picture needs thousands of rays at every visible point. Hachisuka's poster "Final Gathering on
-//! GPU" (2004) casts them by rasterisation: rays that share a direction are one parallel projection of the scene, peeled into
-//! depth layers from far to near; each point samples the nearest layer beyond it, and the layers behind it are culled by
-//! KILL (`discard`). What the rays see is lit by a grid photon map.
+//! GPU" (2004) casts them by rasterisation. A bundle of rays that share a direction is one parallel projection of the scene. Depth
+//! peeling splits it into layers, from far to near. Each point samples the nearest layer beyond it; KILL (`discard`) culls the
+//! layers behind the point. A grid photon map gives the light on the surfaces that the rays hit.
 //!
 //! ```no_run
 //! use finalgather::{Backend, DeviceChoice, Gpu, Loaded, Render, World, WriteOptions};
@@ -22,20 +22,20 @@
 //!
 //! # The estimator
 //!
-//! A *gather point* is a position x with a unit normal n. With N directions d uniform on the sphere, shared by all points, and the
-//! weight w = max(n·d, 0), the indirect irradiance there is
+//! A *gather point* is a position x with a unit normal n. All points share N directions d, uniform on the sphere. With the weight
+//! w = max(n·d, 0), the indirect irradiance at the point is
 //!
 //! E(x) = π Σ L(x, d) w / Σ w   [W/m²]
 //!
 //! where L(x, d) is the radiance that the first surface along d sends back: (albedo/π) E_photons, from the photon map, without the
-//! surface's own emission. Direct light comes from shadow maps over samples on the lights. A diffuse point then shows
-//! L = L_emitted + (albedo/π) (E_direct + E). There is no 1/r² in the gather and so no bright speck near edges.
+//! surface's own emission. Direct light comes from samples on the lights, each with a shadow map. The radiance of a diffuse point is
+//! L = L_emitted + (albedo/π) (E_direct + E). The gather has no factor 1/r², so it makes no bright specks near edges.
 //!
 //! # Stages
 //!
-//! Data flows one way: files → [`scene`] → [`photon`] → [`points`] → direct light → [`gather`] → film → [`image`]; [`render`] runs them, [`job`] with files around them. All stages
-//! after loading work in *unit space* ([`scene::UnitSpace`]): the scene's bounding box centred on the origin with its corners on
-//! the unit sphere. OpenGL is named in [`gpu`] alone.
+//! Data flows one way: files → [`scene`] → [`photon`] → [`points`] → direct light → [`gather`] → film → [`image`]. [`render`] runs
+//! these stages; [`job`] also reads and writes the files. All stages after loading work in *unit space* ([`scene::UnitSpace`]): the
+//! scene's bounding box is centred on the origin and has its corners on the unit sphere. Only [`gpu`] calls OpenGL.
 
 pub mod bake;
 pub mod bench;

@@ -1,7 +1,7 @@
-//! The memory that a job takes, predicted before it starts. Types that allocate say how much (`bytes`); this adds them up.
+//! Predicts the memory of a job before it starts. Each type that allocates has a function `bytes`; this module adds them up.
 //!
-//! Predictions count the GL side and the CPU together, for on a software driver both are one. They leave out what only a run can tell: layers beyond
-//! the first eight, photons of caustics, and the part that a resumed job reads.
+//! A prediction counts the GL side and the CPU together, because a software driver has one memory for both. It leaves out amounts that only a run
+//! can tell: layers beyond the first eight, photons of caustics, and the part that a resumed job reads.
 
 use glam::{Vec3, Vec4};
 
@@ -14,15 +14,15 @@ use crate::points::{Accumulator, CameraPoints, GBuffer, GatherPoint, PointTextur
 use crate::scene::{Environment, Scene, Triangle};
 use crate::settings::{Pipeline, PointSource, Settings};
 
-/// Program and driver. Measured with llvmpipe: the peak of a render of 64 pixels, less the bytes of the types, was 94 MiB.
+/// Bytes of program and driver. Measured with llvmpipe: the peak of a render of 64 pixels, less the bytes of the types, was 94 MiB.
 const DRIVER: usize = 96 << 20;
-/// A triangle on the CPU: its mesh as loaded and in unit space, and its part of a tree for rays. Measured likewise: 280 bytes, in a bake of
-/// `ao` at one point among 500 000 triangles. The rest is a margin.
+/// Bytes of a triangle on the CPU: its mesh as loaded and in unit space, and its part of the ray tree. Measured in the same way: 280 bytes, in a
+/// bake of `ao` at one point among 500 000 triangles. The rest is a margin.
 const TRIANGLE: usize = 376;
 
-/// Bytes of what every job has: driver, scene, photons, shadow maps, and the layers of a batch of directions.
+/// Bytes that every job takes: driver, scene, photons, shadow maps, and the layers of a batch of directions.
 pub fn common(scene: &Scene, settings: &Settings) -> usize {
-    // Glass is in the scene that eyes and photons see, and not in that of gather rays.
+    // A scene with glass is held twice: with its glass for eye rays and photons, without it for gather rays.
     let is_glass = |triangle: &Triangle| scene.materials[triangle.material as usize].is_glass();
     let scenes = if scene.mesh.triangles.iter().any(is_glass) { 2 } else { 1 };
     let texels: usize = scene.textures.iter().map(|texture| size_of_val(&texture.texels[..])).sum();
@@ -33,15 +33,14 @@ pub fn common(scene: &Scene, settings: &Settings) -> usize {
     DRIVER + surfaces + environment + photons + Direct::bytes(settings.direct.shadow_size) + LayerStore::bytes(settings.layers())
 }
 
-/// Bytes that a render takes at most: what every job has, the pixels of a block, and a film in each node of the pairwise tree over `blocks`; then
-/// the picture, unless it is a shard's.
+/// Most bytes of a render: `common`, a block's pixels, a film in each node of the pairwise tree over `blocks`; and the picture, unless a shard.
 pub fn of_render(scene: &Scene, settings: &Settings, blocks: u32, shard: bool) -> u64 {
     let size = settings.film.size;
     let pixels: usize = size.map(|side| side as usize).iter().product();
     let texels = |count: usize| count * size_of::<Vec4>() * pixels;
-    // Sums of the gather, of direct light, and of the photon map.
+    // Three accumulators: gather, direct light, photon map.
     let gl = CameraPoints::bytes(size) + Accumulator::bytes(size, 3);
-    // The photon map; at the end of a block the gather's sums as read and in the order of pixels, and direct light; caustics.
+    // The photon map; at the end of a block the gather's sums as read, the same in pixel order, and direct light; caustics.
     let block = GBuffer::bytes(pixels) + texels(4) + size_of::<Vec3>() * pixels;
     let rays = match (settings.gather.pipeline, settings.film.points) {
         (Pipeline::Raycast, _) | (_, PointSource::Traced) => {
@@ -50,7 +49,7 @@ pub fn of_render(scene: &Scene, settings: &Settings, blocks: u32, shard: bool) -
         _ => 0,
     };
     let films = FilmSum::most_nodes(blocks) as usize;
-    // A tree that is no power of two, and the two halves or the whole of it; the picture's channels, a copy for the writer and the file.
+    // The tree, when its size is no power of two, and its two halves or its whole; the picture's channels, a copy for the writer, and the file.
     let writing = if shard { 0 } else { Film::bytes(films.max(2) * pixels) + 3 * 32 * size_of::<f32>() * pixels };
     (common(scene, settings) + gl + rays + (block + Film::bytes(films * pixels)).max(writing)) as u64
 }

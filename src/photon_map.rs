@@ -1,5 +1,4 @@
-//! The photon map seen directly: the rough solution at the points themselves, which a render sets beside what gathering makes of it.
-//! Mirrors `glsl/photon_map.frag`.
+//! The photon map's irradiance at the points themselves. A render writes it beside the gathered one, to compare. Mirrors `glsl/photon_map.frag`.
 
 use glam::Vec4;
 
@@ -9,7 +8,7 @@ use crate::photon::PhotonTexture;
 use crate::points::{Accumulator, Points};
 use crate::shaders;
 
-/// Looks the photon map up at points.
+/// Looks up the photon map at points.
 pub struct PhotonMap {
     program: Program,
     irradiance: Accumulator,
@@ -24,7 +23,7 @@ impl PhotonMap {
         Ok(Self { program: Program::new(gpu, &shaders::PHOTON_MAP)?, irradiance: Accumulator::new(gpu, points)? })
     }
 
-    /// Irradiance at each point (rgb), row by row from the bottom; where there is no point, of no meaning.
+    /// Irradiance at each point (rgb), row by row from the bottom. The value of a texel without a point has no meaning.
     pub fn see(&self, photons: &PhotonTexture, points: Points) -> Vec<Vec4> {
         self.irradiance.clear();
         self.irradiance.add(points, &self.program, &photons.uniforms());

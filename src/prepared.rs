@@ -1,6 +1,6 @@
-//! A scene made ready for gathering, and its photon map.
+//! The scene with its ray tree and lights, ready for gathering, and its photon map.
 //!
-//! [`Prepared`] is the CPU side; it needs no GL device and traces no photons. Its counterpart on the GL side is [`Geometry`](crate::geometry::Geometry),
+//! [`Prepared`] is the CPU side. It needs no GL device and traces no photons. [`Geometry`](crate::geometry::Geometry) is the GL side,
 //! uploaded from [`Prepared::scene`].
 
 use std::rc::Rc;
@@ -11,7 +11,7 @@ use crate::photon::{PhotonCounts, PhotonGrid, PhotonTexture, PhotonTracer};
 use crate::scene::{Bvh, Lights, Scene, World};
 use crate::settings::PhotonSettings;
 
-/// A scene with its tree and its lights.
+/// A scene in unit space, with its ray tree and its lights.
 pub struct Prepared {
     pub scene: Scene,
     pub bvh: Rc<Bvh>,
@@ -19,16 +19,16 @@ pub struct Prepared {
 }
 
 impl Prepared {
-    /// For bakes, without glass: gather rays go straight through it, and nothing is baked on it.
+    /// The scene without glass, for bakes. Gather rays pass straight through glass, and no bake covers it.
     ///
     /// # Errors
-    /// [`Error::Usage`] when there is nothing but glass.
+    /// [`Error::Usage`] when all surfaces are glass.
     pub fn without_glass(world: &World) -> Result<Self> {
         let scene = world.flatten();
         Ok(Self::of(rest_of(&scene)?.unwrap_or(scene)))
     }
 
-    /// Twice: for eyes and photons, and for gather rays, without glass. Where there is no glass both are the same.
+    /// The whole scene for eye rays and photons, and the scene without glass for gather rays. A scene without glass returns the same [`Rc`] twice.
     ///
     /// # Errors
     /// As [`Self::without_glass`].
@@ -44,13 +44,13 @@ impl Prepared {
         Self { bvh: Rc::new(Bvh::new(&scene.mesh)), lights: Lights::new(&scene), scene }
     }
 
-    /// Traces photons through all of it.
+    /// A tracer of photons through this scene.
     pub fn photons(&self, settings: &PhotonSettings, seed: u64) -> PhotonTracer<'_> {
         PhotonTracer::new(&self.scene, &self.bvh, &self.lights, seed, settings.depth)
     }
 }
 
-/// The scene without glass, if it has any.
+/// The scene without its glass; `None` when it has no glass.
 fn rest_of(scene: &Scene) -> Result<Option<Scene>> {
     let rest = scene.without_glass();
     if rest.as_ref().is_some_and(|rest| rest.mesh.triangles.is_empty()) {
@@ -59,24 +59,24 @@ fn rest_of(scene: &Scene) -> Result<Option<Scene>> {
     Ok(rest)
 }
 
-/// The photon map: one after the other, each of fresh photons.
+/// The current photon map. A long render uses several maps in turn, each with fresh photons.
 pub struct Photons {
     pub grid: PhotonGrid,
     pub texture: PhotonTexture,
-    /// Of all maps so far.
+    /// Sum over all maps so far.
     pub counts: PhotonCounts,
-    /// Which of the maps it is.
+    /// Number of the current map, from 0.
     pub number: u64,
     settings: PhotonSettings,
     seed: u64,
 }
 
 impl Photons {
-    /// Traces the first map through `all`, which also tells for all of them which surfaces of `gathered` light reaches. Where the device has no memory
-    /// left, `make_room` may find some, or say that there is none.
+    /// Traces the first map through `all`. Its flux decides, for all maps, which surface area of `gathered` light reaches. When the device has no
+    /// memory left, `make_room` frees some and returns true, or returns false.
     ///
     /// # Errors
-    /// [`Error::Usage`] when there is no light to trace from, or a grid beyond the device's limits; [`Error::Gl`] when it fails.
+    /// [`Error::Usage`] when all lights are too small to trace from, or the grid exceeds the device's limits; [`Error::Gl`] when the device fails.
     pub fn new(
         gpu: &Gpu,
         [all, gathered]: [&Prepared; 2],
@@ -101,13 +101,13 @@ impl Photons {
         Ok(Self { texture, grid, counts, number: 0, settings: *settings, seed })
     }
 
-    /// Makes it the map of this number.
+    /// Replaces the map by the one with this number, unless it is that one already.
     ///
     /// # Errors
     /// When the device fails.
     pub fn renew(&mut self, gpu: &Gpu, all: &Prepared, number: u64) -> Result<()> {
         if number != self.number {
-            // Neither the one nor the other, should this fail.
+            // If the upload fails, the map has no valid number, so the next call traces again.
             self.number = u64::MAX;
             self.grid.clear_flux();
             let counts = all.photons(&self.settings, self.seed).trace(self.settings.numbers(number), &mut self.grid);

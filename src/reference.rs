@@ -1,10 +1,9 @@
-//! The oracle: the sums of a gather by exact rays on the CPU.
+//! The oracle: the sums of a gather, computed with exact rays on the CPU.
 //!
-//! The GL side answers from rasterised layers what a ray cast answers from triangles. [`Reference::gather`] takes the same points, the
-//! same directions and the same photon grid, and shares nothing else with it, so what is between the two is the error of the layers
-//! alone: Σ L(x, d) w and Σ w over the directions d, with w = max(n·d, 0) and L = albedo × E_photons / π at the nearest surface along d, or where
-//! there is none the environment's.
-//! One ray for each point and direction of positive weight, in parallel over points.
+//! The GL side finds hits in rasterised layers, the oracle with rays. [`Reference::gather`] takes the same points, directions and photon grid
+//! and shares no other code with the GL side, so the difference between the two is the error of the layers alone.
+//! It sums L(x, d) w and w over the directions d, with w = max(n·d, 0). L is albedo × E_photons / π at the nearest surface along d, or the miss
+//! radiance of the environment. It casts one ray for each point and direction of positive weight, in parallel over points.
 
 use std::f64::consts::PI;
 
@@ -25,19 +24,19 @@ pub struct Reference<'a> {
 }
 
 impl<'a> Reference<'a> {
-    /// `scene` is in unit space, and `bvh` and `grid` are of its mesh.
+    /// `scene` is in unit space; `bvh` and `grid` belong to its mesh.
     pub fn new(scene: &'a Scene, bvh: &'a Bvh, grid: &'a PhotonGrid) -> Self {
         Self { scene, bvh, grid }
     }
 
-    /// For each point rgb: Σ radiance × weight, a: Σ weight over unit `directions`.
+    /// The sums over unit `directions` at each point. rgb: Σ radiance × weight; a: Σ weight.
     pub fn gather(&self, points: &[GatherPoint], directions: &[Vec3]) -> Vec<Vec4> {
         let gather_point =
             |point: &GatherPoint| directions.iter().map(|&direction| self.sample(point, direction)).sum::<DVec4>().as_vec4();
         points.par_iter().map(gather_point).collect()
     }
 
-    /// One term of the sums: rgb radiance × weight, a weight.
+    /// One term of the sums. rgb: radiance × weight; a: weight.
     pub fn sample(&self, point: &GatherPoint, direction: Vec3) -> DVec4 {
         let weight = f64::from(point.cosine(direction));
         if weight == 0.0 {
@@ -50,7 +49,7 @@ impl<'a> Reference<'a> {
         weight * radiance.extend(1.0)
     }
 
-    /// What each point sees along a unit `direction`; `None` where that is nothing, or where its weight is zero.
+    /// The hit of each point along a unit `direction`; `None` for a miss or a weight of zero.
     pub fn hits(&self, points: &[GatherPoint], direction: Vec3) -> Vec<Option<Hit>> {
         let sees = |point: &GatherPoint| if point.cosine(direction) > 0.0 { self.hit(point, direction) } else { None };
         points.par_iter().map(sees).collect()
@@ -60,7 +59,7 @@ impl<'a> Reference<'a> {
         self.bvh.nearest(point.position + RAY_OFFSET * point.surface_normal, direction, None)
     }
 
-    /// Radiosity, π times the radiance, that leaves `hit` against `direction`: of the side that the ray meets, without its own emission.
+    /// Radiosity (π times the radiance) of the side of `hit` that the ray along `direction` meets, without the surface's own emission.
     fn radiosity(&self, point: &GatherPoint, direction: Vec3, hit: Hit) -> Vec3 {
         let position = point.position + hit.distance * direction;
         let mesh = &self.scene.mesh;

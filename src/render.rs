@@ -1,11 +1,11 @@
-//! A picture of a scene, from photons to pixels: the job that the tool, the tests and the figures run.
+//! Renders a picture of a scene, from photons to pixels. The tool, the tests and the figures run this job.
 //!
 //! [`Render::new`] prepares the scene; each [`Render::step`] gathers along a few more directions; [`Render::picture`] is the mean so far.
 //!
-//! Directions come in blocks of a power of two. A block has its own sub-pixel offset and its own samples on the lights, which makes
-//! anti-aliasing and soft shadows free of extra gather work, and its sums are independent of all other blocks: they may be done on several machines
-//! ([`Render::only`]), and a render that ends early goes on from those that were done ([`Render::save`], [`Render::resume`]). Photons are
-//! traced afresh now and then, so that their noise averages out in long renders as the directions' does.
+//! Directions come in blocks; a block has a power of two of them. Each block has its own sub-pixel offset and its own samples on the lights, so
+//! anti-aliasing and soft shadows need no extra gather work. The sums of a block are independent of all other blocks: several machines may do a
+//! shard each ([`Render::only`]), and a render that ended early can go on from its finished blocks ([`Render::save`], [`Render::resume`]).
+//! Long renders trace fresh photons now and then, so that photon noise averages out as the noise of the directions does.
 
 mod layer_view;
 mod merge;
@@ -50,9 +50,9 @@ pub struct Render {
     gpu: Gpu,
     settings: Settings,
     all: Rc<Prepared>,
-    /// What gather rays see.
+    /// The scene without glass, for gather rays.
     gathered: Rc<Prepared>,
-    /// Of all, and of what gather rays see.
+    /// The GL side of `all`, and below of `gathered`.
     geometry: Rc<Geometry>,
     gathered_geometry: Rc<Geometry>,
     /// In unit space.
@@ -62,35 +62,35 @@ pub struct Render {
     directions: Directions,
     /// Checksums of the scene.
     digest: Value,
-    /// The blocks that it is to do, of all there are.
+    /// The blocks to do; `None`: all.
     shard: Option<Range<u32>>,
     /// The block in progress.
     block: Option<Block>,
-    /// Directions gathered so far, those of the block in progress among them.
+    /// Directions gathered so far, with those of the block in progress.
     done: u32,
     film: FilmSum,
-    /// Whether the error that was asked for is reached.
+    /// Whether the target error is reached.
     reached: bool,
     statistics: RenderStatistics,
 }
 
-/// All passes and what they draw into: what a render at other settings makes anew.
+/// All passes and their targets. Other settings need new ones.
 struct Passes {
     source: PixelSource,
     direct: Direct,
     direct_sums: Accumulator,
     photon_map: PhotonMap,
     interleave: Interleave,
-    /// Of the block in progress.
+    /// Holds the sums of the block in progress.
     gather: IrradianceGather,
-    /// Of the layer view, once there is one.
+    /// The passes of the layer view, once it is used.
     shown: Option<layer_view::Apart>,
 }
 
-/// Where the points of a block come from.
+/// The source of a block's gather points.
 enum PixelSource {
     Camera(CameraPoints),
-    /// Those of the block in progress, once there is one.
+    /// The points of the block in progress, once there is one.
     Traced(Option<PointTextures>),
 }
 
@@ -100,11 +100,11 @@ struct Block {
     g_buffer: GBuffer,
     /// Irradiance of the photon map at the visible points.
     photon_map: Vec<Vec4>,
-    /// Irradiance of the caustics there.
+    /// Irradiance of caustics at the visible points.
     caustics: Vec<Vec3>,
-    /// The directions left, those of one subset of the pixels after those of another, so that a batch has one subset; the next one last.
+    /// The directions left, grouped by subset of the pixels, so that a batch has one subset. The last one is next.
     left: Vec<u32>,
-    /// Directions that each subset of the pixels took so far.
+    /// Number of directions gathered so far at each subset of the pixels.
     taken: Vec<u32>,
     light_samples: u32,
 }
@@ -158,11 +158,11 @@ impl Render {
         })
     }
 
-    /// Begins again: what `camera`, in world space, sees by other `settings`. Surfaces stay, and passes where the settings let them. So do the
-    /// first photons; a render that had gone on to others traces them again.
+    /// Begins again with another `camera`, in world space, and other `settings`. Keeps the surfaces, the first photons, and the passes where the
+    /// settings allow. A render that has already replaced the first photons traces them again.
     ///
     /// # Errors
-    /// As [`Self::new`], and when `settings` ask for other photons; then nothing has changed.
+    /// As [`Self::new`], and when `settings` change the photons; then nothing has changed.
     pub fn restart(&mut self, camera: Camera, settings: &Settings) -> Result<()> {
         if (settings.photons, settings.seed) != (self.settings.photons, self.settings.seed) {
             return Err(Error::usage("the photons of a render in progress cannot change", "open the scene again"));
@@ -182,20 +182,20 @@ impl Render {
     /// Compiles all programs again, after [`crate::shaders::reload`], and begins again.
     ///
     /// # Errors
-    /// When one does not compile; then nothing has changed.
+    /// When a program does not compile; then nothing has changed.
     pub fn reload(&mut self) -> Result<()> {
         self.passes = Passes::new(&self.gpu, &self.gathered, &self.settings)?;
         self.forget();
         Ok(())
     }
 
-    /// All that was gathered.
+    /// Discards all gathered sums.
     fn forget(&mut self) {
         self.block = None;
         self.done = 0;
         self.film = FilmSum::default();
         self.reached = false;
-        // Later photons go, and the first ones count when they are traced again.
+        // The next block traces the first photons again, and that counts them.
         if self.photons.number > 0 {
             self.photons.counts = PhotonCounts::default();
         }
@@ -204,12 +204,12 @@ impl Render {
         self.statistics.gather.layer_size = self.settings.layers();
     }
 
-    /// What it is rendered by.
+    /// The settings of the render.
     pub fn settings(&self) -> &Settings {
         &self.settings
     }
 
-    /// Whether its context is lost, so that it cannot go on.
+    /// Whether the GL context is lost. Then the render cannot go on.
     pub fn is_lost(&self) -> bool {
         self.gpu.is_lost()
     }
@@ -223,12 +223,12 @@ impl Render {
         self.reached || self.block.is_none() && self.next_block().is_none()
     }
 
-    /// Does these blocks alone, of [`blocks_of`] its settings.
+    /// Restricts the render to a shard: these blocks, of [`blocks_of`] its settings.
     pub fn only(&mut self, blocks: Range<u32>) {
         self.shard = Some(blocks);
     }
 
-    /// What it sums, by all that shapes the bits.
+    /// Identifies the sums of this render: everything that changes their bits.
     pub fn job(&self) -> Value {
         json!({
             "what": "render",
@@ -241,17 +241,17 @@ impl Render {
         })
     }
 
-    /// The blocks that are done.
+    /// The finished blocks.
     pub fn save(&self) -> Part<'_> {
         let mut part = Part::new(self.job(), json!({ "exposure": self.settings.display.exposure }));
         part.put_tree(FILM, &self.film);
         part
     }
 
-    /// Goes on from the blocks that are done in `part`, read from `path`, in the place of what was gathered here.
+    /// Replaces all gathered sums by the finished blocks of `part`, read from `path`, and goes on from there.
     ///
     /// # Errors
-    /// [`Error::Input`] when it is of another job, or damaged.
+    /// [`Error::Input`] when `part` belongs to another job or is damaged.
     pub fn resume(&mut self, path: &Path, part: &Part) -> Result<()> {
         part.check(path, &self.job())?;
         let film = film_of_part(path, part, &self.settings, blocks_of(&self.settings))?;
@@ -262,12 +262,12 @@ impl Render {
         Ok(())
     }
 
-    /// Whether no block is in progress, so that nothing is lost by ending here.
+    /// Whether no block is in progress. A render that ends here loses nothing.
     pub fn is_between_blocks(&self) -> bool {
         self.block.is_none()
     }
 
-    /// The first of its blocks that is not done.
+    /// The first block of the shard that is not done.
     fn next_block(&self) -> Option<u32> {
         let mine = self.shard.clone().unwrap_or(0..blocks_of(&self.settings).count());
         Some(self.film.missing(mine).first()?.start)
@@ -277,18 +277,17 @@ impl Render {
         &self.statistics
     }
 
-    /// Gathers along the next directions, as many as the pipeline takes at once, if any are left. Where memory ends the block begins again, with fewer
-    /// directions at a time.
+    /// Gathers along the next batch of directions, if any are left. When memory runs out, the block begins again with smaller batches.
     ///
     /// # Errors
-    /// [`crate::Error::Gl`] when the device fails; the blocks that were done before stay.
+    /// [`crate::Error::Gl`] when the device fails; finished blocks stay.
     pub fn step(&mut self) -> Result<()> {
         if self.is_done() {
             return Ok(());
         }
         let before = self.done - self.block.as_ref().map_or(0, |block| block.taken.iter().sum());
         self.gather_some().or_else(|error| {
-            // What a device did that failed is gone, or not to be trusted.
+            // After a failure the sums of the block are lost or not to be trusted.
             self.done = before;
             if self.gpu.goes_on(&error) && self.passes.gather.shrink() { Ok(()) } else { Err(error) }
         })
@@ -312,7 +311,7 @@ impl Render {
         Ok(())
     }
 
-    /// The mean of what is gathered so far, with the channels of `Film::image`; black before the first direction.
+    /// The mean so far, with the channels of `Film::image`; black before the first direction.
     pub fn picture(&self) -> Image {
         let Some(block) = &self.block else { return self.film.image(self.settings.film.size, &self.all.scene.space) };
         let mut film = self.film.clone();
@@ -320,7 +319,7 @@ impl Render {
         film.image(self.settings.film.size, &self.all.scene.space)
     }
 
-    /// Photons, visible points and direct light for the next block.
+    /// Prepares block `index`: photons, visible points, direct light and caustics.
     fn begin_block(&mut self, index: u32) -> Result<Block> {
         let blocks = blocks_of(&self.settings);
         let directions = blocks.directions(index..index + 1);
@@ -354,7 +353,7 @@ impl Render {
         let photon_map = self.passes.photon_map.see(&self.photons.texture, points);
         self.statistics.seconds.visible_points += self.finish("finding visible points", start)?;
 
-        // Each block takes its share of one sequence of light samples, so that together they cover the lights evenly.
+        // Each block takes its share of one sequence of light samples, so that all blocks together cover the lights evenly.
         let start = Instant::now();
         let light_samples = u64::from(self.settings.direct.light_samples).div_ceil(blocks.count().into());
         self.passes.direct_sums.clear();
@@ -377,7 +376,7 @@ impl Render {
         Ok(Block { index, g_buffer, photon_map, caustics, left, taken, light_samples: light_samples as u32 })
     }
 
-    /// Irradiance at the points of a block by way of mirrors and glass, from photons of its own.
+    /// Irradiance by way of mirrors and glass at the points of a block. Each block has its own caustic photons.
     fn caustics(&self, block: u32, g_buffer: &GBuffer) -> Vec<Vec3> {
         if !self.all.scene.is_specular() {
             return vec![Vec3::ZERO; g_buffer.normal.len()];
@@ -396,7 +395,7 @@ impl Render {
         let Some(subset) = block.left.last().map(subset_of) else { return Ok(()) };
         let numbers: Vec<u32> =
             block.left.iter().rev().take(batch).take_while(|&direction| subset_of(direction) == subset).copied().collect();
-        // As the camera sees them, so that a scene turned together with its camera makes the same picture.
+        // Directions are in the camera's frame, so that a scene turned together with its camera gives the same picture.
         let axes = self.camera.axes();
         let turned = |&number: &u32| {
             let direction = self.directions.get(number);
@@ -419,7 +418,7 @@ impl Render {
     fn film_of(&self, block: &Block) -> Film {
         let mut gathered = self.passes.gather.read();
         if self.settings.directions.estimator == Estimator::Plain {
-            // The weights' expected sum in place of their own: over the sphere, the mean of max(n·d, 0) is 1/4, that of |n·d| 1/2.
+            // The plain estimator divides by the expected sum of the weights. Over the sphere the mean of max(n·d, 0) is 1/4, that of |n·d| 1/2.
             let mean = if self.passes.gather.both_ends() { 0.5 } else { 0.25 };
             let taken = |pixel| block.taken[self.passes.interleave.subset_of(pixel).index()];
             gathered.iter_mut().enumerate().for_each(|(pixel, sum)| sum.w = mean * taken(pixel) as f32);
@@ -438,7 +437,7 @@ impl Render {
         )
     }
 
-    /// Once in a while, for the report and to stop a render that is good enough.
+    /// Estimates the error after every eighth block and the last one, for the report and to stop at the target error.
     fn estimate_error(&mut self) {
         let blocks = self.film.blocks();
         if blocks.is_multiple_of(8) || self.next_block().is_none() {
@@ -457,7 +456,7 @@ impl Render {
 }
 
 impl Passes {
-    /// `gathered` is what gather rays see.
+    /// `gathered` is the scene without glass, for gather rays.
     fn new(gpu: &Gpu, gathered: &Prepared, settings: &Settings) -> Result<Self> {
         let points = settings.film.size;
         let source = match settings.film.points {
@@ -468,7 +467,7 @@ impl Passes {
         let direct_sums = Accumulator::new(gpu, points)?;
         let photon_map = PhotonMap::new(gpu, points)?;
         let interleave = Interleave::new(settings.film.interleave, points, settings.seed);
-        // It makes do with the memory that is left.
+        // The gather comes last: it adapts to the memory that is left.
         let gather = IrradianceGather::new(gpu, &settings.gather, settings.layers(), &gathered.scene, &gathered.bvh, interleave)?;
         Ok(Self { source, direct, direct_sums, photon_map, interleave, gather, shown: None })
     }

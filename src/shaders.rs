@@ -1,5 +1,4 @@
-//! Every shader program of the crate, from the sources in `glsl/`. [`variants`] lists all of them: those that have a name here, and each pair of a
-//! [`Finder`] and a [`Consumer`].
+//! All shader programs, from the sources in `glsl/`. [`variants`] lists them: those named here, and one for each [`Finder`] and [`Consumer`].
 
 use std::fs;
 use std::path::Path;
@@ -52,12 +51,12 @@ shaders! {
 
 const GATHER: &str = include_str!("../glsl/gather.frag");
 
-/// Most directions that a shader takes at once, as its define says.
+/// Most directions in one batch of a shader: its define `BATCH`.
 pub const BATCH: usize = 8;
-/// Outputs of four floats that a shader has at most: OpenGL 3.3 promises no more.
+/// Most outputs of a shader, of four floats each: OpenGL 3.3 promises no more.
 const TARGETS: usize = 8;
 
-/// How `glsl/gather.frag` finds a hit: by the file of that name in `glsl/finder/`.
+/// The hit finder that `glsl/gather.frag` includes: the file of that name in `glsl/finder/`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Finder {
     Layers,
@@ -65,28 +64,28 @@ pub enum Finder {
     Stored,
 }
 
-/// What `glsl/gather.frag` does with hits, by a file of `glsl/consumer/`.
+/// The consumer of hits that `glsl/gather.frag` includes: a file of `glsl/consumer/`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Consumer {
     Irradiance(HitRadiance),
     /// `None`: surfaces are black.
     Hemisphere(Option<HitRadiance>),
     IncidentHarmonics(HitRadiance, HarmonicsPass),
-    /// `None`: surfaces are black. Else their transfer is that of the vertex cache, with albedo textures or without.
+    /// `None`: surfaces are black. Otherwise their transfer comes from the vertex cache; `true` with albedo textures.
     TransferHarmonics(Option<bool>, HarmonicsPass),
     Record,
 }
 
-/// What the radiance of a hit comes from.
+/// The source of a hit's radiance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct HitRadiance {
-    /// From the vertex cache, not from the photon map.
+    /// Whether it is the vertex cache, not the photon map.
     pub vertex_cache: bool,
-    /// In a scene with albedo textures.
+    /// Whether the scene has albedo textures.
     pub textured: bool,
 }
 
-/// One of the passes that it takes to write all coefficients of so many bands.
+/// One of the passes that together write all spherical harmonics coefficients of `order` bands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct HarmonicsPass {
     order: usize,
@@ -94,12 +93,12 @@ pub struct HarmonicsPass {
 }
 
 impl HarmonicsPass {
-    /// Outputs of all passes together: rgb triples in a row.
+    /// Number of outputs of all passes together. The rgb triples of the coefficients follow each other without gaps, four floats to an output.
     pub fn targets(order: usize) -> usize {
         (3 * order * order).div_ceil(4)
     }
 
-    /// Outputs of this pass.
+    /// Number of outputs of this pass.
     pub fn outputs(self) -> usize {
         (Self::targets(self.order) - TARGETS * self.pass).min(TARGETS)
     }
@@ -107,7 +106,7 @@ impl HarmonicsPass {
     /// All passes for bands 0 to `order` - 1.
     ///
     /// # Panics
-    /// When there are no shaders for so many.
+    /// When `order` is 0 or more than [`MAX_ORDER`].
     pub fn all(order: usize) -> impl Iterator<Item = Self> {
         assert!((1..=MAX_ORDER).contains(&order), "{order} bands");
         (0..Self::targets(order).div_ceil(TARGETS)).map(move |pass| Self { order, pass })
@@ -161,15 +160,15 @@ pub fn gather(finder: Finder, consumer: Consumer) -> ShaderSource {
     ShaderSource { name: "gather", fragment: GATHER, defines, ..DIRECT.clone() }
 }
 
-/// All programs there are. The tool uses some pairs of finder and consumer; all are listed, so that every pair stays valid.
+/// All programs of the crate. The tool uses some pairs of finder and consumer. All pairs are listed, so that each stays valid.
 pub fn variants() -> Vec<ShaderSource> {
     let finders = [Finder::Layers, Finder::Rays, Finder::Stored];
     let pairs = finders.into_iter().flat_map(|finder| Consumer::all().into_iter().map(move |consumer| gather(finder, consumer)));
     NAMED.iter().map(|&source| ShaderSource::clone(source)).chain(pairs).collect()
 }
 
-/// Reads the files of a folder laid out as `glsl/`, as far as it has them, in place of what is embedded: for work on shaders. Programs made
-/// from now on are of these.
+/// Replaces embedded shader sources by the files of a folder laid out as `glsl/`; a missing file keeps the embedded text. For work on shaders.
+/// Programs made from now on use the new sources.
 pub fn reload(folder: &Path) {
     let vertex = [("surface.vert".to_owned(), VISIBLE_POINTS.vertex), ("fullscreen.vert".to_owned(), DIRECT.vertex)];
     let fragments = NAMED.iter().map(|source| (source.name, source.fragment)).chain([("gather", GATHER)]);

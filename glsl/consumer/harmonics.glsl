@@ -1,8 +1,8 @@
-// Adds what the point sees as spherical harmonics (additive blending). With TRANSFER: how a diffuse point answers to a distant environment,
-// cosine-weighted, and with VERTEX_CACHE also by way of the surfaces that it sees. Without: incident radiance, that of lights included.
+// Consumer: adds spherical harmonics of the light at a point (additive blending). With TRANSFER: the cosine-weighted transfer from a distant
+// environment to a diffuse point, with VERTEX_CACHE also by way of the surfaces that it sees. Without: incident radiance, including lights.
 // Mirrors src/bake/integrals.rs.
 //
-// Coefficients are rgb triples in a row, four floats to a target. This is pass PASS of as many as it takes with eight targets.
+// The rgb triples of the coefficients follow each other, four floats to a target. A pass has eight targets; this is pass PASS.
 
 #include "include/harmonics.glsl"
 #ifdef TRANSFER
@@ -16,7 +16,7 @@
 
 layout(location = 0) out vec4 sums[8];
 
-// Of the f-th float, the basis function, and the colour of rgb; of the t-th four floats, their values. All arguments are constants.
+// BASIS: the basis function of float f. CHANNELS: the colours of the four floats of target t. FOUR: their values. All arguments are constants.
 #define FLOATS (3 * COEFFICIENTS)
 #define BASIS(f) ((f) < FLOATS ? basis[(f) < FLOATS ? (f) / 3 : 0] : 0.0)
 #define CHANNELS(rgb, t) vec4(rgb[(4 * (t)) % 3], rgb[(4 * (t) + 1) % 3], rgb[(4 * (t) + 2) % 3], rgb[(4 * (t) + 3) % 3])

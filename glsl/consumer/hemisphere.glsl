@@ -1,5 +1,4 @@
-// Adds integrals over the hemisphere that are plain sums over hits (additive blending). With RADIANCE also what hits send back.
-// Mirrors src/bake/integrals.rs.
+// Consumer: adds hemisphere integrals that are sums over hits (additive blending); with RADIANCE also their radiance. Mirrors src/bake/integrals.rs.
 
 #include "include/surface.glsl"
 #ifdef RADIANCE
@@ -10,8 +9,8 @@ uniform float open_distance;        // a hit farther away leaves the point open
 
 layout(location = 0) out vec4 reflected;    // rgb: radiance of surfaces x weight; a: weight
 layout(location = 1) out vec4 sky;          // rgb: radiance of the environment x weight; a: weight of misses
-layout(location = 2) out vec4 open;         // xyz: unit direction x weight of what meets nothing near; a: that weight
-layout(location = 3) out vec4 counts;       // weight of hits from behind; number of directions in the hemisphere
+layout(location = 2) out vec4 open;         // of rays without a near hit: xyz: unit direction x weight; a: weight
+layout(location = 3) out vec4 counts;       // x: weight of hits on the back of a surface; y: number of directions in the hemisphere
 
 void begin()
 {

@@ -1,4 +1,4 @@
-// Adds the radiance of hits, cosine-weighted (additive blending). Mirrors `IrradianceGather` in src/gather/irradiance.rs.
+// Consumer: adds the cosine-weighted radiance of hits (additive blending). Mirrors `IrradianceGather` in src/gather/irradiance.rs.
 
 #include "include/radiance.glsl"
 

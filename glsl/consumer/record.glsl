@@ -1,4 +1,4 @@
-// Writes hits down for glsl/finder/stored.glsl, so that several consumers read them. Mirrors `Recorder` in src/gather/stored.rs.
+// Consumer: stores hits for glsl/finder/stored.glsl, so that several consumers can read them. Mirrors `Recorder` in src/gather/stored.rs.
 
 layout(location = 0) out vec4 recorded[BATCH / 2];
 

@@ -1,5 +1,5 @@
-// Finds hits in all layers of a direction at once. A point that faces along the direction looks for the nearest surface beyond it, any other for the
-// nearest before it. Mirrors src/gather/layers.rs.
+// Hit finder: searches all layers of a direction. A point that faces along the direction looks for the nearest surface beyond it, another point for
+// the nearest surface before it. Mirrors src/gather/layers.rs.
 //
 // Loops test at the end, as in glsl/gather.frag.
 
@@ -12,15 +12,15 @@ uniform vec4 metric[BATCH];         // xyz: see Receiver
 struct LayerHit
 {
     Sample seen;                    // its id is the slot, counted from 1
-    ivec2 step;                     // to the texel it was found in
+    ivec2 step;                     // from the receiver's texel to the hit's
 };
 
-// The receiver stands somewhere in the stack of its texel's surfaces, and there its search ends. Seen along the direction, the hits come first and
-// the last of them is the nearest; seen against it, what is no hit comes first, its own surface last of all, and the first hit is the nearest.
+// The search goes through the surfaces of the receiver's texel, far to near, and ends at the receiver. Looking along the direction, it meets the hits
+// first; the last one is the nearest. Looking against it, it first meets non-hits, its own surface last; then the first hit is the nearest.
 struct Search
 {
     Sample nearest;
-    Sample under;                   // next to the receiver on the far side of its hit
+    Sample under;                   // the surface next to the receiver, on the side away from the hit
     int under_slot;
     bool ended;
 };
@@ -58,8 +58,8 @@ LayerHit search_layers(Receiver receiver)
     Sample under = search.under;
     int under_slot = search.under_slot;
 
-    // Beside a concave edge the neighbour's surface may be the hit. And a texel on the scene's outline may have its centre outside: what closes
-    // the scene there, its last layer as seen by the receiver, is in a texel around.
+    // Beside a concave edge the hit may be the neighbour texel's surface. A texel on the scene's outline may have its centre outside the scene. Then
+    // a texel around it has the surface that closes the scene: the last layer as seen by the receiver.
     ivec2 step = under.id == 0.0 || under.above <= receiver.depth_bias ? step_beside_edge(receiver) : ivec2(0);
     bool beside = step != ivec2(0) && under_slot >= 0 && !empty;
     slot = beside ? under_slot : 0;

@@ -1,4 +1,4 @@
-// Finds exact hits: each point casts a ray towards the end of the direction on its side of its surface. Mirrors src/gather/rays.rs.
+// Hit finder: each point casts an exact ray towards the end of the direction on its side of its surface. Mirrors src/gather/rays.rs.
 
 #include "include/bvh.glsl"
 

@@ -1,7 +1,7 @@
-// Finds hits in a texture that holds those of the whole batch. Mirrors `StoredHits` in src/gather/stored.rs.
+// Hit finder: reads the hits of the whole batch from a texture. Mirrors `StoredHits` in src/gather/stored.rs.
 
 uniform sampler2DArray hits;        // two directions in an element: distance; triangle, counted from 1, 0 for a miss
-uniform bool both_ends;             // of each direction, a point looks along the one on its side of its surface
+uniform bool both_ends;             // a point looks along the end of the direction on its side of its surface
 
 PointHit find_hit(GatherPoint point, ivec2 place, int i)
 {

@@ -1,20 +1,20 @@
-// What a hit reflects. Mirrors `Geometry` in src/geometry.rs.
+// The albedo of a hit. Mirrors `Geometry` in src/geometry.rs.
 
 #include "include/surface.glsl"
 
 #ifdef TEXTURED
 
-uniform sampler2D albedo_texels;    // of all textures, one after the other, each beginning with a row of this one
-uniform int albedo_shift;           // its width is 2 to this power
+uniform sampler2D albedo_texels;    // all albedo textures, one after the other; each begins at a new row
+uniform int albedo_shift;           // the width of albedo_texels is 2 to this power
 
-// A texel by its place in a texture of which this is the first row here.
+// The texel at `place` of an albedo texture of this size, which begins at `row` of albedo_texels.
 vec3 albedo_texel(int row, ivec2 size, ivec2 place)
 {
     int index = place.y * size.x + place.x;
     return texelFetch(albedo_texels, ivec2(index & ((1 << albedo_shift) - 1), row + (index >> albedo_shift)), 0).rgb;
 }
 
-// Of a surface at a position: bilinear, repeated, without mipmaps. Textures are many and a hit may need any, so that no sampler will do.
+// The albedo of a surface at a position: bilinear, repeated, without mipmaps. A hit may need any of many textures, more than a shader has samplers.
 vec3 albedo(Surface surface, vec3 position)
 {
     ivec2 texel = table_texel(surface.material);

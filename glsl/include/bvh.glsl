@@ -1,35 +1,35 @@
-// The nearest triangle on a ray, by a bounding volume hierarchy that needs no stack. Mirrors `FlatBvh` in src/scene/flat_bvh.rs, which lays
-// the tables out, and src/gather/rays.rs.
+// Finds the nearest triangle on a ray in a bounding volume hierarchy that needs no stack. Mirrors `FlatBvh` in src/scene/flat_bvh.rs, which makes
+// the tables, and src/gather/rays.rs.
 //
-// Software drivers run both sides of every branch but leave a loop when no ray is left in it, so all that can be skipped is a loop, with its
-// condition at the end: it is checked once less. Two cares for llvmpipe (Mesa 22.3): a ray that has left a loop keeps
-// only what the loop hands on from turn to turn, so nothing else is read behind one; and tests are products of comparisons, not branches.
+// Software drivers run both sides of every branch, but leave a loop when no ray is left in it. So work that can be skipped is in loops, which test at
+// the end, to test once less. Two rules for llvmpipe (Mesa 22.3): a ray that has left a loop keeps only variables that the loop carries from turn to
+// turn, so code after a loop reads no others; and tests are products of comparisons, not branches.
 
 #include "include/surface.glsl"
 
 uniform usampler2D bvh_nodes;       // a texel each, 1024 in a row
 uniform int bvh_count;              // nodes of one order
-uniform vec3 bvh_origin;            // where boxes count from, in
-uniform vec3 bvh_step;              // steps of this length
+uniform vec3 bvh_origin;            // origin of box coordinates
+uniform vec3 bvh_step;              // length of their unit
 uniform sampler2D bvh_triangles;    // in the order of the leaves, four texels each: plane; weights of two corners as functions of
                                     // the position; index
 
 const float FARTHEST = 4.0;         // beyond the scene, whose diameter is 2
-const float NOWHERE = -1.0;         // as the reach of a ray that is not to be cast
+const float NOWHERE = -1.0;         // reach of a ray that is not cast
 
 struct BvhHit
 {
     float distance;
-    int place;                      // of the triangle in the leaves; -1: nothing
+    int place;                      // place of the triangle in the leaves; -1: no hit
 };
 
-// What a triangle of the leaves is to the rest of the shader.
+// The index in `triangles` of the triangle at a place in the leaves.
 int triangle_at(int place)
 {
     return int(texelFetch(bvh_triangles, table_texel(place) + ivec2(3, 0), 0).x);
 }
 
-// Both sides of triangles count. The plane gives the distance, and the weights of the corners there tell whether the ray meets the triangle
+// Both sides of a triangle count. Its plane gives the distance; the weights of the corners at that position show whether the ray meets the triangle
 // (Baldwin and Weber 2016, "Fast ray-triangle intersections by coordinate transformation").
 void meet_triangle(int place, vec3 origin, vec3 direction, inout BvhHit nearest)
 {
@@ -46,12 +46,12 @@ void meet_triangle(int place, vec3 origin, vec3 direction, inout BvhHit nearest)
     nearest.place = met ? place : nearest.place;
 }
 
-// Of the triangles that a ray meets within its reach, the nearest.
+// The nearest triangle that a ray meets within its reach.
 BvhHit nearest_hit(vec3 origin, vec3 direction, float reach)
 {
-    // Where the ray hardly moves along an axis, it moves by less than boxes have to spare.
+    // Avoids division by zero. The change moves the ray by less than the margin of the boxes.
     vec3 slope = mix(direction, vec3(1e-7), lessThan(abs(direction), vec3(1e-7)));
-    // Distance to a box's side at a step.
+    // The distance to a box side at step s is factor * s + offset.
     vec3 factor = bvh_step / slope;
     vec3 offset = (bvh_origin - origin) / slope;
     ivec3 octant = ivec3(lessThan(slope, vec3(0.0))) * ivec3(1, 2, 4);
@@ -65,11 +65,11 @@ BvhHit nearest_hit(vec3 origin, vec3 direction, float reach)
             vec3 enter = vec3(ivec3(words.xyz & 0xffffu)) * factor + offset;
             vec3 leave = vec3(ivec3(words.xyz >> 16)) * factor + offset;
             bool met = max(max(enter.x, enter.y), max(enter.z, 0.0)) <= min(min(leave.x, leave.y), min(leave.z, nearest.distance));
-            int code = int(words.w);    // below zero for leaves
+            int code = int(words.w);    // negative for leaves
             leaf = met && code < 0 ? code & 0x7fffffff : leaf;
             node = met || code < 0 ? node + 1 : code;
         } while (leaf == 0 && node < end);
-        // A ray without a leaf tries the first triangle of all, which does no harm.
+        // A ray without a leaf tests the first triangle of the scene, which does no harm.
         int place = leaf >> 3;
         int last = place + (leaf & 7);
         do {

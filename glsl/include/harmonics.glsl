@@ -1,4 +1,4 @@
-// Real spherical harmonics of ORDER bands: orthonormal, without the Condon-Shortley phase, coefficient l(l+1)+m. The twin of src/harmonics.rs.
+// Real spherical harmonics of ORDER bands: orthonormal, without the Condon-Shortley phase, coefficient l(l+1)+m. Mirrors src/harmonics.rs.
 
 #define COEFFICIENTS (ORDER * ORDER)
 

@@ -2,14 +2,14 @@
 
 uniform vec4 directions[BATCH];     // xyz: unit vector; w: depth bias of its layers, for glsl/finder/layers.glsl
 uniform int direction_count;        // at least 1
-uniform vec4 miss_along[BATCH];     // rgb: radiance of a miss along each direction,
-uniform vec4 miss_against[BATCH];   // and against it
+uniform vec4 miss_along[BATCH];     // rgb: miss radiance along each direction
+uniform vec4 miss_against[BATCH];   // rgb: miss radiance against each direction
 
 struct PointHit
 {
     vec3 direction;                 // unit vector from the point
-    bool against;                   // it is the opposite of directions[i]
-    int triangle;                   // counted from 1; 0: the ray meets no surface. Then distance and position mean nothing
+    bool against;                   // whether direction is the opposite of directions[i]
+    int triangle;                   // counted from 1; 0: a miss, whose distance and position have no meaning
     float distance;                 // from the point
     vec3 position;
 };

@@ -1,4 +1,4 @@
-// Reading the layer store: the surfaces of a texel far to near, in slots. Mirrors `LayerStore` in src/gather/layer_store/mod.rs.
+// Reads the layer store: a texel has its surfaces in slots, far to near. Mirrors `LayerStore` in src/gather/layer_store/mod.rs.
 
 #include "include/packed_surface.glsl"
 

@@ -1,4 +1,4 @@
-// Unit vectors in two numbers: the octahedron |x| + |y| + |z| = 1 unfolded. The twins stand in src/points/list.rs.
+// Unit vectors as two numbers: the octahedron |x| + |y| + |z| = 1, unfolded. Mirrors src/points/list.rs.
 
 vec2 octahedral_encode(vec3 n)
 {
@@ -7,7 +7,7 @@ vec2 octahedral_encode(vec3 n)
     return n.z < 0.0 ? fold : p;
 }
 
-// Not normalised: readers ask on which side of the surface something lies, and most of this file's cost is here.
+// Not normalised: readers normalise where they need to, because most of this file's cost is here.
 vec3 octahedral_decode(vec2 p)
 {
     vec3 n = vec3(p, 1.0 - abs(p.x) - abs(p.y));

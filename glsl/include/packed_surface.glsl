@@ -1,13 +1,13 @@
-// A surface of the layer store in 64 bits: 24 of its depth along the direction, then the upper 20 of each of the two floats that are its change
-// to the next texel in x and in y. All are 0 where nothing is.
+// A surface of the layer store in 64 bits: 24 bits of depth along the direction, then the upper 20 bits of each of two floats, the change of depth
+// to the next texel in x and in y. All bits are 0 where no surface is.
 
 uvec2 pack_surface(float depth, uvec2 slope_bits)
 {
-    uvec2 bits = slope_bits + 0x800u;       // rounded: off by 1/4096 at most
+    uvec2 bits = slope_bits + 0x800u;       // rounds; the error is at most 1/4096
     return uvec2(uint(depth * 16777216.0) << 8 | bits.x >> 24, (bits.x & 0x00fff000u) << 8 | bits.y >> 12);
 }
 
-// (depth, its change to the next texel in x and y, slot counted from 1); the last is 0 where nothing is.
+// (depth, its change to the next texel in x and in y, slot counted from 1; 0: no surface).
 vec4 unpack_surface(uvec2 bits, int slot)
 {
     float depth = float(bits.x >> 8) / 16777216.0;

@@ -1,7 +1,7 @@
 // The grid photon map. Mirrors `PhotonTexture` in src/photon/texture.rs.
 //
-// Each cell has six bins, one a dominant normal direction, laid out as 3 x 2 tiles in x and y. A bin holds the photon flux (rgb)
-// and the surface area (a) of the cell; both are interpolated, and their quotient is the irradiance.
+// Each cell has six bins, one for each dominant normal direction, in 3 x 2 tiles in x and y. A bin holds the photon flux (rgb) and the surface
+// area (a) of the cell. The texture unit interpolates both; their quotient is the irradiance.
 
 uniform sampler3D photon_grid;
 uniform vec3 grid_origin;

@@ -1,21 +1,21 @@
-// Gather points: two RGBA32F textures, a texel a point. Mirrors src/points/mod.rs.
+// Gather points: two RGBA32F textures, one texel for a point. Mirrors src/points/mod.rs.
 
 #include "include/octahedral.glsl"
 
 uniform sampler2D point_position;   // xyz: position; w: geometric normal, octahedral x
 uniform sampler2D point_normal;     // xyz: unit shading normal, zero where there is no point; w: octahedral y
-uniform int point_stride;           // a subset of the points: every so many along each axis,
-uniform ivec2 point_offset;         // from here on
+uniform int point_stride;           // step between the points of a subset, along each axis
+uniform ivec2 point_offset;         // texel of the subset's first point
 
 struct GatherPoint
 {
     bool exists;
     vec3 position;
-    vec3 normal;                    // shading normal: the hemisphere that is integrated
-    vec3 surface_normal;            // unit geometric normal on the same side: the surface the point lies on
+    vec3 normal;                    // unit shading normal, the axis of the hemisphere to integrate
+    vec3 surface_normal;            // unit geometric normal of the point's surface, on the same side
 };
 
-// The point that the fragment at `place` of a target for one subset is about.
+// The point of the fragment at `place` in the target of one subset.
 GatherPoint fetch_point(ivec2 place)
 {
     ivec2 texel = place * point_stride + point_offset;
@@ -27,7 +27,7 @@ GatherPoint fetch_point(ivec2 place)
     return GatherPoint(dot(normal.xyz, normal.xyz) > 0.0, position.xyz, normal.xyz, surface_normal);
 }
 
-// The cosine weight of a unit direction, 0 where it leaves through the surface itself.
+// The cosine weight of a unit direction; 0 for directions below the surface.
 float cosine(GatherPoint point, vec3 direction)
 {
     return dot(point.surface_normal, direction) > 0.0 ? max(dot(point.normal, direction), 0.0) : 0.0;

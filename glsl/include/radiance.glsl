@@ -1,5 +1,5 @@
-// The radiance that a hit sends back: (albedo/π) E. E comes from the photon map or, with VERTEX_CACHE, from what was gathered before at the vertices;
-// backs are then black. The surface's own emission stays out: direct light adds that of the lights. Mirrors `Geometry` in src/geometry.rs.
+// The radiance that a hit sends back: (albedo/π) E, without emission, because direct light adds that of the lights. E comes from the photon map or,
+// with VERTEX_CACHE, from irradiance gathered before at the vertices; then backs are black. Mirrors `Geometry` in src/geometry.rs.
 
 #include "include/albedo.glsl"
 #ifdef VERTEX_CACHE
@@ -8,7 +8,7 @@
 #include "include/photon_grid.glsl"
 #endif
 
-// Of a triangle at a position, on the side that a ray along `direction` meets.
+// The radiance of a triangle at a position, on the side that a ray along `direction` meets.
 vec3 hit_radiance(int triangle, vec3 position, vec3 direction)
 {
     Surface surface = fetch_surface(triangle);

@@ -1,19 +1,19 @@
-// What the scene's triangles are made of. Mirrors `Geometry` in src/geometry.rs.
+// The tables of the scene's triangles and materials. Mirrors `Geometry` in src/geometry.rs.
 
 uniform sampler2D triangles;        // three texels each, see Surface
 uniform sampler2D materials;        // three texels each: albedo (a: 1 with a texture), emission, albedo texture
 
 struct Surface
 {
-    vec3 normal;                    // geometric, on the side the triangle winds counter-clockwise
+    vec3 normal;                    // unit geometric normal, on the side where the triangle winds counter-clockwise
     int axis;                       // 0, 1, 2: the largest component of that normal
     int material;
     vec4 u;                         // texture coordinates as functions of the position: u = dot(u.xyz, position) + u.w
     vec4 v;
 };
 
-// The first texel of an entry: tables are 1024 texels wide, and entries have 4 texels, the last one unused. No division, which is slow
-// on software drivers, and on softpipe traps in lanes that a branch has switched off.
+// The first texel of an entry. Tables are 1024 texels wide; an entry has 4 texels, the last one unused. Division is slow on software drivers, and
+// softpipe traps on it in lanes that a branch has switched off, so this uses none.
 ivec2 table_texel(int entry)
 {
     return ivec2(entry & 255, entry >> 8) * ivec2(4, 1);
@@ -28,7 +28,7 @@ Surface fetch_surface(int triangle)
                    texelFetch(triangles, texel + ivec2(2, 0), 0));
 }
 
-// What the material itself reflects; its texture multiplies it.
+// The albedo of the material, without its texture, which multiplies it.
 vec3 plain_albedo(Surface surface)
 {
     return texelFetch(materials, table_texel(surface.material), 0).rgb;

@@ -1,10 +1,10 @@
-// What was gathered at the scene's vertices, interpolated at a hit. Mirrors `VertexCache` in src/bake/vertex_cache.rs.
+// Values gathered at the scene's vertices, interpolated at a hit. Mirrors `VertexCache` in src/bake/vertex_cache.rs.
 
-uniform sampler2D cache_vertices;   // four texels a triangle: its corners' cached vertices; weights of the second and of the third corner as functions of the position
-uniform sampler2D cached_values;    // so many texels a vertex, 1024 in a row
+uniform sampler2D cache_vertices;   // four texels a triangle: cached vertices of its corners; weights of corners 2 and 3 as functions of the position
+uniform sampler2D cached_values;    // cached_texels for each vertex, 1024 in a row
 uniform int cached_texels;
 
-// Between three vertices.
+// A place between three vertices.
 struct CachePlace
 {
     ivec3 vertices;

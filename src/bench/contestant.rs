@@ -1,4 +1,4 @@
-//! Who can be measured: every pipeline, and what one does without bundles.
+//! The methods that a bench measures: every pipeline, and cosine-sampled rays, the usual method without bundles.
 
 use glam::Vec4;
 use rayon::prelude::*;
@@ -13,20 +13,20 @@ use crate::random::{Random, Recurrence};
 use crate::reference::Reference;
 use crate::settings::{GatherSettings, Pipeline};
 
-/// A way to gather, by name.
+/// A named way to gather.
 pub struct Contestant {
     pub name: &'static str,
-    /// In a line for a person.
+    /// A one-line description.
     pub about: &'static str,
-    /// `None`: rays on the CPU, cosine-distributed about each point's normal, point by point, each with a shift of its own of one low-discrepancy set.
-    /// One does that without bundles.
+    /// `None`: rays on the CPU, point by point, cosine-distributed about each point's normal. Each point shifts one low-discrepancy set by its own
+    /// random offset. This is the usual method without bundles.
     pipeline: Option<Pipeline>,
 }
 
-/// The one that others are set against.
+/// The contestant that the others are compared with.
 pub const FUSED: &str = "fused";
 
-/// All of them, in the order in which they take turns.
+/// All contestants, in the order of their turns.
 pub const CONTESTANTS: &[Contestant] = &[
     Contestant::new("kill", "the method of 2004", Some(Pipeline::Kill)),
     Contestant::new("early-kill", "the same with an early KILL", Some(Pipeline::EarlyKill)),
@@ -50,7 +50,7 @@ impl Contestant {
         self.pipeline.is_some_and(|pipeline| pipeline != Pipeline::Raycast)
     }
 
-    /// `seed` is that of its own rays, where it has such.
+    /// Prepares the contestant. `seed` is the seed of its rays when each point has its own rays.
     pub(super) fn enter(&self, bench: &Bench, seed: u64) -> Result<Entrant> {
         let Some(pipeline) = self.pipeline else {
             return Ok(Entrant::CosineRays { sums: vec![Vec4::ZERO; bench.pixels.len()], seed, taken: 0 });
@@ -65,7 +65,7 @@ impl Contestant {
 pub(super) enum Entrant {
     /// Along directions that all points share.
     Shared(IrradianceGather),
-    /// Row by row from the bottom, as the GL side has them.
+    /// Each point has its own rays. `sums` is row by row from the bottom, as on the GL side.
     CosineRays { sums: Vec<Vec4>, seed: u64, taken: u64 },
 }
 
@@ -78,7 +78,7 @@ impl Entrant {
         }
     }
 
-    /// How many directions it takes at once.
+    /// The most directions in a batch.
     pub fn batch(&self) -> usize {
         match self {
             Self::Shared(gather) => gather.batch(),
@@ -86,7 +86,7 @@ impl Entrant {
         }
     }
 
-    /// Begins anew.
+    /// Clears the sums.
     pub fn begin(&mut self, bench: &Bench) {
         match self {
             Self::Shared(gather) => gather.begin(bench.points()),
@@ -97,7 +97,7 @@ impl Entrant {
         }
     }
 
-    /// Gathers and returns the most layers of a direction, 0 where nothing is peeled.
+    /// Gathers along `directions`. Returns the most layers of a direction; 0 when the contestant peels none.
     pub fn gather(&mut self, bench: &Bench, directions: &[Direction]) -> Result<u32> {
         let Bench { scene, geometry, photons, .. } = bench;
         let oracle = Reference::new(scene, &bench.bvh, &bench.grid);
@@ -116,7 +116,7 @@ impl Entrant {
                         let [u, v] = set.point(number);
                         let direction = cosine_direction(point.normal, (u + shift[0]).fract(), (v + shift[1]).fract());
                         let sample = oracle.sample(point, direction).as_vec4();
-                        // Its density is the weight; under the surface there is neither.
+                        // The density of the ray is proportional to its weight. Both are zero under the surface.
                         *sum += if sample.w > 0.0 { sample / sample.w } else { Vec4::ZERO };
                     }
                 };
@@ -127,7 +127,7 @@ impl Entrant {
         }
     }
 
-    /// rgb Σ radiance × weight, a Σ weight, in the order of [`Bench::pixels`].
+    /// The sums in the order of [`Bench::pixels`]. rgb: Σ radiance × weight; a: Σ weight.
     pub fn sums(&self) -> Vec<Vec4> {
         match self {
             Self::Shared(gather) => gather.read(),

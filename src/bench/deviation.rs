@@ -1,11 +1,11 @@
-//! How far irradiances are from those of an oracle, and the middle of what was measured several times.
+//! The deviation of irradiances from an oracle's, and the median of repeated measurements.
 
 use std::f64::consts::PI;
 
 use glam::{DVec3, Vec4};
 use serde::{Deserialize, Serialize};
 
-/// Over all points and channels, as shares of the oracle's mean.
+/// Errors over all points and channels, as shares of the oracle's mean.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Deviation {
     /// mean |a - b| / mean b
@@ -31,16 +31,16 @@ impl Deviation {
     }
 }
 
-/// π Σ L w / Σ w; 0 where no ray has weight.
+/// Irradiance from sums: π Σ L w / Σ w; 0 when no ray has weight.
 pub fn irradiance(sum: Vec4) -> DVec3 {
     let sum = sum.as_dvec4();
     if sum.w > 0.0 { PI * sum.truncate() / sum.w } else { DVec3::ZERO }
 }
 
-/// The middle value, or the mean of the two in the middle.
+/// The middle value, or the mean of the two middle values.
 ///
 /// # Panics
-/// When there is none.
+/// When `values` is empty.
 pub fn median(values: &[f64]) -> f64 {
     let mut values = values.to_vec();
     values.sort_by(f64::total_cmp);
@@ -61,7 +61,7 @@ mod tests {
 
     #[test]
     fn deviations_are_shares_of_the_oracles_mean() {
-        // One point off by +1 and one by -3, of a mean of 4.
+        // One point differs by +1 and one by -3; the mean is 4.
         let oracle = [DVec3::splat(2.0), DVec3::splat(6.0)];
         let found = [DVec3::splat(3.0), DVec3::splat(3.0)];
         let deviation = Deviation::between(&found, &oracle);

@@ -1,10 +1,10 @@
-//! Gathers measured side by side: time, where it goes, and the error that it buys, on the same points, directions and photons.
+//! Measures gathers side by side: total time, time per stage, and error, for the same points, directions and photons.
 //!
-//! All contestants take turns, round after round, so that what else the machine does meets them alike; a time is the median of its rounds.
-//! Speed alone says little, for a gather is fast that leaves out what is hard: each [`Row`] has its error against exact rays.
+//! All contestants take turns, round after round, so that other load on the machine affects all of them alike. A time is the median of its rounds.
+//! A gather that skips hard cases is fast, so speed alone says little: each [`Row`] also has the error against exact rays.
 //!
-//! A *sample* is one ray that counts at one point. With both ends a direction brings every point one; with one end only the points that face
-//! along it, half of them. Costs are compared by [`Row::ms_per_sample`], the time in which every point gets one sample.
+//! A *sample* is one ray that counts at one point. A direction with both ends gives every point one sample; with one end it gives one only to the
+//! points that face along it, half of them. [`Row::ms_per_sample`] compares costs: the time in which every point gets one sample.
 //!
 //! [`Bench::new`] takes a scene in unit space; [`Bench::measure`] runs the contestants.
 
@@ -31,7 +31,7 @@ use crate::scene::{Bvh, Lights, Scene};
 use crate::settings::Settings;
 use contestant::Entrant;
 
-/// A scene with its photons and points, ready to be gathered at.
+/// A scene with its photons and gather points.
 pub struct Bench {
     gpu: Gpu,
     settings: Settings,
@@ -42,7 +42,7 @@ pub struct Bench {
     photons: PhotonTexture,
     geometry: Geometry,
     source: PointOrigin,
-    /// The points in the order of their textures' texels; some texels have none.
+    /// The points in texel order; `None`: a texel without a point.
     pixels: Vec<Option<GatherPoint>>,
 }
 
@@ -51,70 +51,70 @@ enum PointOrigin {
     List(PointList),
 }
 
-/// Where to gather.
+/// The points to gather at.
 pub enum Where {
-    /// At what the scene's camera sees in a picture of [`FilmSettings::size`](crate::settings::FilmSettings::size).
+    /// The points that the scene's camera sees in a picture of [`FilmSettings::size`](crate::settings::FilmSettings::size).
     Camera,
-    /// In unit space.
+    /// Given points, in unit space.
     Points(Vec<GatherPoint>),
 }
 
 /// How much to measure.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BenchPlan {
-    /// Of each contestant in a round.
+    /// Directions of each contestant in a round.
     pub directions: u32,
     pub rounds: u32,
-    /// Whether the device's stages are timed, in a round of their own.
+    /// Whether to time the device's stages, in an extra round.
     pub stages: bool,
-    /// Directions, both their ends, of the irradiance that [`Row::converged`] is held against; 0: none.
+    /// Directions, with both ends, of the irradiance that [`Row::converged`] compares with; 0: no comparison.
     pub converged: u32,
 }
 
-/// What was measured of one contestant.
+/// The measurements of one contestant.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Row {
     pub name: String,
-    /// How many ends of a direction count; null where each point has rays of its own, as many as there are directions.
+    /// How many ends of a direction count; null when each point has its own rays, as many as there are directions.
     pub ends: Option<u32>,
-    /// Of a round, the median.
+    /// Median over the rounds.
     pub seconds: f64,
-    /// Of the fastest and the slowest round.
+    /// Seconds of the fastest and of the slowest round.
     pub seconds_range: [f64; 2],
     pub ms_per_direction: f64,
-    /// In which every point gets one sample.
+    /// Time in which every point gets one sample.
     pub ms_per_sample: f64,
     pub samples_per_second: f64,
-    /// The most layers of a direction; 0 where nothing is peeled.
+    /// The most layers of a direction; 0 when the contestant peels none.
     pub layers_max: u32,
-    /// Null on the CPU, and where not asked for.
+    /// Null for contestants on the CPU, and when not asked for.
     pub device: Option<DeviceTimes>,
-    /// Against exact rays along the same directions; null where each point has rays of its own.
+    /// Against exact rays along the same directions; null when each point has its own rays.
     pub same_rays: Option<Deviation>,
-    /// Against many directions; the part of it that is no [`Row::same_rays`] is that of few directions or rays. Null where not asked for.
+    /// Against many directions. The excess over [`Row::same_rays`] comes from the small number of directions or rays. Null when not asked for.
     pub converged: Option<Deviation>,
 }
 
-/// Of a round apart, in which the stages were timed.
+/// Times of the extra round that times the stages.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct DeviceTimes {
     pub stages: Vec<StageTime>,
-    /// Share of the wall-clock time that the CPU spent in waits for the device. Software drivers work meanwhile, on the same cores.
+    /// Share of the wall-clock time that the CPU waited for the device. Software drivers work on the same cores meanwhile.
     pub waits: f64,
-    /// Share of the wall-clock time that no stage accounts for; null where the driver tells no time.
+    /// Share of the wall-clock time that is in no stage; null when the driver gives no times.
     pub idle: Option<f64>,
 }
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct StageTime {
     pub name: String,
-    /// Null where the driver tells no time.
+    /// Null when the driver gives no times.
     pub ms_per_direction: Option<f64>,
 }
 
-/// Points at which errors are taken, at most.
+/// Most points at which errors are measured.
 const ORACLE_POINTS: usize = 16384;
-/// Rays that each part of the oracle casts, at most; but never at fewer than 64 points.
+/// Most rays of each part of the oracle; but it always takes at least 64 points.
 const ORACLE_RAYS: usize = 1 << 24;
 
 impl Bench {
@@ -125,7 +125,7 @@ impl Bench {
     /// [`crate::Error::Gl`] when the device fails.
     pub fn new(gpu: &Gpu, scene: Scene, settings: &Settings, at: Where) -> Result<Self> {
         settings.validate()?;
-        // Gather rays pass straight through it.
+        // Gather rays pass straight through glass.
         let scene = scene.without_glass().unwrap_or(scene);
         let geometry = Geometry::upload(gpu, &scene)?;
         let (source, pixels) = match at {
@@ -133,7 +133,7 @@ impl Bench {
                 let camera = CameraPoints::new(gpu, settings.film.size)?;
                 let visible = camera.see(&geometry, &scene.camera(settings.film.size), Vec2::splat(0.5));
                 let pixels = visible.pixels();
-                // Of what was read back, the count is enough from now on.
+                // Only the counts are needed from now on.
                 let (count, cut) = (visible.count, visible.cut);
                 let [position, normal, albedo, emission] = Default::default();
                 (PointOrigin::Camera(camera, GBuffer { position, normal, albedo, emission, count, cut }), pixels)
@@ -160,7 +160,7 @@ impl Bench {
         Ok(Self { gpu: gpu.clone(), settings: *settings, scene, bvh, grid, photons, geometry, source, pixels })
     }
 
-    /// How many points there are.
+    /// Number of gather points.
     pub fn point_count(&self) -> u32 {
         self.points().count
     }
@@ -176,7 +176,7 @@ impl Bench {
         }
     }
 
-    /// Runs `contestants` in turns, a row each in their order.
+    /// Measures `contestants` in turns. Returns one row for each, in their order.
     ///
     /// # Errors
     /// As [`crate::gather::IrradianceGather::add`], and [`crate::Error::Gl`] when the device fails.
@@ -188,7 +188,7 @@ impl Bench {
         let directions: Vec<_> = (0..plan.directions).map(|index| directions.get(index)).collect();
         let mut entrants =
             contestants.iter().map(|contestant| contestant.enter(self, self.settings.seed)).collect::<Result<Vec<_>>>()?;
-        // Drivers compile and allocate when they first draw.
+        // A first run without timing: drivers compile and allocate at the first draw.
         for entrant in &mut entrants {
             let first = entrant.batch().min(directions.len());
             self.timed(entrant, &directions[..first])?;
@@ -229,7 +229,7 @@ impl Bench {
         Ok(rows)
     }
 
-    /// A gather in progress, of one contestant along the directions of one seed.
+    /// Begins a gather by one contestant along the directions of one seed.
     ///
     /// # Errors
     /// As [`Self::measure`].
@@ -239,7 +239,7 @@ impl Bench {
         Ok(Converging { bench: self, entrant, sequence: Directions::new(self.settings.directions.sequence, seed), done: 0 })
     }
 
-    /// Irradiance at every point by exact rays along both ends of this many directions, none of which a contestant uses.
+    /// Irradiance at every point by exact rays along both ends of this many directions. No contestant uses these directions.
     pub fn converged(&self, directions: u32) -> Vec<DVec3> {
         self.by_rays(&self.spread(usize::MAX), &self.other_directions(directions))
     }
@@ -257,13 +257,13 @@ impl Bench {
 
     /// At most `most` of the points, evenly spread, as places in [`Bench::pixels`].
     fn spread(&self, most: usize) -> Vec<usize> {
-        // An odd step does not run down a few columns of a picture.
+        // An even step could visit only a few columns of a picture.
         let step = (self.point_count() as usize).div_ceil(most.max(1));
         let places = (0..self.pixels.len()).filter(|&place| self.pixels[place].is_some());
         places.step_by(if step > 1 { step | 1 } else { 1 }).take(most).collect()
     }
 
-    /// Seconds of a round and the most layers of its directions.
+    /// Runs one round. Returns its seconds and the most layers of a direction.
     fn timed(&self, entrant: &mut Entrant, directions: &[Direction]) -> Result<(f64, u32)> {
         entrant.begin(self);
         self.gpu.finish();
@@ -291,14 +291,14 @@ impl Bench {
         };
         Ok(DeviceTimes {
             waits: times.waits / wall,
-            // A gather that names no stages has told nothing.
+            // A gather without stages gives no idle time.
             idle: busy.filter(|_| !times.stages.is_empty()).map(|busy| 1.0 - busy / wall),
             stages: times.stages.into_iter().map(stage).collect(),
         })
     }
 }
 
-/// What a contestant finds with more and more directions.
+/// A contestant's gather with a growing number of directions.
 pub struct Converging<'a> {
     bench: &'a Bench,
     entrant: Entrant,
@@ -307,7 +307,7 @@ pub struct Converging<'a> {
 }
 
 impl Converging<'_> {
-    /// Irradiance at every point once `directions` directions in all have been gathered.
+    /// Irradiance at every point after `directions` directions in total.
     ///
     /// # Errors
     /// As [`Bench::measure`].
@@ -322,10 +322,10 @@ impl Converging<'_> {
 }
 
 impl Row {
-    /// What the times of rounds tell, in units that compare.
+    /// The times of rounds, in comparable units.
     fn of(rounds: &[f64], directions: u32, points: u32, ends: Option<u32>) -> Self {
         let seconds = median(rounds);
-        // Where one end counts, half of the points face along it.
+        // With one end, half of the points face along a direction.
         let samples_a_point = f64::from(directions) * if ends == Some(1) { 0.5 } else { 1.0 };
         Self {
             ends,
@@ -339,13 +339,13 @@ impl Row {
     }
 }
 
-/// What exact rays find at some of the points.
+/// Irradiance by exact rays at some of the points.
 struct Oracle {
-    /// Into [`Bench::pixels`].
+    /// Indices into [`Bench::pixels`].
     places: Vec<usize>,
-    /// With one end of each direction, and with both.
+    /// With one end of each direction, and with both ends.
     same_rays: [Vec<DVec3>; 2],
-    /// Fewer places, for more directions.
+    /// Fewer indices, because `converged` takes more directions.
     few_places: Vec<usize>,
     converged: Vec<DVec3>,
 }
@@ -363,7 +363,7 @@ impl Oracle {
         }
     }
 
-    /// How far a gather is from exact rays along the same directions, and from many.
+    /// The deviations of a gather from exact rays along the same directions, and along many directions.
     fn judge(&self, ends: Option<u32>, sums: &[Vec4]) -> [Option<Deviation>; 2] {
         let at = |places: &[usize]| -> Vec<_> { places.iter().map(|&place| irradiance(sums[place])).collect() };
         let same_rays = ends.map(|ends| Deviation::between(&at(&self.places), &self.same_rays[ends as usize - 1]));
@@ -383,7 +383,7 @@ mod tests {
 
     #[test]
     fn one_end_of_a_direction_is_half_a_sample() {
-        // The middle round took 2 s.
+        // The median round took 2 s.
         let row = |ends| Row::of(&[9.0, 2.0, 1.0], 4, 1000, ends);
         let both = row(Some(2));
         assert_eq!((both.seconds, both.seconds_range), (2.0, [1.0, 9.0]));

@@ -1,6 +1,6 @@
-//! A bundle: the orthographic projection of the scene along one global direction.
+//! A bundle: the orthographic projection of the scene along one direction that all points share.
 //!
-//! Layer space has x and y in texels and z in window depth, growing along the direction: the farthest surface has the greatest depth.
+//! Layer space has x and y in texels, and window depth as z. Depth grows along the direction, so the farthest surface has the greatest depth.
 
 use glam::{Mat3, Mat4, Vec2, Vec3};
 
@@ -8,10 +8,10 @@ use crate::direction::Direction;
 use crate::gpu::Uniform;
 use crate::math::{Aabb, frame};
 
-/// Margin of the depth range on either side, so that no surface is clipped by rounding.
+/// Margin at either end of the depth range, as a share of it, so that rounding clips no surface.
 const DEPTH_MARGIN: f32 = 0.01;
 
-/// One direction's projection.
+/// The projection of one direction.
 #[derive(Clone, Copy, Debug)]
 pub struct Bundle {
     pub direction: Vec3,
@@ -19,18 +19,18 @@ pub struct Bundle {
     pub to_layer: Mat4,
     /// Unit space to clip space.
     pub to_clip: Mat4,
-    /// How far above its own tangent plane a point can tell a surface from its own.
+    /// Depth bias in unit space: a surface higher than this above a point's tangent plane is another surface than the point's own.
     pub depth_bias: f32,
 }
 
 impl Bundle {
-    /// Fits the projection to `positions` as seen along the direction, `size` texels on a side: a border of a texel stays empty, so that readers
-    /// need not ask whether a neighbour is still in the layer.
+    /// Fits a projection of `size` texels on a side to `positions`, in unit space. A border of one texel stays empty, so that readers need not
+    /// check whether a neighbour is inside the layer.
     pub fn new(direction: &Direction, positions: &[Vec3], size: u32) -> Self {
         let axes = frame(direction.vector) * Mat3::from_rotation_z(direction.turn);
         let to_axes = axes.transpose();
         let bounds = Aabb::from_points(positions.iter().map(|&position| to_axes * position));
-        // Beside the border, one texel less than there are leaves room for the shift.
+        // Two texels are the border, and one leaves room for the shift.
         let texel = (bounds.extent().truncate() / (size as f32 - 3.0).max(1.0)).max(Vec2::splat(1e-6));
         let corner = bounds.min.truncate() - (1.0 + direction.shift) * texel;
         let depth = (bounds.extent().z * (1.0 + 2.0 * DEPTH_MARGIN)).max(1e-6);
@@ -43,12 +43,12 @@ impl Bundle {
             direction: direction.vector,
             to_layer,
             to_clip: from_window * to_layer,
-            // Rasterisers round vertices to at least 1/16 of a texel, in practice to 1/256; the rest is float precision at 1.
+            // OpenGL lets rasterisers round vertices to 1/16 of a texel; in practice it is 1/256. The second term is float precision at 1.
             depth_bias: texel.max_element() / 256.0 + 2e-6,
         }
     }
 
-    /// Unit space to clip space of a row of `tiles` layers side by side, for each of `bundles` in a tile of its own, from the first on.
+    /// Unit space to clip space of a row of `tiles` layers side by side, for each of `bundles`: the first goes into the first tile, and so on.
     pub fn to_clip_of_tiles(bundles: &[Self], tiles: u32) -> Vec<Mat4> {
         let narrow = Mat4::from_scale(Vec3::new(1.0 / tiles as f32, 1.0, 1.0));
         let middle = |tile: u32| (2 * tile + 1) as f32 / tiles as f32 - 1.0;
@@ -56,13 +56,13 @@ impl Bundle {
         (0..).zip(bundles).map(to_clip).collect()
     }
 
-    /// Of layer space, whose axes are at right angles: the squared lengths that its units have as covectors.
+    /// The squared lengths of layer space's unit covectors. Its axes are at right angles, so three numbers are the whole metric.
     pub fn metric(&self) -> Vec3 {
         let from_layer = Mat3::from_mat4(self.to_layer).inverse();
         Vec3::from_array([0, 1, 2].map(|axis| from_layer.col(axis).length_squared())).recip()
     }
 
-    /// The uniforms that shaders of points read.
+    /// The uniforms of `glsl/kill.frag`.
     pub fn uniforms(&self) -> [(&'static str, Uniform<'static>); 4] {
         [
             ("direction", Uniform::Vec3(self.direction)),

@@ -1,4 +1,4 @@
-//! Finds exact hits by rays on the CPU, which those of other finders can be held against.
+//! A hit finder that casts exact rays on the CPU. The hits of other finders can be compared with its hits.
 
 use std::rc::Rc;
 
@@ -13,18 +13,18 @@ use crate::gpu::{Format, Gpu, Texture};
 use crate::points::{GatherPoint, Points};
 use crate::scene::{Bvh, RAY_OFFSET, Scene};
 
-/// Casts a ray for each point and direction, towards the end on the point's side of its surface.
+/// Casts a ray for each point and direction, towards the end of the direction on the point's side of its surface.
 pub struct CpuRayFinder {
     gpu: Gpu,
     bvh: Rc<Bvh>,
-    /// Of each triangle, its place in the shaders' table.
+    /// The place of each triangle in the shaders' table.
     slots: Vec<u32>,
     direction: [Vec4; 1],
     hits: Option<Texture>,
 }
 
 impl CpuRayFinder {
-    /// `scene` is in unit space, and `bvh` of its mesh.
+    /// `scene` is in unit space; `bvh` belongs to its mesh.
     pub fn new(gpu: &Gpu, scene: &Scene, bvh: Rc<Bvh>) -> Self {
         let mut slots = vec![0; scene.mesh.triangles.len()];
         for (slot, triangle) in (0..).zip(triangle_order(scene)) {

@@ -1,7 +1,7 @@
-//! Irradiance from the photon map, by any pipeline. Mirrors `glsl/consumer/irradiance.glsl`.
+//! Gathers irradiance from the photon map, by any pipeline. Mirrors `glsl/consumer/irradiance.glsl`.
 //!
-//! [`Pipeline::Raycast`] needs no shader: the oracle finds hits and looks up their radiance. So it stays free of what drivers round, as where they decode
-//! textures (6e-5 of a textured picture's mean on llvmpipe).
+//! [`Pipeline::Raycast`] uses no shader: the oracle finds hits and looks up their radiance. So drivers add no rounding, such as that of their
+//! texture decoding (6e-5 of a textured picture's mean on llvmpipe).
 
 use std::rc::Rc;
 
@@ -20,19 +20,19 @@ use crate::scene::{Bvh, Scene};
 use crate::settings::{GatherSettings, Pipeline};
 use crate::shaders::{Consumer, HitRadiance};
 
-/// What [`IrradianceGather::add`] reads.
+/// Inputs of [`IrradianceGather::add`].
 #[derive(Clone, Copy)]
 pub struct GatherInputs<'a> {
     /// In unit space.
     pub scene: &'a Scene,
     pub geometry: &'a Geometry,
     pub photons: &'a PhotonTexture,
-    /// By the same scene and photons.
+    /// Of the same scene and photons.
     pub oracle: Reference<'a>,
     pub points: Points<'a>,
 }
 
-/// Sums along directions for each point: rgb Σ radiance × weight, a Σ weight.
+/// Sums over directions at each point. rgb: Σ radiance × weight; a: Σ weight.
 pub struct IrradianceGather {
     interleave: Interleave,
     method: Method,
@@ -44,7 +44,7 @@ enum Method {
         pass: GatherPass,
         sums: Accumulator,
     },
-    /// Row by row from the bottom.
+    /// Points and sums are row by row from the bottom.
     Oracle {
         points: Vec<Option<GatherPoint>>,
         sums: Vec<Vec4>,
@@ -52,7 +52,7 @@ enum Method {
 }
 
 impl IrradianceGather {
-    /// By the settings' pipeline, for point textures of `interleave` and [`GatherSettings::layers`]. `scene` is in unit space, and `bvh` of its mesh.
+    /// Uses the settings' pipeline, point textures of `interleave`, [`GatherSettings::layers`]. `scene` is in unit space, `bvh` of its mesh.
     ///
     /// # Errors
     /// When a size is beyond the device's limits.
@@ -67,7 +67,7 @@ impl IrradianceGather {
         let method = match settings.pipeline {
             Pipeline::Raycast => Method::Oracle { points: Vec::new(), sums: Vec::new() },
             pipeline => {
-                // The finder comes last: it makes do with the memory that is left.
+                // The finder comes last: it adapts to the memory that is left.
                 let sums = Accumulator::new(gpu, interleave.sums_size())?;
                 let radiance = HitRadiance { vertex_cache: false, textured: !scene.textures.is_empty() };
                 let pass = GatherPass::new(gpu, shader_of(pipeline), Consumer::Irradiance(radiance))?;
@@ -77,7 +77,7 @@ impl IrradianceGather {
         Ok(Self { interleave, method })
     }
 
-    /// The most directions that it takes at once.
+    /// The most directions in a batch.
     pub fn batch(&self) -> usize {
         match &self.method {
             Method::Shader { finder, .. } => finder.batch(),
@@ -90,7 +90,7 @@ impl IrradianceGather {
         matches!(&self.method, Method::Shader { finder, .. } if finder.both_ends())
     }
 
-    /// Gives memory back that it can do without, if any.
+    /// As [`HitFinder::shrink`].
     pub fn shrink(&mut self) -> bool {
         match &mut self.method {
             Method::Shader { finder, .. } => finder.shrink(),
@@ -98,7 +98,7 @@ impl IrradianceGather {
         }
     }
 
-    /// Begins anew, at these points.
+    /// Clears the sums, for these points.
     pub fn begin(&mut self, points: Points) {
         match &mut self.method {
             Method::Shader { sums, .. } => sums.clear(),
@@ -109,7 +109,7 @@ impl IrradianceGather {
         }
     }
 
-    /// Gathers along `directions` at some of the points. Returns the most layers that were peeled for one of the directions, 0 where none were.
+    /// Gathers along `directions` at the points of one subset. Returns the most layers peeled for a direction, 0 when the pipeline peels none.
     ///
     /// # Errors
     /// [`crate::Error::Gl`] when the device is too small for the scene.
@@ -128,7 +128,7 @@ impl IrradianceGather {
                     (most, left) = (most.max(found.layers), later);
                 }
             }
-            // Direction by direction, so that neighbouring rays are parallel.
+            // The outer loop is over directions, so that neighbouring rays are parallel.
             Method::Oracle { points: places, sums } => directions.iter().for_each(|direction| {
                 let cast = |(i, (point, sum)): (usize, (&Option<GatherPoint>, &mut Vec4))| match point {
                     Some(point) if self.interleave.subset_of(i) == points.subset => {

@@ -1,8 +1,8 @@
-//! The 2004 way to sample layers: a pass over all points for each layer, in which texels behind a point are culled by KILL (`discard`) and
-//! the others overwrite its sample. Mirrors `glsl/kill.frag`.
+//! Samples layers as the poster of 2004 does: one pass over all points for each layer. KILL (`discard`) culls the samples of texels behind a
+//! point; the others overwrite the point's sample. Mirrors `glsl/kill.frag`.
 //!
-//! The poster's KILL did not stop the shader, and it expects more of "future hardware with an early KILL operation". [`Kill::early`] is that: what a
-//! layer has culled, the stencil test rejects before the same shader runs for nearer ones. Mirrors `glsl/reject.frag`.
+//! The poster's KILL did not stop the shader; the poster hopes for "future hardware with an early KILL operation". [`Kill::early`] does that: the
+//! stencil test rejects points that a layer has culled, before the shader runs for nearer layers. Mirrors `glsl/reject.frag`.
 
 use std::rc::Rc;
 
@@ -12,37 +12,39 @@ use crate::gpu::{Blend, DepthTest, Draw, Format, Gpu, Program, SampleQuery, Shap
 use crate::points::Points;
 use crate::shaders;
 
-/// Holds the nearest hit of each point so far.
+/// The nearest hit of each point so far.
 pub struct Kill {
     /// For the farthest layer, and for the others.
     programs: [Program; 2],
     hits: Target,
     survivors: SampleQuery,
-    /// With early KILL: what rejects the culled points.
+    /// The program that rejects culled points, with early KILL.
     reject: Option<Program>,
 }
 
-/// The depth that marks points which have sampled a layer: not that of the layer before, nor of a cleared target.
+/// The depth that marks points which have sampled layer `index`. It differs from the mark of the layer before and from a cleared target.
 fn mark(index: u32) -> f32 {
     if index.is_multiple_of(2) { 0.0 } else { 1.0 }
 }
 
 impl Kill {
+    /// For point textures of size `points`.
+    ///
     /// # Errors
     /// When the size is beyond the device's limits.
     pub fn new(gpu: &Gpu, points: [u32; 2]) -> Result<Self> {
         Self::with(gpu, points, false)
     }
 
-    /// What a layer culls is rejected before the shader from the next layer on.
+    /// With early KILL: once a layer culls a point, the stencil test rejects the point before the shader, for all later layers.
     ///
-    /// Points that sample a layer write a mark as their depth, and those that have not are rejected in a pass that has no work for a shader. In
-    /// one pass it would take a shader that discards and a stencil that is written, and then drivers test after the shader.
+    /// Points that sample a layer write a mark as their depth. A second pass, with an empty shader, rejects the points without the mark. A single
+    /// pass would need a shader that discards and also writes the stencil; for those, drivers test after the shader.
     ///
-    /// Far to near, a point that is culled is culled by all that follows, but for one ray in 300 000 (Cornell box, 256² layers): beside
-    /// a concave edge its own surface may seem the farther of two that meet there, or only a later layer's neighbour counts. Most of these rays
-    /// keep a hit farther away. Those without one would be lost, mostly to the farthest layer; so that one culls no points that
-    /// face the direction, and one ray in a million is lost. That leaves the furnace white and the difference from exact rays as it is.
+    /// Nearer layers also cull a point that a farther one culled, except for one ray in 300 000 (Cornell box, 256² layers). Beside a concave edge
+    /// the point's own surface may seem the farther of two that meet there, or only the neighbour texel of a later layer is a hit. Most of these
+    /// rays keep a farther hit. The others would be lost, mostly at the farthest layer. So the farthest layer culls no point that faces the
+    /// direction, and one ray in a million is lost. The furnace stays white and the difference from exact rays stays the same.
     ///
     /// # Errors
     /// As [`Self::new`].
@@ -61,12 +63,13 @@ impl Kill {
         Ok(Self { programs, hits, survivors: SampleQuery::new(gpu)?, reject })
     }
 
-    /// Begins a bundle: every ray misses, and none is marked or rejected.
+    /// Begins a bundle: all rays miss, and no point is marked or rejected.
     pub fn start(&self) {
         self.hits.clear([0.0; 4], 0.5);
     }
 
-    /// Lets each point sample `layer`, the `index`-th from afar. Returns how many did; for the farthest with early KILL, how many face it.
+    /// Each point samples `layer`, number `index` from far to near. Returns how many points pass KILL; early KILL passes, in the farthest layer, all
+    /// points that face the direction.
     pub fn sample(&self, points: Points, bundle: &Bundle, layer: &Texture, index: u32) -> u32 {
         let uniforms = [&[("layer", Uniform::Texture(layer))], &points.uniforms()[..], &bundle.uniforms()].concat();
         let program = &self.programs[usize::from(index > 0)];
@@ -84,7 +87,7 @@ impl Kill {
             .run();
     }
 
-    /// What each point saw along the direction, as `glsl/kill.frag` writes it.
+    /// The hit of each point along the direction, as `glsl/kill.frag` writes it.
     pub fn hits(&self) -> &Texture {
         self.hits.color(0)
     }

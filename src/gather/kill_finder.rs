@@ -1,5 +1,5 @@
-//! The method of the poster (Hachisuka 2004): peel layers from far to near, and let every point sample each of them unless KILL culls it. What is left
-//! is each point's nearest hit, whose radiance the irradiance consumer adds.
+//! The method of the poster (Hachisuka 2004): peels layers from far to near. Every point samples each layer unless KILL culls the sample. The last
+//! sample is the point's nearest hit; the irradiance consumer adds its radiance.
 
 use glam::Vec4;
 
@@ -10,7 +10,7 @@ use crate::geometry::Geometry;
 use crate::gpu::Gpu;
 use crate::points::Points;
 
-/// Finds hits by KILL, direction by direction.
+/// Finds hits by KILL, one direction at a time.
 pub struct KillFinder {
     gpu: Gpu,
     layer_size: u32,
@@ -22,7 +22,7 @@ pub struct KillFinder {
 }
 
 impl KillFinder {
-    /// For the point textures of `kill`. Peeling stops when fewer than `stop_fraction` of the points sample a layer, or none.
+    /// For the point textures of `kill`. Peeling stops when no point samples a layer, or fewer than the share `stop_fraction` of the points.
     ///
     /// # Errors
     /// When the size is beyond the device's limits.
@@ -49,7 +49,7 @@ impl HitFinder for KillFinder {
 
     fn find(&mut self, geometry: &Geometry, points: Points) -> Result<Found<'_>> {
         let bundle = Bundle::new(&self.direction, &geometry.positions, self.layer_size);
-        // A point samples every layer beyond it and none after, so the number of points that sample falls from layer to layer.
+        // Layers come far to near. A point samples each layer beyond it and no later one, so the number of sampling points falls.
         let enough = (self.stop_fraction * points.count as f32).max(1.0);
         let mut layers = 0;
         self.peel.start();

@@ -1,7 +1,6 @@
-//! Finds hits in all layers of a batch of directions at once (the pipeline "fused"). Mirrors `glsl/finder/layers.glsl`.
+//! A hit finder that keeps all layers of a batch of directions (the pipeline "fused"). Mirrors `glsl/finder/layers.glsl`.
 //!
-//! The layers are kept, and one pass over the points samples them for the rays at both ends: every direction serves every point, which halves the
-//! geometry's share of the work.
+//! One pass over the points samples the layers for both ends of each direction. So every direction serves every point: half the work on the geometry.
 
 use glam::{Mat4, Vec4};
 

@@ -1,16 +1,15 @@
 //! Final gathering: the irradiance at many points from many shared directions, by depth peeling.
 //!
-//! For a direction d, the ray from each point along +d is a line of one orthographic projection. Peeling the scene along d gives layers; a
+//! For a direction d, the rays from all points along +d are lines of one orthographic projection. Peeling the scene along d gives layers; a
 //! point's hit is the nearest layer beyond it:
 //!
 //! E(x) = π Σ L(x, d) w / Σ w, w = max(n·d, 0), over N directions uniform on the sphere.
 //!
-//! The weights' own sum in the denominator, in place of its expected value N/4, makes a constant radiance exact. Where a direction counts at both its
-//! ends, w = |n·d|. The cost of a direction is one pass over the triangles and one over the points for each layer, and does not depend on how the rays of
-//! other directions went.
+//! Dividing by the sum of the weights, not by its expected value N/4, makes a constant radiance exact. A direction that counts at both ends has
+//! w = |n·d|. A direction costs one pass over the triangles and one over the points for each layer, independent of other directions.
 //!
-//! A [`HitFinder`] finds hits, and a [`GatherPass`] gives them to a [`Consumer`]. Each finder works with each consumer. [`KillFinder`] is the method of
-//! the source: Hachisuka 2004, "Final Gathering on GPU".
+//! A [`HitFinder`] finds hits, and a [`GatherPass`] gives them to a [`Consumer`](crate::shaders::Consumer). Each finder works with each consumer.
+//! [`KillFinder`] is the method of the source: Hachisuka 2004, "Final Gathering on GPU".
 
 mod bundle;
 mod cpu_rays;
@@ -49,49 +48,47 @@ use crate::scene::{Bvh, Scene};
 use crate::settings::{GatherSettings, Pipeline};
 use crate::shaders::Finder;
 
-/// A way to find hits: what each point sees along each direction of a batch.
+/// A way to find the hit of each point along each direction of a batch.
 pub trait HitFinder {
-    /// The most directions that it takes at once.
+    /// The most directions in a batch.
     fn batch(&self) -> usize;
 
-    /// Whether a direction counts at both its ends: each point looks along the end on its side of its surface. Else only points that face along the
-    /// direction have a weight.
+    /// Whether both ends of a direction count: a point looks along the end on its side of its surface. Else only points that face it have a weight.
     fn both_ends(&self) -> bool {
         true
     }
 
-    /// Does what is the same for all points, for the first of at most [`Self::batch`] directions: as many as there is memory for. Returns how many, at
-    /// least one.
+    /// Does the work that all points share, for the first of at most [`Self::batch`] directions, as memory allows. Returns how many, 1 or more.
     ///
     /// # Errors
     /// [`crate::Error::Gl`] when the device is too small for the scene.
     ///
     /// # Panics
-    /// Without directions.
+    /// When `directions` is empty.
     fn begin(&mut self, geometry: &Geometry, directions: &[Direction]) -> Result<usize>;
 
-    /// What `points` see along the directions begun with.
+    /// The hits of `points` along the directions of the last [`Self::begin`].
     ///
     /// # Errors
     /// When the device has no memory for the hits.
     fn find(&mut self, geometry: &Geometry, points: Points) -> Result<Found<'_>>;
 
-    /// Gives memory back that it can do without, if any.
+    /// Frees memory that the finder does not need. Returns whether it freed any.
     fn shrink(&mut self) -> bool {
         false
     }
 }
 
-/// What a [`GatherPass`] reads of hits: they are in a texture, or its shader finds them. Mirrors `glsl/include/hits.glsl`.
+/// The hits that a [`GatherPass`] reads: from a texture, or found by its own shader. Mirrors `glsl/include/hits.glsl`.
 #[derive(Clone)]
 pub struct Found<'a> {
     finder: Finder,
-    /// The most layers that were peeled for a direction; 0 where none were.
+    /// The most layers peeled for a direction; 0 when the finder peels none.
     pub layers: u32,
     /// Unit vectors.
     directions: &'a [Vec4],
     both_ends: bool,
-    /// Those of the finder.
+    /// Uniforms of the finder.
     uniforms: Vec<(&'static str, Uniform<'a>)>,
 }
 
@@ -102,7 +99,7 @@ impl<'a> Found<'a> {
     }
 }
 
-/// The finder of a pipeline in shaders.
+/// The shader file that finds the hits of a pipeline.
 fn shader_of(pipeline: Pipeline) -> Finder {
     match pipeline {
         Pipeline::Fused => Finder::Layers,
@@ -111,7 +108,8 @@ fn shader_of(pipeline: Pipeline) -> Finder {
     }
 }
 
-/// The finder of the settings' pipeline, for point textures of one size and [`GatherSettings::layers`]. `scene` is in unit space, and `bvh` of its mesh.
+/// The hit finder of the settings' pipeline, for point textures of size `points` and layers of [`GatherSettings::layers`]. `scene` is in unit space;
+/// `bvh` belongs to its mesh.
 ///
 /// # Errors
 /// When a size is beyond the device's limits.
@@ -133,14 +131,14 @@ pub fn hit_finder(
     })
 }
 
-/// Radiance of rays that meet no surface: the same for all points.
+/// Miss radiance: the radiance of rays that meet no surface, equal for all points.
 pub struct MissRadiance {
     along: Vec<Vec4>,
     against: Vec<Vec4>,
 }
 
 impl MissRadiance {
-    /// Along and against each direction of a batch.
+    /// The miss radiance along and against each direction of a batch.
     pub fn new(scene: &Scene, directions: &[Direction]) -> Self {
         let seen = |side: f32| {
             let radiance = |direction: &Direction| scene.miss_radiance(side * direction.vector).extend(0.0);

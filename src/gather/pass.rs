@@ -1,4 +1,4 @@
-//! A pass over points that finds their hits and consumes them. Mirrors `glsl/gather.frag`.
+//! A pass over points: finds their hits and gives them to a consumer. Mirrors `glsl/gather.frag`.
 
 use super::Found;
 use crate::error::Result;
@@ -6,7 +6,7 @@ use crate::gpu::{Blend, Gpu, Program, Target, Uniform};
 use crate::points::{Accumulator, Points};
 use crate::shaders::{self, Consumer, Finder};
 
-/// The program of one finder and one consumer.
+/// The program of one hit finder and one consumer.
 pub struct GatherPass {
     gpu: Gpu,
     finder: Finder,
@@ -20,15 +20,15 @@ impl GatherPass {
         Ok(Self { gpu: gpu.clone(), finder, program: Program::new(gpu, &shaders::gather(finder, consumer))? })
     }
 
-    /// Adds what the consumer makes of the hits to `sums`; `uniforms` are those that the consumer reads.
+    /// Adds the consumer's output for the hits to `sums`. The consumer reads `uniforms`.
     ///
     /// # Panics
-    /// When the hits are found by another finder.
+    /// When the hits come from another finder than the program's.
     pub fn add(&self, found: &Found, points: Points, sums: &Accumulator, uniforms: &[(&'static str, Uniform)]) {
         self.draw(found, points, (sums.target(), Blend::Add), uniforms);
     }
 
-    /// Writes it in the place of what is in `target`.
+    /// Replaces the content of `target` by the consumer's output.
     pub(super) fn write(&self, found: &Found, points: Points, target: &Target) {
         self.draw(found, points, (target, Blend::Replace), &[]);
     }
@@ -38,7 +38,7 @@ impl GatherPass {
         let uniforms = [uniforms, &found.uniforms()].concat();
         let draw = || points.draw(to, &self.program, &uniforms);
         match self.finder {
-            // No stage: llvmpipe's timer takes a scene of one long draw for a twentieth of what it was.
+            // No stage: for one long draw, llvmpipe's timer shows a twentieth of the true time.
             Finder::Rays => draw(),
             Finder::Layers | Finder::Stored => self.gpu.stage("gather", draw),
         }

@@ -1,8 +1,7 @@
-//! Inverse depth peeling (after Everitt 2001, "Interactive order-independent transparency"): layers of a bundle, the farthest first.
-//! Mirrors `glsl/peel.frag`.
+//! Inverse depth peeling: layers, the farthest first (after Everitt 2001, "Interactive order-independent transparency"). Mirrors `glsl/peel.frag`.
 //!
-//! Each pass draws the scene with the depth test GREATER and discards what is not nearer than the layer before; what remains is the
-//! farthest of the rest. A layer says which triangle is there and where; what light it sends is looked up once a ray has found its hit.
+//! Each pass draws the scene with the depth test GREATER and discards fragments that are not nearer than the layer before. The farthest of the
+//! others remain. A layer holds triangles and depths; the consumer looks up the light of a triangle only for hits.
 //! Depth is a 32-bit float, so the strict comparison needs no epsilon and peeling ends.
 
 use super::bundle::Bundle;
@@ -11,17 +10,17 @@ use crate::geometry::{Geometry, SurfacePass};
 use crate::gpu::{DepthTest, Format, Gpu, Program, Target, Texture, Uniform};
 use crate::shaders;
 
-/// Depth of texels that see nothing: before all surfaces, so that every point lies beyond.
+/// An empty texel: its depth is nearer than all surfaces, so every point lies beyond it.
 const EMPTY: [f32; 4] = [-1.0, 0.0, 0.0, 0.0];
-/// Depth of the layer before the first: beyond all surfaces.
+/// A texel of the layer before the first: its depth is beyond all surfaces.
 const BEYOND: [f32; 4] = [2.0, 0.0, 0.0, 0.0];
 
 /// Peels one bundle at a time.
 pub struct Peel {
     peel: Program,
-    /// The even layers and the odd ones: none is drawn into the texture that it reads the one before from.
+    /// Targets of the even and the odd layers, because a draw cannot read the layer before from its own target.
     layers: [Target; 2],
-    /// Layers of this bundle so far.
+    /// Number of layers peeled from this bundle so far.
     count: usize,
 }
 
@@ -39,7 +38,7 @@ impl Peel {
         self.layers[1].clear(BEYOND, 0.0);
     }
 
-    /// The farthest layer not yet peeled, as `glsl/peel.frag` writes it; empty when there is none.
+    /// Peels the next layer, far to near, as `glsl/peel.frag` writes it. It is empty when no surface is left.
     pub fn next(&mut self, geometry: &Geometry, bundle: &Bundle) -> &Texture {
         let [target, previous] = [0, 1].map(|back| &self.layers[(self.count + back) % 2]);
         target.clear(EMPTY, 0.0);

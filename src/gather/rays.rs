@@ -1,9 +1,9 @@
-//! Finds exact hits by rays on the GL device, as the baseline of the bundles. Mirrors `glsl/finder/rays.glsl` and `glsl/include/bvh.glsl`.
+//! A hit finder that casts exact rays on the GL device: the baseline for the bundles. Mirrors `glsl/finder/rays.glsl` and `glsl/include/bvh.glsl`.
 //!
-//! Each point casts one ray along each direction, towards the end on its side of its surface. A bounding volume hierarchy gives the first surface on
-//! the ray, so hits are exact, and the cost of a direction grows with the logarithm of the number of triangles, times the number of points.
+//! Each point casts one ray along each direction, towards the end on its side of its surface. A bounding volume hierarchy gives the first surface
+//! on the ray. The cost of a direction grows with the number of points times the logarithm of the number of triangles.
 //!
-//! The tables take some 130 bytes a triangle; devices with textures of 16384² hold four million.
+//! The tables take about 130 bytes a triangle; devices with textures of 16384² hold four million triangles.
 
 use glam::{DVec3, Vec3, Vec4};
 
@@ -16,13 +16,12 @@ use crate::points::Points;
 use crate::scene::{FlatBvh, Scene};
 use crate::shaders::{BATCH, Finder};
 
-/// How far triangles reach beyond their edges, so that no ray slips through between two: a few times what a hit's position is rounded
-/// by, at coordinates of 1.
+/// Growth of triangles in unit space, so that no ray passes between two neighbours: a few times the rounding of a hit's position at coordinates of 1.
 const EDGE: f64 = 3e-7;
 
 /// Casts rays through one scene.
 pub struct RayFinder {
-    /// Without its nodes and triangles, which are in textures.
+    /// The tree; its nodes and triangles are in the textures below.
     tree: FlatBvh,
     nodes: Texture,
     triangles: Texture,
@@ -33,7 +32,7 @@ impl RayFinder {
     /// Builds the tree; `scene` is in unit space.
     ///
     /// # Errors
-    /// When the device's limits are below the scene's size.
+    /// When the scene is beyond the device's limits.
     pub fn new(gpu: &Gpu, scene: &Scene) -> Result<Self> {
         let corners: Vec<_> = triangle_order(scene).into_iter().map(|triangle| scene.mesh.corners(triangle)).collect();
         let mut tree = FlatBvh::new(&corners);
@@ -71,7 +70,7 @@ impl HitFinder for RayFinder {
     }
 }
 
-/// A triangle as `glsl/include/bvh.glsl` reads it: its plane, and the weights of two corners as functions of the position.
+/// A triangle as `glsl/include/bvh.glsl` reads it: its plane, the weights of two corners as functions of the position, and its index.
 fn texels(corners: [Vec3; 3], index: u32) -> [[f32; 4]; 4] {
     let corners @ [a, b, c] = grown(corners.map(|corner| corner.as_dvec3()));
     let normal = (b - a).cross(c - a).normalize();
@@ -80,7 +79,7 @@ fn texels(corners: [Vec3; 3], index: u32) -> [[f32; 4]; 4] {
     [normal.extend(-normal.dot(a)).as_vec4(), second.as_vec4(), third.as_vec4(), number].map(|texel| texel.to_array())
 }
 
-/// The triangle with each edge [`EDGE`] farther out: larger about the centre of its inscribed circle.
+/// The triangle with each edge [`EDGE`] farther out, scaled about the centre of its inscribed circle.
 fn grown([a, b, c]: [DVec3; 3]) -> [DVec3; 3] {
     let lengths = [b.distance(c), c.distance(a), a.distance(b)];
     let around: f64 = lengths.iter().sum();

@@ -1,4 +1,4 @@
-//! Hits in a texture: several consumers read them, and they may outlive the finder's next batch. Mirrors `glsl/finder/stored.glsl` and
+//! Stores hits in a texture. Several consumers can read them, also after the finder's next batch. Mirrors `glsl/finder/stored.glsl` and
 //! `glsl/consumer/record.glsl`.
 
 use std::rc::Rc;
@@ -18,7 +18,8 @@ pub const HIT_BYTES: usize = 8;
 
 /// The hits of a batch of directions.
 pub struct StoredHits {
-    /// Two directions in an element, or one: distance in unit space; slot of the triangle in [`crate::geometry::Geometry`], counted from 1, 0 for a miss.
+    /// Two directions in an array element, or one. Each has its distance in unit space, and the slot of its triangle in
+    /// [`crate::geometry::Geometry`], counted from 1; 0: a miss.
     texture: Rc<Texture>,
     /// Unit vectors.
     directions: Vec<Vec4>,
@@ -34,30 +35,30 @@ impl StoredHits {
         self.directions.len()
     }
 
-    /// What a pass reads of them.
+    /// The hits as a pass reads them.
     pub fn found(&self) -> Found<'_> {
         Found::stored(&self.texture, &self.directions, self.both_ends, self.layers)
     }
 }
 
 impl<'a> Found<'a> {
-    /// Hits in a texture, as [`StoredHits`] has them.
+    /// Hits in a texture laid out as in [`StoredHits`].
     pub(super) fn stored(texture: &'a Texture, directions: &'a [Vec4], both_ends: bool, layers: u32) -> Self {
         let uniforms = vec![("hits", Uniform::Texture(texture)), ("both_ends", Uniform::Int(both_ends.into()))];
         Self { finder: Finder::Stored, layers, directions, both_ends, uniforms }
     }
 }
 
-/// Records hits that a finder would find anew for each consumer.
+/// Records hits, so that a finder does not search again for each consumer.
 pub struct Recorder {
     gpu: Gpu,
     pass: GatherPass,
-    /// Hits of the batch in progress. `None`: the finder stores its own.
+    /// Hits of the batch in progress. `None`: the finder itself stores its hits.
     batch: Option<(Rc<Texture>, Target)>,
 }
 
 impl Recorder {
-    /// For the finder of a pipeline and point textures of at most this size.
+    /// For the finder of `pipeline`, and point textures of at most size `points`.
     ///
     /// # Errors
     /// When the device has no memory for the hits of a batch.
@@ -67,14 +68,14 @@ impl Recorder {
         Ok(Self { gpu: gpu.clone(), pass: GatherPass::new(gpu, finder, Consumer::Record)?, batch })
     }
 
-    /// Stored hits in the place of those found, until the next are recorded.
+    /// Stores the found hits until the next call, and returns them as stored hits.
     pub fn record<'a>(&'a self, found: Found<'a>, points: Points) -> Found<'a> {
         let Some((texture, target)) = &self.batch else { return found };
         self.pass.write(&found, points, target);
         Found::stored(texture, found.directions, found.both_ends, found.layers)
     }
 
-    /// Stores hits for good.
+    /// Stores hits in a new texture, which the caller keeps.
     ///
     /// # Errors
     /// When the device has no memory for them.
@@ -86,7 +87,7 @@ impl Recorder {
     }
 }
 
-/// A texture for the hits of so many directions, and the target that writes them.
+/// A texture for the hits of so many directions, and a target that writes to it.
 fn storage(gpu: &Gpu, points: [u32; 2], directions: usize) -> Result<(Rc<Texture>, Target)> {
     let format = if directions == 1 { Format::Rg32F } else { Format::Rgba32F };
     let elements = directions.div_ceil(2) as u32;

@@ -1,4 +1,4 @@
-//! One direction of a render taken apart, for people to look at: its layers, and what a point samples of them by the poster's rule.
+//! The layer view of a render: the layers of one direction, and how a point samples them by KILL, for people to look at.
 
 use glam::{Mat4, Vec2, Vec3, Vec4};
 
@@ -10,64 +10,64 @@ use crate::geometry::triangle_order;
 use crate::gpu::Gpu;
 use crate::points::{GatherPoint, PointList};
 
-/// One of a render's directions, at either end.
+/// One end of one of a render's directions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct End {
     pub number: u32,
-    /// Against the direction: the end that pipelines with both add.
+    /// Rays go against the direction. Pipelines that gather along both ends add this end.
     pub opposite: bool,
 }
 
-/// The layers of one direction, the farthest first, in unit space.
+/// The layers of one direction in unit space, the farthest first.
 #[derive(Clone, Debug)]
 pub struct Layers {
     pub end: End,
     /// Unit vector of the rays.
     pub direction: Vec3,
-    /// From texel x, texel y and depth of the projection.
+    /// Layer space (texel x, texel y, depth) to unit space.
     pub from_layer: Mat4,
     pub to_layer: Mat4,
     /// Side of the layers in texels.
     pub size: u32,
-    /// Row by row from texel (0, 0).
+    /// Each layer row by row from texel (0, 0).
     pub layers: Vec<Vec<Option<LayerTexel>>>,
 }
 
-/// A surface that a layer holds.
+/// A surface in a texel of a layer.
 #[derive(Clone, Copy, Debug)]
 pub struct LayerTexel {
-    /// Depth at the texel's centre, and how it changes to the next in x and y.
+    /// Depth at the texel's centre, and its change to the next texel in x and y.
     pub depth: f32,
     pub slopes: Vec2,
     pub albedo: Vec3,
     pub emissive: bool,
-    /// Of the angle between the surface's normal and the rays, unsigned.
+    /// Cosine of the angle between the surface's normal and the rays, unsigned.
     pub cosine: f32,
 }
 
-/// What the point behind a pixel finds along a direction.
+/// The samples and the hit of the point behind a pixel, along one direction.
 #[derive(Clone, Debug)]
 pub struct Probe {
-    /// In the picture, from the upper left corner, both in [0, 1).
+    /// Place in the picture, from the upper left corner, both coordinates in [0, 1).
     pub place: Vec2,
     pub point: GatherPoint,
-    /// For each layer, whether it was sampled: KILL let it pass.
+    /// For each layer, whether the point sampled it: KILL let it pass.
     pub sampled: Vec<bool>,
-    /// Where the last sample that was kept lies.
+    /// Position of the last sample.
     pub hit: Option<Vec3>,
 }
 
-/// Most texels that are kept of a direction: 64 layers of 512², half a gigabyte.
+/// Most texels that [`Layers`] keeps: 64 layers of 512², half a gigabyte.
 const MOST_TEXELS: usize = 1 << 24;
 
-/// The poster's two passes, for all directions and one point.
+/// The peel and KILL passes, for any direction and one point.
 pub(super) struct Apart {
     peel: Peel,
     kill: Kill,
 }
 
 impl Apart {
-    /// What is there, or else made.
+    /// The passes, made at first use.
     fn of<'a>(shown: &'a mut Option<Self>, gpu: &Gpu, layer_size: u32) -> Result<&'a mut Self> {
         let made = match shown.take() {
             Some(made) => made,
@@ -78,7 +78,7 @@ impl Apart {
 }
 
 impl Render {
-    /// Peels one direction for show, as [`crate::gather::KillFinder`] peels it: the farthest layers, as many as are kept.
+    /// Peels one direction as [`crate::gather::KillFinder`] does, and returns its farthest layers, at most 2²⁴ texels.
     ///
     /// # Errors
     /// When a program does not compile or the device fails.
@@ -115,7 +115,7 @@ impl Render {
         Ok(Layers { end, direction: bundle.direction, from_layer, to_layer: bundle.to_layer, size, layers })
     }
 
-    /// What the point seen at `place`, as [`Probe::place`], samples of these layers; `None` where no surface is seen.
+    /// Samples these layers at the point seen at `place`, as [`Probe::place`]; `None` where the camera sees no surface.
     ///
     /// # Errors
     /// When a program does not compile or the device fails.
@@ -135,7 +135,7 @@ impl Render {
         let mut sample = |index| kill.sample(list.points(), &bundle, peel.next(&self.gathered_geometry, &bundle), index) > 0;
         let mut all = 0..;
         let sampled: Vec<bool> = all.by_ref().take(layers.layers.len()).map(&mut sample).collect();
-        // The hit may lie in a layer that is not kept.
+        // The hit may lie in a layer beyond those kept.
         if sampled.last() == Some(&true) {
             all.find(|&index| !sample(index));
         }

@@ -1,4 +1,4 @@
-//! The blocks of a render in files: what a part holds, and how parts become the picture.
+//! The blocks of a render in files: reads a part's film, and merges parts into the picture.
 
 use std::path::Path;
 
@@ -14,7 +14,7 @@ use crate::settings::Settings;
 /// Name of the film's tree in a [`Part`].
 pub(super) const FILM: &str = "film";
 
-/// A picture from the parts of one render, without a device.
+/// Merges the parts of one render into its picture, without a device.
 pub struct RenderMerge {
     job: Value,
     settings: Settings,
@@ -23,10 +23,10 @@ pub struct RenderMerge {
 }
 
 impl RenderMerge {
-    /// Of the render that `part`, read from `path`, is of; nothing yet.
+    /// An empty merge of the render that `part` belongs to. `path` is the file of `part`.
     ///
     /// # Errors
-    /// [`Error::Input`] when it is damaged.
+    /// [`Error::Input`] when `part` is damaged or of another version.
     pub fn new(path: &Path, part: &Part) -> Result<Self> {
         part.check_version(path)?;
         let mut settings: Settings = Part::parse_value(path, &part.job["settings"])?;
@@ -36,16 +36,20 @@ impl RenderMerge {
         Ok(Self { job: part.job.clone(), settings, space, film: FilmSum::default() })
     }
 
+    /// Adds the blocks of `part`, read from `path`.
+    ///
     /// # Errors
-    /// [`Error::Input`] when it is of another render, damaged, or has blocks that are there already.
+    /// [`Error::Input`] when `part` belongs to another render, is damaged, or holds a block that was added before.
     pub fn add(&mut self, path: &Path, part: &Part) -> Result<()> {
         part.check(path, &self.job)?;
         let blocks = blocks_of(&self.settings);
         blocks.merge(path, &mut self.film, film_of_part(path, part, &self.settings, blocks)?)
     }
 
+    /// The picture of all blocks.
+    ///
     /// # Errors
-    /// [`Error::Usage`] when directions are missing.
+    /// [`Error::Usage`] when blocks are missing.
     pub fn picture(&self) -> Result<Image> {
         blocks_of(&self.settings).check_whole(&self.film)?;
         Ok(self.film.image(self.settings.film.size, &self.space))
@@ -62,16 +66,16 @@ impl RenderMerge {
     }
 }
 
-/// The film of a part that was read from `path`.
+/// The film of a part, read from `path`.
 ///
 /// # Errors
-/// [`Error::Input`] when it does not fit the settings.
+/// [`Error::Input`] when the film does not fit the settings.
 pub(super) fn film_of_part(path: &Path, part: &Part, settings: &Settings, blocks: Blocks) -> Result<FilmSum> {
     let film = |range, planes: Vec<&[f32]>| Film::of_planes(settings.film.size, blocks.directions(range).len() as u32, &planes);
     part.tree(path, FILM, blocks, film)
 }
 
-/// How the directions of a render fall into blocks. A block has its own sub-pixel offset, and a direction or more for each interleaved subset.
+/// The blocks of a render's directions. A block has its own sub-pixel offset, and at least one direction for each interleaved subset.
 pub fn blocks_of(settings: &Settings) -> Blocks {
     Blocks::new(settings.directions.count, settings.film.interleave * settings.film.interleave)
 }

@@ -1,17 +1,17 @@
-//! What a render counts and times.
+//! Counts and times of a render.
 
 use serde::Serialize;
 
 use crate::photon::PhotonCounts;
 
-/// Counts and times of a render. Times include the device's work.
+/// Counts and times of a render. Times include the work of the device.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct RenderStatistics {
     pub scene: SceneCounts,
     pub seconds: StageSeconds,
     pub gather: GatherCounts,
     pub photons: PhotonCounts,
-    /// Relative standard error of the picture, see [`DirectionSettings::target_error`]; estimated now and then.
+    /// Last estimate of the picture's relative standard error, as [`target_error`](crate::settings::DirectionSettings::target_error) defines it.
     pub error: Option<f64>,
 }
 
@@ -36,15 +36,15 @@ pub struct StageSeconds {
 pub struct GatherCounts {
     /// Points of one block: pixels that see a surface.
     pub points: u32,
-    /// Eye rays that were given up among mirrors and glass, of all blocks.
+    /// Eye rays cut off among mirrors and glass, in all blocks.
     pub cut: u64,
     pub directions: u32,
     pub layer_size: u32,
-    /// Peeled for a direction; where a pipeline takes several at once, all of them count as the deepest.
+    /// Mean number of layers peeled for a direction. In a batch, each direction counts as the deepest one.
     pub layers_mean: f64,
     pub layers_max: u32,
     pub ms_per_direction: f64,
-    /// Points × directions over the seconds of the gather.
+    /// Points × directions, divided by the seconds of the gather.
     pub samples_per_second: f64,
     #[serde(skip)]
     layers_sum: u64,

@@ -1,9 +1,9 @@
-//! All layers of several directions at once: each direction has a tile in a row of them, and each texel the surfaces on its line, far to near,
-//! one in a slot. Mirrors `glsl/include/layer_store.glsl`.
+//! Stores all layers of several directions. Each direction has a tile; the tiles stand in a row. Each texel has slots, which hold the surfaces
+//! on its line, far to near. Mirrors `glsl/include/layer_store.glsl`.
 //!
-//! The layers are those of [`super::Peel`], and what is stored is what a reader of all layers wants to fetch together: two surfaces in 16 bytes.
-//! Which triangle it is, of the one hit alone, lies apart. Two ways fill the slots, with the same: [`peel`] draws the scene once for each layer,
-//! and all devices can; [`sort`] draws it once for all of them, where shaders can write to images.
+//! The layers are those of [`super::Peel`]. Readers look at all layers of a texel, so one fetch of 16 bytes holds two surfaces. Readers need the
+//! triangle of the hit alone, so another texture holds the triangles. Two ways fill the slots, with equal results: [`peel`] draws the scene once
+//! for each layer, on any device; [`sort`] draws it once for all layers, where shaders can write to images.
 
 mod peel;
 mod sort;
@@ -21,45 +21,46 @@ use crate::geometry::Geometry;
 use crate::gpu::{Format, Gpu, Target, Texture, Uniform};
 use crate::shaders;
 
-/// Texels in a row of tiles, as far as one layer is not wider.
+/// Most texels in a row of tiles, unless one layer is wider.
 const WIDTH: u32 = 2048;
-/// Slots at first; deeper scenes double them.
+/// Slots at the start; deeper scenes double them.
 const SLOTS: u32 = 8;
 
-/// The layers of one batch of directions at a time.
+/// The layers of one batch of directions.
 pub struct LayerStore {
     gpu: Gpu,
     layer_size: u32,
     tiles: u32,
     slots: u32,
-    /// Whether the device is trusted to sort.
+    /// Whether to fill by sorting; false once the device has failed at it.
     sorts: bool,
-    /// Not while there is other use for the memory.
+    /// `None` while the memory is free for other uses.
     kept: Option<Kept>,
-    /// Layers of the batch.
+    /// Number of layers of the last batch.
     layers: u32,
 }
 
-/// Some of the bundles given to [`LayerStore::fill`], from the first on.
+/// Result of [`LayerStore::fill`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Filled {
+    /// How many of the given bundles are stored, from the first on.
     pub bundles: usize,
-    /// How many slots readers need to look at: the most surfaces on a line, or a little fewer than the bundles before had, whichever is more.
+    /// How many slots readers must look at: the most surfaces on a line, or a little fewer than the batch before had, whichever is more.
     pub layers: u32,
 }
 
-/// Room for layers, and what fills it.
+/// The allocated slots and their filler.
 struct Kept {
     tiles: u32,
     slots: Slots,
     filler: Filler,
 }
 
-/// Textures of one size.
+/// Array textures of one size.
 struct Slots {
-    /// Two slots in an element.
+    /// Two slots in an array element.
     planes: Rc<Texture>,
-    /// Four in an element.
+    /// Four slots in an array element.
     triangles: Rc<Texture>,
     count: u32,
 }
@@ -70,7 +71,7 @@ enum Filler {
 }
 
 impl LayerStore {
-    /// Filled in one pass over the geometry where the device can.
+    /// A store filled by sorting where the device can, else by peeling.
     ///
     /// # Errors
     /// When sizes are beyond the device's limits, or it has no memory for the layers of one direction.
@@ -78,7 +79,7 @@ impl LayerStore {
         Self::with(gpu, layer_size, gpu.writes_images())
     }
 
-    /// Filled by peeling on any device.
+    /// A store always filled by peeling.
     ///
     /// # Errors
     /// As [`Self::new`].
@@ -86,7 +87,7 @@ impl LayerStore {
         Self::with(gpu, layer_size, false)
     }
 
-    /// Bytes that [`Self::new`] takes at most. Deeper scenes take more.
+    /// Most bytes that [`Self::new`] takes. Deeper scenes take more later.
     pub fn bytes(layer_size: u32) -> usize {
         let tiles = Self::tiles_in(WIDTH, layer_size);
         Slots::bytes([tiles * layer_size, layer_size], SLOTS) + StoreSort::bytes(layer_size, tiles, SLOTS)
@@ -102,7 +103,7 @@ impl LayerStore {
         Ok(Self { gpu: gpu.clone(), layer_size, tiles: kept.tiles, slots: SLOTS, sorts, kept: Some(kept), layers: 0 })
     }
 
-    /// How many directions it holds; fewer where memory ends before the scene's layers.
+    /// How many directions it holds. The number falls when the scene's layers need more memory than the device has.
     pub fn tiles(&self) -> u32 {
         self.tiles
     }
@@ -111,7 +112,7 @@ impl LayerStore {
         self.layer_size
     }
 
-    /// Gives its memory back, and takes half as much from now on. Returns whether that is possible.
+    /// Frees the memory, and takes half as much from now on. Returns false, and does nothing, for a store of one direction.
     pub fn halve(&mut self) -> bool {
         let possible = self.tiles > 1;
         if possible {
@@ -120,20 +121,19 @@ impl LayerStore {
         possible
     }
 
-    /// Stores all layers of `bundles`, each in a tile, from the first on as many as it holds.
+    /// Stores all layers of `bundles`, each in a tile: from the first on, as many as fit.
     ///
     /// # Errors
-    /// When the scene has more layers than the device has memory or array elements for: 12 bytes a texel each, and 4 to 16 more for
-    /// sorting.
+    /// When the scene has more layers than the device has memory or array elements for. A layer takes 12 bytes a texel, and 4 to 16 more for sorting.
     ///
     /// # Panics
-    /// Without bundles.
+    /// When `bundles` is empty.
     pub fn fill(&mut self, geometry: &Geometry, bundles: &[Bundle]) -> Result<Filled> {
         assert!(!bundles.is_empty(), "no bundles");
-        // To ask whether anything is left, one must wait; most of the layers that were there last time are taken for granted.
+        // Asking the device whether surfaces are left means waiting for it. So most of the last batch's layers are filled without asking.
         let granted = self.layers.saturating_sub(1 + self.layers / 8);
         loop {
-            // What is too small or fails goes before there is other.
+            // A store that is too small or fails is freed here, before a new one is made.
             let mut kept = match self.kept.take() {
                 Some(kept) => kept,
                 None => Kept::fitting(&self.gpu, self.layer_size, self.tiles, self.slots, self.sorts)?,
@@ -145,7 +145,7 @@ impl LayerStore {
                 Filler::Sort(sort) => (sort.fill(geometry, bundles, granted, &kept.slots), true),
             };
             match self.gpu.check("storing layers") {
-                // A driver that promises images and fails, or loses all that is written to them: only a scene seen from its edge has no layer.
+                // The driver promises image writes, but fails or loses them. (Otherwise only a scene seen edge-on has no layer.) Peel from now on.
                 checked if sorted && !self.gpu.is_lost() && (checked.is_err() || layers == 0) => self.sorts = false,
                 Err(error) => return Err(error),
                 Ok(()) if layers > self.slots => {
@@ -160,13 +160,12 @@ impl LayerStore {
         }
     }
 
-    /// What was filled last.
+    /// The slots filled last.
     fn slots(&self) -> &Slots {
         &self.kept.as_ref().expect("a store is filled before it is read").slots
     }
 
-    /// The layers of one tile as [`super::Peel`] has them, far to near, each row by row: (depth, its change to the next texel in x and y, triangle
-    /// counted from 1), the last 0 where nothing is.
+    /// The layers of one tile, far to near, row by row, as [`super::Peel`]: (depth, its change to the next texel in x and y, triangle from 1 or 0).
     pub fn read(&self, tile: u32) -> Vec<Vec<Vec4>> {
         let (planes, triangles) = (self.slots().planes.read::<[u32; 4]>(), self.slots().triangles.read::<[u32; 4]>());
         let size = self.layer_size;
@@ -185,7 +184,7 @@ impl LayerStore {
         (0..self.layers).map(layer).collect()
     }
 
-    /// The uniforms that shaders of `glsl/include/layer_store.glsl` read.
+    /// The uniforms of `glsl/include/layer_store.glsl`.
     pub fn uniforms(&self) -> [(&'static str, Uniform<'_>); 3] {
         [
             ("planes", Uniform::Texture(&self.slots().planes)),
@@ -196,7 +195,7 @@ impl LayerStore {
 }
 
 impl Kept {
-    /// For `tiles` directions, or half as many until the device has room; if `sorts`, by sorting where it can.
+    /// For `tiles` directions, halved until the device has room. With `sorts` fills by sorting where the device can.
     fn fitting(gpu: &Gpu, layer_size: u32, mut tiles: u32, slots: u32, sorts: bool) -> Result<Self> {
         loop {
             let sorting = sorts.then(|| Self::new(gpu, layer_size, tiles, slots, true).ok()).flatten();
@@ -218,7 +217,7 @@ impl Kept {
     }
 }
 
-/// For the layers of even one direction.
+/// The error when memory is too small for the layers of one direction.
 fn no_room(gpu: &Gpu, layer_size: u32, slots: u32) -> Error {
     let mebibytes = 12.0 * f64::from(layer_size).powi(2) * f64::from(slots) / f64::from(1 << 20);
     let mut smaller = successors(Some(layer_size / 2), |size| Some(size / 2)).take_while(|&size| size > 0);

@@ -1,5 +1,4 @@
-//! Fills the layer store as [`super::super::Peel`] finds layers, one by one; but one draw peels a layer of all tiles.
-//! Mirrors `glsl/store_peel.frag`.
+//! Fills the layer store by depth peeling, as [`super::super::Peel`] does. One draw peels a layer of all tiles. Mirrors `glsl/store_peel.frag`.
 
 use std::rc::Rc;
 
@@ -16,7 +15,7 @@ pub struct StorePeel {
     /// For the farthest layer, and for the others.
     programs: [Program; 2],
     any: SampleQuery,
-    /// Of the even layers and of the odd ones.
+    /// Depth buffers of the even layers and of the odd ones.
     depths: [Rc<Texture>; 2],
     /// One for each slot.
     targets: Vec<Target>,
@@ -39,7 +38,7 @@ impl StorePeel {
         })
     }
 
-    /// Peels as many layers as there are, at least `granted`, and returns how many; or one more than the slots.
+    /// Peels all layers, at least `granted`. Returns their number, or the number of slots plus 1 when the layers fill all slots.
     pub fn fill(&self, geometry: &Geometry, bundles: &[Bundle], granted: u32) -> u32 {
         let to_clip = Bundle::to_clip_of_tiles(bundles, self.tiles);
         for layer in 0..self.targets.len() as u32 {

@@ -1,5 +1,5 @@
-//! Fills the layer store in one pass over the geometry: every surface is appended to its texel's list, and then each list is sorted into the
-//! slots. Needs images that shaders write to. Mirrors `glsl/store_append.frag` and `glsl/store_sort.frag`.
+//! Fills the layer store in one pass over the geometry: appends every surface to its texel's list, then sorts each list into the slots.
+//! Shaders must be able to write to images. Mirrors `glsl/store_append.frag` and `glsl/store_sort.frag`.
 
 use super::{Bundle, Slots};
 use crate::error::Result;
@@ -7,7 +7,7 @@ use crate::geometry::Geometry;
 use crate::gpu::{Blend, DepthTest, Draw, Format, Gpu, Program, Shape, Target, Texture, Uniform};
 use crate::shaders;
 
-/// Tiles whose lists are kept at a time: enough to keep a device busy, and few, for a surface in a list takes 16 bytes.
+/// Tiles that have lists at a time: enough to keep a device busy. Not more, because a surface in a list takes 16 bytes.
 const TILES: u32 = 2;
 
 pub struct StoreSort {
@@ -16,17 +16,17 @@ pub struct StoreSort {
     tiles: u32,
     append: Program,
     sort: Program,
-    /// How long the lists are, one texel each.
+    /// Length of each texel's list.
     counts: Target,
-    /// An element for each place in a list.
+    /// One array element for each place in a list.
     lists: Texture,
-    /// Of one texel, the longest list.
+    /// One texel: the length of the longest list.
     deepest: Target,
-    /// What draws that write to images alone have for a target.
+    /// The target of draws that write to images only.
     area: Target,
-    /// The elements of the slots' planes.
+    /// The array elements of the slots' planes.
     elements: Vec<Target>,
-    /// Slots that may not be empty.
+    /// Number of slots that may hold surfaces.
     dirty: u32,
 }
 
@@ -50,14 +50,14 @@ impl StoreSort {
         })
     }
 
-    /// Bytes that [`Self::new`] takes beside the slots.
+    /// Bytes that [`Self::new`] takes besides the slots.
     pub fn bytes(layer_size: u32, tiles: u32, slots: u32) -> usize {
         let size = [tiles.min(TILES) * layer_size, layer_size];
         let lists = slots as usize * Target::bytes(size, &[Format::Rgba32Ui], false);
         lists + Target::bytes(size, &[Format::R32Ui], true)
     }
 
-    /// Returns how long the longest list is, at least `granted`; what is in it beyond the slots is lost.
+    /// Returns the length of the longest list, at least `granted`. Surfaces beyond the slots are lost.
     pub fn fill(&mut self, geometry: &Geometry, bundles: &[Bundle], granted: u32, slots: &Slots) -> u32 {
         self.elements.iter().take(self.dirty.div_ceil(2) as usize).for_each(|element| element.clear_unsigned(0, [0; 4]));
         self.deepest.clear_unsigned(0, [granted; 4]);
@@ -84,7 +84,7 @@ impl StoreSort {
         );
     }
 
-    /// Into the tiles from texel column `column` on.
+    /// Sorts the lists into the slots, from texel column `column` on.
     fn sort(&self, column: u32, granted: u32, slots: &Slots) {
         self.draw(
             &self.sort,
