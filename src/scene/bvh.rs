@@ -66,8 +66,7 @@ impl Bvh {
     }
 }
 
-/// Distance along the ray to either side of a triangle; infinity without a hit (after Möller and Trumbore 1997). The tree's own test leaves gaps at
-/// edges.
+/// Distance along the ray to either side of a triangle; infinity without a hit (Möller and Trumbore 1997). The tree's own test leaves gaps at edges.
 fn intersect(triangle: &obvhs::triangle::Triangle, ray: &Ray) -> f32 {
     let (e1, e2) = (triangle.v0 - triangle.v1, triangle.v2 - triangle.v0);
     let normal = e1.cross(e2);

@@ -102,8 +102,7 @@ fn placed(transform: DAffine3) -> impl Fn(&Vec3) -> DVec3 {
     move |position| transform.transform_point3(position.as_dvec3())
 }
 
-/// Transforms normals to world space by the inverse transpose: the cofactor matrix over the determinant. The cofactor matrix is finite for any
-/// transform.
+/// Transforms normals to world space by the inverse transpose: cofactor matrix over determinant. The cofactor matrix is always finite.
 fn turned(linear: DMat3) -> impl Fn(&Vec3) -> Vec3 {
     let DMat3 { x_axis: x, y_axis: y, z_axis: z } = linear;
     let cofactors = DMat3::from_cols(y.cross(z), z.cross(x), x.cross(y)) * linear.determinant().signum();

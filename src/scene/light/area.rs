@@ -74,8 +74,7 @@ impl AreaLight {
         self.point(u, [rest, v])
     }
 
-    /// A photon from a point of the light. Its directions have a cosine distribution about the normal of the emitting side; see
-    /// [`super::Lights::emit`].
+    /// A photon from a point of the light, with a cosine distribution about the normal of the emitting side; see [`super::Lights::emit`].
     pub fn emit(&self, probability: f32, [pick, u, v, s, t]: [f32; 5]) -> (Path, Vec3) {
         let LightPoint { triangle, position, normal, radiance_area } = self.point(pick, [u, v]);
         let direction = cosine_direction(normal, s, t);
