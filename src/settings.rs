@@ -105,9 +105,8 @@ settings! {
         directions => count: u32 = 1000,
         sequence => sequence: Sequence = Sequence::R2,
         estimator => estimator: Estimator = Estimator::SelfNormalised,
-        /// A render stops early when the standard error of the mean reflected radiance is at most this: root mean square over the pixels, as a share of
-        /// the picture's mean, estimated from two halves. 0: never. The size of `auto` layers then follows from the number of directions that this
-        /// error needs.
+        /// A render stops early at this relative standard error of the mean reflected radiance: root mean square over the pixels, over the picture's
+        /// mean, estimated from two halves. 0: never. The `auto` layer size then follows from the directions that the error needs.
         target_error | "until" => target_error: f64 = 0.0,
     }
 
@@ -116,8 +115,7 @@ settings! {
         pipeline => pipeline: Pipeline = Pipeline::Fused,
         /// Side of the square depth layers. [`Self::layers`] gives it in texels.
         layer_size => layer_size: LayerSize = LayerSize::Auto,
-        /// The poster's criterion: peeling of a direction ends at the first layer that fewer than this share of the points sample. 0: peeling ends when
-        /// no point samples the layer.
+        /// The poster's criterion: peeling of a direction ends at the first layer that fewer than this share of the points sample, or with 0 none.
         stop_fraction => stop_fraction: f32 = 0.001,
     }
 
@@ -234,8 +232,7 @@ pub enum Pipeline {
     Fused,
     /// Exact rays on the CPU along the same directions. The layers approximate these. Layer size and stop fraction have no effect.
     Raycast,
-    /// Exact rays on the GL side, for both ends of each direction, as in `fused`: ray shooting on the same device. Layer size and stop fraction have no
-    /// effect.
+    /// As `raycast`, on the GL side and for both ends of each direction, as in `fused`: ray shooting on the same device.
     RaycastGl,
 }
 

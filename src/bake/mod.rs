@@ -4,8 +4,7 @@
 //! each point. In a step, [`schedule`] selects points and directions, [`vertex_cache`] holds earlier results at the scene's vertices (for bounces
 //! without photons and for [`Quantity::Prt`]), [`hits`] finds hits, passes over them ([`integrals`]) add up, and [`accumulation`] keeps the sums.
 //!
-//! Directions form blocks, whose sums merge exactly. So several machines can share a bake ([`Bake::only`], [`Merge`]), and an interrupted bake resumes
-//! from its complete blocks ([`Bake::save`], [`Bake::resume`]).
+//! Sums of blocks of directions merge exactly. So machines can share a bake ([`Bake::only`], [`Merge`]), and a bake can resume from complete blocks.
 
 mod accumulation;
 mod hits;

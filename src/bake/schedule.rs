@@ -1,8 +1,7 @@
 //! The order of a bake's work: which points gather next, along which directions. It uses no GL.
 //!
-//! In a *stage*, all points of a set gather. Each bounce is a stage of the scene's vertices. The last stage is that of the receivers. A *round* takes
-//! as many of these points as fit into memory through all directions, block by block. A shard does some blocks of the last stage, and all blocks of the
-//! earlier stages that it needs.
+//! In a *stage*, all points of a set gather: the scene's vertices for each bounce, the receivers in the last stage. A *round* takes as many of these
+//! points as fit into memory through all directions, block by block. A shard does some blocks of the last stage, and all of the earlier stages.
 
 use std::ops::Range;
 

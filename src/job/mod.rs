@@ -1,7 +1,6 @@
 //! A whole job: load the scene, gather, save the sums, write the results, report.
 //!
-//! [`Job::new`] makes all checks that need no work. [`Job::run`] does the work and reports to a [`Watch`]. [`merge`] makes the results from the parts
-//! of shards. Requests and results are in world space.
+//! [`Job::new`] checks all that needs no work. [`Job::run`] works and reports to a [`Watch`]. [`merge`] merges shards. All is in world space.
 
 mod checkpoint;
 mod merge;
@@ -78,8 +77,7 @@ pub struct Outcome {
 
 impl Job {
     /// # Errors
-    /// [`Error::Usage`] when an output cannot be written, or would replace an input or the sums of an earlier run; [`Error::Output`] while another run
-    /// writes the same files.
+    /// [`Error::Usage`] when an output cannot be written or would replace an input or earlier sums; [`Error::Output`] while another run writes it.
     pub fn new(request: JobRequest, keeping: &Keeping) -> Result<Self> {
         let started = Instant::now();
         let outputs = if keeping.shard.is_some() { Vec::from_iter(keeping.file.clone()) } else { request.outputs.concat() };

@@ -213,8 +213,7 @@ impl Receiver {
         }
     }
 
-    /// Contents of files. `columns` has a value for each point. `inside` is the share of each point's hemisphere with back sides. `picture`: whether to
-    /// make the camera's picture.
+    /// Contents of files. `columns`: a value for each point. `inside`: see [`crate::bake::Bake::columns`]. `picture`: also make the camera's picture.
     pub fn values(&self, mut columns: Vec<Channel>, inside: &[f32], space: &UnitSpace, picture: bool) -> ReceiverValues {
         let world_of = |mesh: &Mesh| Mesh {
             positions: mesh.positions.iter().map(|&position| space.to_world(position)).collect(),

@@ -9,17 +9,15 @@ use obvhs::ray::{Ray, RayHit};
 
 use super::Mesh;
 
-/// Distance from its surface at which a ray starts, in unit space. Coordinates there are at most 1, and half a unit in the last place is 3e-8. A
-/// rasterised position has an error of some tens of these, a ray cast of a few more. A picture shows nothing so small: the scene's radius is a million
-/// times larger.
+/// A ray starts this far from its surface, in unit space. Coordinates there are at most 1, and half a unit in the last place is 3e-8. Rasterised
+/// positions have an error of some tens of these, ray casts of a few more. Details of a picture are larger: the scene's radius is 1e6 times this.
 pub const RAY_OFFSET: f32 = 1e-6;
 
-/// The tree skips boxes that a ray leaves within 1e-4 of its origin. It would lose geometry in corners. At this scale it skips a tenth of
-/// [`RAY_OFFSET`]. The scale is a power of two, so nothing is rounded.
+/// The tree skips boxes that a ray leaves within 1e-4 of its origin, and would lose corners. At this scale, a power of two for exactness, it skips a
+/// tenth of [`RAY_OFFSET`].
 const SCALE: f32 = 1024.0;
 
-/// A ray still hits a triangle this far outside its edge, in barycentric coordinates. So no ray slips through between two triangles. The value is ten
-/// times the rounding error of these coordinates.
+/// A ray hits a triangle up to this far outside its edge (barycentric; ten times the rounding error). So no ray slips between two triangles.
 const EDGE: f32 = 1e-6;
 
 /// A bounding volume hierarchy over a mesh.

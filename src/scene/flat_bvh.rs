@@ -1,8 +1,8 @@
 //! A bounding volume hierarchy in tables. A shader traverses it without a stack.
 //!
-//! Nodes are in depth-first order. A ray that hits a node's box continues at the next node. A ray that misses it skips to the node after the subtree
-//! (Smits 1998, "Efficiency issues for ray tracing"). A stack would also visit the nearer child first. Here the nodes are stored in one order for each
-//! octant of directions instead. The tree comes from the `obvhs` crate.
+//! Nodes are in depth-first order. A ray that hits a node's box goes to the next node, another ray to the node after the subtree (Smits 1998,
+//! "Efficiency issues for ray tracing"). Each octant of directions has its own order, in which nearer children come first. The `obvhs` crate builds the
+//! tree.
 //!
 //! Some inner nodes are left out: if a ray probably hits the node, it tests the children anyway. Consider a node with k children whose area is the
 //! share p of its parent's. Its test pays if 1 + p k < k. This removes a fifth of the nodes, those with the most visits: a third of all visits in the

@@ -72,8 +72,7 @@ impl Mesh {
     }
 }
 
-/// Whether a normal can be computed in f32, for example on the GPU. The cross product of the edges must be larger than the rounding of its terms, and
-/// its square must not underflow.
+/// Whether f32 can hold a normal: the edges' cross product must exceed the rounding of its terms, and its square must not underflow.
 pub(super) fn has_area(corners: [Vec3; 3]) -> bool {
     let [a, b, c] = corners.map(|corner| corner.as_dvec3());
     let longest = (b - a).length_squared().max((c - b).length_squared()).max((a - c).length_squared());

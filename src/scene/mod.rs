@@ -13,8 +13,7 @@
 //! Coordinates are right-handed, in any unit of length. Surfaces are Lambertian, mirrors or glass. Both sides reflect with the same albedo. Only the
 //! front emits: the side from which the triangle winds counter-clockwise.
 //!
-//! In a loaded world every index is in range, every number is finite, every albedo is in [0, 1] and every triangle has an area. Later stages rely on
-//! this and do not check again.
+//! In a loaded world every index is in range, every number finite, every albedo in [0, 1], and every triangle has an area. Later stages rely on it.
 
 use glam::Vec3;
 
@@ -86,8 +85,7 @@ impl Scene {
         self.mesh.triangles.iter().any(|triangle| self.materials[triangle.material as usize].is_specular())
     }
 
-    /// The scene without its glass surfaces; `None` if it has none. Gather rays pass straight through glass, and treat a mirror as a Lambertian surface
-    /// of the same albedo.
+    /// The scene without glass; `None` if it has none. Gather rays ignore glass, and treat a mirror as a Lambertian surface of its albedo.
     pub fn without_glass(&self) -> Option<Self> {
         let is_glass = |triangle: &Triangle| self.materials[triangle.material as usize].is_glass();
         self.mesh.triangles.iter().any(is_glass).then(|| {

@@ -92,8 +92,7 @@ pub struct Split {
     pub kept: [Vec3; 2],
 }
 
-/// Reflectance of a glass face for unpolarised light. `cosine` is that of the angle of incidence. `ratio` is n / n': the index before the face over the
-/// index behind it.
+/// Reflectance of a glass face for unpolarised light, by the cosine of the angle of incidence. `ratio`: index before the face over index behind.
 pub fn fresnel(cosine: f32, ratio: f32) -> f32 {
     let squared_sine = ratio * ratio * (1.0 - cosine * cosine);
     if squared_sine >= 1.0 {

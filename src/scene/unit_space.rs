@@ -1,7 +1,7 @@
 //! Unit space: the world, moved and scaled so that its bounding box is centred on the origin and the corners of the box lie on the unit sphere.
 //!
-//! All stages work in unit space. A box of one millimetre and one of ten kilometres then have the same coordinates, and one set of tolerances, derived
-//! from float precision at 1, serves every scene. Radiance and irradiance do not change with scale.
+//! All stages work in unit space, so a box of one millimetre and one of ten kilometres have equal coordinates, and one set of tolerances, derived from
+//! float precision at 1, serves all. Radiance and irradiance do not change with scale.
 
 use glam::{DVec3, Vec3};
 use serde::{Deserialize, Serialize};

@@ -65,8 +65,7 @@ impl World {
         self.instances.iter().flat_map(positions).fold([DVec3::INFINITY, DVec3::NEG_INFINITY], grow)
     }
 
-    /// Joins all instances into one mesh in unit space. Positions are f64 up to there. It leaves out triangles that are too small, compared with the
-    /// world, for normals in f32, and duplicate triangles.
+    /// Joins all instances into one mesh in unit space, in f64 up to there. It drops duplicate triangles, and those too small for normals in f32.
     pub fn flatten(&self) -> Scene {
         let space = UnitSpace::around(self.extremes());
         let mut mesh = Mesh::default();

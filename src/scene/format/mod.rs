@@ -1,8 +1,7 @@
 //! Reads files into a [`World`]. [`World::load`] is the entry point.
 //!
-//! A mesh format is a module with a function `load` of type [`MeshLoader`]. [`FORMATS`] lists it with its file ending. It returns the world of the
-//! file: meshes, instances, materials, and cameras if the format has them. It reads further files and pictures only through the [`Loader`], which keeps
-//! a scene to its own files. `polygon.rs` triangulates faces.
+//! A mesh format is a module with a function `load` of type [`MeshLoader`], listed by file ending in [`FORMATS`]. It returns meshes, instances,
+//! materials, and cameras if any. Only the [`Loader`] reads further files, and keeps a scene to its own. `polygon.rs` triangulates faces.
 //!
 //! A scene file (`toml.rs`) names a model of any such format and changes parts of its world.
 

@@ -15,7 +15,7 @@ pub fn triangulate(corners: &[Vec3]) -> Vec<[usize; 3]> {
     let doubled_area = |[a, b, c]: [usize; 3]| (flat[b] - flat[a]).perp_dot(flat[c] - flat[a]);
     let fan: Vec<_> = (2..flat.len()).map(|i| [0, i - 1, i]).collect();
     let whole: f64 = fan.iter().map(|&triangle| doubled_area(triangle)).sum();
-    // If a fan triangle is flat or inverted, a corner is straight or reflex, or the first corner sees it only through the outside.
+    // A flat or inverted fan triangle means a straight or reflex corner, or a corner that the first one sees only through the outside.
     if fan.iter().all(|&triangle| doubled_area(triangle) > whole * 1e-9) {
         return fan;
     }

@@ -35,8 +35,7 @@ pub struct LightPoint {
     pub position: Vec3,
     /// Unit normal on the emitting side.
     pub normal: Vec3,
-    /// Emitted radiance divided by the density of such points per unit of area. The mean of f(point) × `radiance_area` over many points is the integral
-    /// of f × radiance over the lights.
+    /// Emitted radiance over point density per area. The mean of f(point) × `radiance_area` is the integral of f × radiance over the lights.
     pub radiance_area: Vec3,
 }
 

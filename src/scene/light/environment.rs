@@ -145,8 +145,8 @@ impl Environment {
         self.scale * (above + y.fract() * (below - above))
     }
 
-    /// Maps a uniform point of the unit square to a unit vector towards the light and its density per steradian. The density follows radiance. It is
-    /// positive wherever radiance is. If all is black, both are meaningless.
+    /// Maps a uniform point of the unit square to a unit vector towards the light and its density per steradian, which follows radiance and is positive
+    /// wherever radiance is. If all is black, both are meaningless.
     pub fn sample(&self, [u, v]: [f32; 2]) -> (Vec3, f32) {
         let Picture { width, height, rows, columns, .. } = &*self.picture;
         let (row, down, of_row) = rows.pick(v);
@@ -160,8 +160,8 @@ impl Environment {
         (Vec3::new(radius * azimuth.sin(), y, -radius * azimuth.cos()), density)
     }
 
-    /// A photon from a direction chosen by radiance. It crosses a random point of the disc, perpendicular to that direction, which covers the scene's
-    /// sphere; see [`super::Lights::emit`]. The first number is unused.
+    /// A photon from a direction chosen by radiance, through a random point of the perpendicular disc that covers the scene; see
+    /// [`super::Lights::emit`].
     pub(super) fn emit(&self, probability: f32, [_, u, v, s, t]: [f32; 5]) -> (LightPath, Vec3) {
         let (to_light, density) = self.sample([u, v]);
         let (sin, cos) = (TAU * s).sin_cos();

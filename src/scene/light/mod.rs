@@ -1,9 +1,8 @@
 //! Lights: all emitters of a scene. [`Lights`] is the entry point.
 //!
-//! Each kind of light is a variant of `Light` with a file here. It implements `Light::power`, `Light::emit` for photons and `Light::points` for direct
-//! light. An enum replaces virtual functions, as in pbrt's `base/light.h`. Point, spot and directional lights will come from a list in
-//! [`World`](super::World) that [`Lights::new`] reads. Their [`LightPoint`] has no side, so [`Direct`](crate::direct::Direct) must draw a shadow map in
-//! all directions.
+//! Each kind of light is a variant of `Light` (instead of virtual functions, as in pbrt's `base/light.h`) with a file here. It has `power`, `emit` for
+//! photons and `points` for direct light. Point, spot and directional lights will come from a list in [`World`](super::World). They have no side, so
+//! [`Direct`](crate::direct::Direct) must then draw shadow maps in all directions.
 
 use std::f32::consts::PI;
 
@@ -78,8 +77,7 @@ impl Lights {
         self.lights.is_empty()
     }
 
-    /// Start and flux (RGB) of a photon. The mean flux of many photons is the flux of all lights. The numbers are uniform in [0, 1). The first one
-    /// selects the light.
+    /// Start and flux (RGB) of a photon; the mean flux is that of all lights. The numbers are uniform in [0, 1). The first selects the light.
     ///
     /// # Panics
     /// When there is no light.
@@ -114,8 +112,7 @@ impl Lights {
         self.points().expect("some light has points").point(pick, square)
     }
 
-    /// As [`Self::point`], but `u` selects the triangle, and its remainder places the point. An even distribution over the unit square gives an even
-    /// one over the lights.
+    /// As [`Self::point`]. `u` selects the triangle, its remainder the point: an even distribution in the square is even on the lights.
     pub fn point_of_square(&self, square: [f32; 2]) -> LightPoint {
         self.points().expect("some light has points").point_of_square(square)
     }

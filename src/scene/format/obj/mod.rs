@@ -1,8 +1,7 @@
 //! Wavefront OBJ with its material libraries (MTL). It becomes one mesh and one instance. [`load`] is the entry point.
 //!
-//! `scan.rs` reads the statements, `mtl.rs` the libraries. This module triangulates polygons, lets corners with the same position, normal and texture
-//! coordinate share a vertex, and leaves out triangles without area. Shading is smooth only with normals in the file (`vn`). Smoothing groups are
-//! ignored.
+//! `scan.rs` reads statements, `mtl.rs` libraries. This module triangulates polygons, merges corners with equal position, normal and texture
+//! coordinate, and leaves out triangles without area. Only normals in the file (`vn`) make smooth shading. Smoothing groups are ignored.
 
 use std::collections::hash_map::Entry;
 use std::collections::{HashMap, HashSet};

@@ -1,8 +1,7 @@
 //! Reads materials from material libraries (MTL). [`load`] is the entry point.
 //!
-//! It reads `Kd`, `Ke` and `map_Kd`. `illum` 3 or 5 means a mirror; 4, 6 or 7 means glass. Only for these it reads `Ks` (reflectance of the mirror),
-//! `Ni` (index of refraction of the glass), `Tf` (its filter) and `Ns` (sharp or glossy). `illum` 5 ignores its Fresnel term; glass always has one.
-//! Gloss and texture options are ignored.
+//! Statements: `Kd`, `Ke` and `map_Kd`. `illum` 3 or 5 is a mirror, 4, 6 or 7 glass. Only these use `Ks` (mirror reflectance), `Ni` (index of
+//! refraction), `Tf` (filter) and `Ns` (sharp or glossy). Only glass has a Fresnel term, not `illum` 5. Gloss and texture options are ignored.
 
 use std::path::Path;
 
