@@ -257,8 +257,8 @@ pub enum Estimator {
     /// smooth shading normals, directions under the surface count as missing.
     #[default]
     SelfNormalised,
-    /// E = (4π/N) Σ L w, as in the poster; (2π/N) Σ L w if both ends of a direction count. It has no bias at any N. But constant radiance has a
-    /// relative error of 1.29/√N with random directions.
+    /// E = (4π/N) Σ L w, as in the poster; (2π/N) Σ L w for both ends. Unbiased at any N, but a constant radiance has an error of 1.29/√N (random
+    /// directions).
     Plain,
 }
 

@@ -1,5 +1,4 @@
-//! Other readers load exported files: ply-rs for PLY, a byte comparison for NumPy, the scene loader for OBJ, and for glTF its crate and the Khronos
-//! validator.
+//! Other readers load exported files: ply-rs for PLY, a byte comparison for NumPy, the scene loader for OBJ, glTF's crate and the Khronos validator.
 
 mod common;
 

@@ -1,5 +1,5 @@
-//! The camera sees the surfaces that its rays hit, also close to the eye in a scene ten thousand times as large. This tests the near plane, the depth
-//! test, and the absence of a far plane.
+//! The camera sees the surfaces that its rays hit, also close to the eye in a scene ten thousand times as large. Tests the near plane, the depth test,
+//! and that there is no far plane.
 
 mod common;
 

@@ -1,5 +1,5 @@
-//! Rules for the source: allowed imports between modules, file length, unique type names, files that may use GL, a header in each file, and existing
-//! file names in comments.
+//! Rules for the source: allowed imports, file length, unique type names, files that may use GL, a header in each file, existing file names in
+//! comments.
 
 mod common;
 

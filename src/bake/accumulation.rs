@@ -31,7 +31,6 @@ pub struct BlockSums {
     pub tiles: Vec<Tile>,
 }
 
-/// All sums of a bake.
 #[derive(Default)]
 pub struct Accumulation {
     pub rounds: Vec<RoundSums>,

@@ -44,7 +44,6 @@ impl HitSource {
     }
 }
 
-/// The hits of one batch.
 pub struct BatchHits<'a> {
     source: &'a mut HitSource,
     stored: Option<&'a mut Vec<StoredHits>>,

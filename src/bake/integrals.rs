@@ -47,7 +47,6 @@ pub enum SurfaceRadiance<'a> {
     Cached(&'a CachedValues),
 }
 
-/// Inputs of [`Integrals::add`].
 pub struct IntegralInputs<'a> {
     pub geometry: &'a Geometry,
     /// Hits for [`Finder::Stored`].
@@ -122,7 +121,6 @@ impl Integrals {
         Ok(Tile { sums: sums.collect::<Result<_>>()?, list })
     }
 
-    /// Adds the hits of the points of a tile.
     pub fn add(&self, tile: &Tile, inputs: &IntegralInputs) {
         let own = [("open_distance", Uniform::Float(inputs.open_distance))];
         let radiance = match inputs.radiance {

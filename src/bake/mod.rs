@@ -251,7 +251,6 @@ impl Bake {
         gathered.or_else(|error| if self.gpu.goes_on(&error) && self.shrink() { Ok(()) } else { Err(error) })
     }
 
-    /// One step of the pipeline.
     fn gather(&mut self) -> Result<()> {
         let Some(mut at) = self.schedule.next(&self.sums.rounds) else { return Ok(()) };
         let round = self.schedule.rounds[at.round].clone();
@@ -423,7 +422,6 @@ impl Bake {
     }
 }
 
-/// Checksums of a scene and of points.
 fn digest(scene: &Scene, points: &[GatherPoint]) -> [Value; 2] {
     let vectors: Vec<_> = points.iter().flat_map(|point| [point.position, point.normal, point.surface_normal]).collect();
     [scene.digest(), sha256(bytemuck::cast_slice(&vectors)).into()]

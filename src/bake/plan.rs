@@ -21,8 +21,8 @@ pub struct Plan {
     pub what: Vec<Quantity>,
     /// Bands of spherical harmonics.
     pub order: usize,
-    /// Number of gathers at the scene's vertices before the last one, a bounce each. Only [`RadianceCache::Vertices`] (1 or more) and [`Quantity::Prt`]
-    /// use it.
+    /// Gathers at the scene's vertices before the last one, one for each bounce. [`RadianceCache::Vertices`] needs 1 or more, [`Quantity::Prt`] any
+    /// number.
     pub gather_bounces: u32,
     /// In world space. Surfaces beyond it leave a point open. `None`: all surfaces count.
     pub ao_distance: Option<f32>,

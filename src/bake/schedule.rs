@@ -30,7 +30,6 @@ pub struct Round {
     pub last: bool,
 }
 
-/// A block of directions in progress.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct BlockInProgress {
     pub round: usize,
@@ -87,7 +86,6 @@ impl Schedule {
         self.rounds.last().map_or(0..0, |round| self.of_stage(round.stage))
     }
 
-    /// Number of points in the largest round.
     pub fn largest_round(&self) -> usize {
         self.rounds.iter().map(|round| round.points.len()).max().unwrap_or(0)
     }

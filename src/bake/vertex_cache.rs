@@ -96,7 +96,6 @@ impl CachedValues {
         Ok(Self { triangles: triangles.clone(), values: upload_table(gpu, Format::Rgba32F, values)?, texels })
     }
 
-    /// The uniforms for shaders.
     pub fn uniforms(&self) -> [(&'static str, Uniform<'_>); 3] {
         [
             ("cache_vertices", Uniform::Texture(&self.triangles)),

@@ -30,8 +30,7 @@ pub fn check_kept<'a>(outputs: &[PathBuf], inputs: impl IntoIterator<Item = &'a 
     }
 }
 
-/// JSON metadata: `job` ([`crate::Render::job`], [`crate::bake::Bake::job`]), `own` facts, progress. No times or paths, so equal jobs write equal
-/// files.
+/// JSON metadata: `job` ([`crate::Render::job`], [`crate::bake::Bake::job`]), `own` facts, progress. No times or paths, so equal jobs give equal files.
 pub fn metadata(job: &Value, exposure: f32, own: &Value, (directions_done, complete): (u32, bool)) -> String {
     let mut about = json!({ "version": job["version"], "renderer": job["gl"]["renderer"], "settings": job["settings"] });
     about["settings"]["exposure"] = exposure.into();

@@ -1,12 +1,10 @@
 //! A bounding volume hierarchy in tables. A shader traverses it without a stack.
 //!
 //! Nodes are in depth-first order. A ray that hits a node's box goes to the next node, another ray to the node after the subtree (Smits 1998,
-//! "Efficiency issues for ray tracing"). Each octant of directions has its own order, in which nearer children come first. The `obvhs` crate builds the
-//! tree.
+//! "Efficiency issues for ray tracing"). Each octant of directions has its own order: nearer children come first. `obvhs` builds the tree.
 //!
-//! Some inner nodes are left out: if a ray probably hits the node, it tests the children anyway. Consider a node with k children whose area is the
-//! share p of its parent's. Its test pays if 1 + p k < k. This removes a fifth of the nodes, those with the most visits: a third of all visits in the
-//! Cornell box, a seventh with 10 000 triangles.
+//! An inner node is left out if rays often hit it, because they test its children anyway. With k children and a share p of the parent's area, its test
+//! pays if 1 + p k < k. This drops a fifth of the nodes, the most visited: a third of all visits in the Cornell box, a seventh with 10 000 triangles.
 
 use std::time::Duration;
 

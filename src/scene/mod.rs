@@ -57,7 +57,6 @@ pub struct Scene {
 }
 
 impl Scene {
-    /// The material of a triangle.
     pub fn material(&self, triangle: usize) -> &Material {
         &self.materials[self.mesh.triangles[triangle].material as usize]
     }

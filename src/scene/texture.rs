@@ -31,7 +31,6 @@ const MOST_MEMORY: u64 = 1 << 30;
 /// Maximum number of texels of all textures together.
 const MOST_TEXELS: usize = 1 << 30;
 
-/// The textures loaded so far.
 pub struct Textures<'a> {
     pub list: Vec<ImageTexture>,
     by_file: HashMap<PathBuf, usize>,
@@ -106,8 +105,8 @@ static LINEAR: LazyLock<[f32; 256]> = LazyLock::new(|| {
 });
 
 impl ImageTexture {
-    /// Linear reflectance at `uv`. Texels are decoded, then interpolated bilinearly, and repeat in both directions. The result equals GL_LINEAR with
-    /// GL_REPEAT on an sRGB texture with these rows, sampled at (u, 1 - v).
+    /// Linear reflectance at `uv`. Texels are decoded, interpolated bilinearly, and repeat. Equals GL_LINEAR with GL_REPEAT on an sRGB texture with
+    /// these rows, sampled at (u, 1 - v).
     pub fn sample_linear(&self, uv: Vec2) -> Vec3 {
         let (left, right, x) = neighbours(uv.x, self.width as usize);
         let (above, below, y) = neighbours(1.0 - uv.y, self.height as usize);

@@ -160,8 +160,8 @@ impl Environment {
         (Vec3::new(radius * azimuth.sin(), y, -radius * azimuth.cos()), density)
     }
 
-    /// A photon from a direction chosen by radiance, through a random point of the perpendicular disc that covers the scene; see
-    /// [`super::Lights::emit`].
+    /// A photon from a direction chosen by radiance, through a random point of the perpendicular disc that covers the scene; as
+    /// [`super::Lights::emit`]. The first number is unused.
     pub(super) fn emit(&self, probability: f32, [_, u, v, s, t]: [f32; 5]) -> (LightPath, Vec3) {
         let (to_light, density) = self.sample([u, v]);
         let (sin, cos) = (TAU * s).sin_cos();
@@ -218,7 +218,7 @@ impl Picture {
 }
 
 /// Let a part send the share s of the power from the share s/k of the sphere. About N s/k of N directions hit it. It alone causes an error of about √(k
-/// s / N): 10 % with 1000 directions and the numbers here.
+/// s/N): 10 % with 1000 directions and the numbers here.
 fn warning(texels: &[Vec3], width: usize, power: f64, solid_angle: impl Fn(usize) -> f64) -> Option<String> {
     const TIMES_BRIGHTER: f64 = 100.0;
     const SHARE: f64 = 0.1;

@@ -25,7 +25,6 @@ pub struct Scan<'a> {
     /// Corners of all faces: indices of position, texture coordinate and normal.
     pub corners: Vec<[u32; 3]>,
     pub runs: Vec<Run>,
-    /// The `mtllib` statements.
     pub libraries: Vec<Named>,
     /// The first `usemtl` statement of each material.
     pub materials: Vec<Named>,
