@@ -106,7 +106,7 @@ settings! {
         sequence => sequence: Sequence = Sequence::R2,
         estimator => estimator: Estimator = Estimator::SelfNormalised,
         /// A render stops early at this relative standard error of the mean reflected radiance: root mean square over the pixels, over the picture's
-        /// mean, estimated from two halves. 0: never. The `auto` layer size then follows from the directions that the error needs.
+        /// mean, estimated from two halves. 0: never. The `auto` layer size then follows from the number of directions that the error needs.
         target_error | "until" => target_error: f64 = 0.0,
     }
 
@@ -257,8 +257,8 @@ pub enum Estimator {
     /// smooth shading normals, directions under the surface count as missing.
     #[default]
     SelfNormalised,
-    /// E = (4π/N) Σ L w, as in the poster; (2π/N) Σ L w for both ends. Unbiased at any N, but a constant radiance has an error of 1.29/√N (random
-    /// directions).
+    /// E = (4π/N) Σ L w, as in the poster; (2π/N) Σ L w if both ends of a direction count. It has no bias at any N. But constant radiance has a
+    /// relative error of 1.29/√N with random directions.
     Plain,
 }
 

@@ -4,7 +4,7 @@
 //! each point. In a step, [`schedule`] selects points and directions, [`vertex_cache`] holds earlier results at the scene's vertices (for bounces
 //! without photons and for [`Quantity::Prt`]), [`hits`] finds hits, passes over them ([`integrals`]) add up, and [`accumulation`] keeps the sums.
 //!
-//! Sums of blocks of directions merge exactly. So machines can share a bake ([`Bake::only`], [`Merge`]), and a bake can resume from complete blocks.
+//! Block sums merge exactly. So machines can share a bake ([`Bake::only`], [`Merge`]), and a bake can go on later ([`Bake::save`], [`Bake::resume`]).
 
 mod accumulation;
 mod hits;

@@ -21,8 +21,8 @@ pub struct Plan {
     pub what: Vec<Quantity>,
     /// Bands of spherical harmonics.
     pub order: usize,
-    /// Gathers at the scene's vertices before the last one, one for each bounce. [`RadianceCache::Vertices`] needs 1 or more, [`Quantity::Prt`] any
-    /// number.
+    /// Number of gathers at the scene's vertices before the last gather. Each adds a bounce. [`Quantity::Prt`] allows any number,
+    /// [`RadianceCache::Vertices`] needs at least one. Other bakes ignore it.
     pub gather_bounces: u32,
     /// In world space. Surfaces beyond it leave a point open. `None`: all surfaces count.
     pub ao_distance: Option<f32>,

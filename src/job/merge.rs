@@ -13,8 +13,8 @@ use crate::render::RenderMerge;
 /// Writes the results of `parts` to `outputs`, named as for [`super::outputs_of`]. `exposure` replaces the job's. A bake reads scene and points again.
 ///
 /// # Errors
-/// [`Error::Input`] when a part is damaged, of another job or repeated; [`Error::Usage`] when directions are missing; [`Error::Output`] on a failed
-/// write.
+/// [`Error::Input`] when a part is damaged, of another job or repeated; [`Error::Usage`] when directions are missing; [`Error::Output`] when a file
+/// cannot be written.
 pub fn merge(parts: &[PathBuf], outputs: &[String], exposure: Option<f32>, watch: &mut dyn Watch) -> Result<()> {
     let path = parts.first().ok_or_else(|| Error::usage("no parts to merge", "name those of all shards"))?;
     let first = Part::read(path)?;

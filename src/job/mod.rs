@@ -1,6 +1,7 @@
 //! A whole job: load the scene, gather, save the sums, write the results, report.
 //!
-//! [`Job::new`] checks all that needs no work. [`Job::run`] works and reports to a [`Watch`]. [`merge`] merges shards. All is in world space.
+//! [`Job::new`] makes the first checks. [`Job::run`] works and reports to a [`Watch`]. [`merge`] merges shards. Requests and results are in world
+//! space.
 
 mod checkpoint;
 mod merge;

@@ -13,8 +13,8 @@ use super::Mesh;
 /// positions have an error of some tens of these, ray casts of a few more. Details of a picture are larger: the scene's radius is 1e6 times this.
 pub const RAY_OFFSET: f32 = 1e-6;
 
-/// The tree skips boxes that a ray leaves within 1e-4 of its origin, and would lose corners. At this scale, a power of two for exactness, it skips a
-/// tenth of [`RAY_OFFSET`].
+/// The tree skips boxes that a ray leaves within 1e-4 of its origin, and would lose geometry in corners. At this scale it skips a tenth of
+/// [`RAY_OFFSET`]. The scale is a power of two, so nothing is rounded.
 const SCALE: f32 = 1024.0;
 
 /// A ray hits a triangle up to this far outside its edge (barycentric; ten times the rounding error). So no ray slips between two triangles.

@@ -109,8 +109,8 @@ fn turned(linear: DMat3) -> impl Fn(&Vec3) -> Vec3 {
     move |&normal| if linear == DMat3::IDENTITY { normal } else { (cofactors * normal.as_dvec3()).normalize_or_zero().as_vec3() }
 }
 
-/// Removes triangles with the same three corners as an earlier one, in any order. Exports with two-sided faces contain such pairs. Surfaces are
-/// two-sided anyway, and the two copies would share the light. Emissive triangles all stay: two back to back are a lamp that shines both ways.
+/// Removes triangles with the same three corners as another, in any order. Exports with two-sided faces contain such pairs. Surfaces are two-sided
+/// anyway, and the two copies would share the light. Emissive triangles all stay: two back to back are a lamp that shines both ways.
 fn drop_doubles(mesh: &mut Mesh, materials: &[Material]) {
     let Mesh { positions, triangles, .. } = mesh;
     let emissive = |triangle: &Triangle| materials[triangle.material as usize].is_emissive();

@@ -217,8 +217,8 @@ impl Picture {
     }
 }
 
-/// Let a part send the share s of the power from the share s/k of the sphere. About N s/k of N directions hit it. It alone causes an error of about √(k
-/// s/N): 10 % with 1000 directions and the numbers here.
+/// Let a part send the share s of the power from the share s/k of the sphere. About N s/k of N directions hit it. It alone causes an error of about
+/// √(ks/N): 10 % with 1000 directions and the numbers here.
 fn warning(texels: &[Vec3], width: usize, power: f64, solid_angle: impl Fn(usize) -> f64) -> Option<String> {
     const TIMES_BRIGHTER: f64 = 100.0;
     const SHARE: f64 = 0.1;

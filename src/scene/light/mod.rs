@@ -1,8 +1,8 @@
 //! Lights: all emitters of a scene. [`Lights`] is the entry point.
 //!
 //! Each kind of light is a variant of `Light` (instead of virtual functions, as in pbrt's `base/light.h`) with a file here. It has `power`, `emit` for
-//! photons and `points` for direct light. Point, spot and directional lights will come from a list in [`World`](super::World). They have no side, so
-//! [`Direct`](crate::direct::Direct) must then draw shadow maps in all directions.
+//! photons and `points` for direct light. Point, spot and directional lights will come from a list in [`World`](super::World) that [`Lights::new`]
+//! reads. Their points have no side, so [`Direct`](crate::direct::Direct) must then draw shadow maps in all directions.
 
 use std::f32::consts::PI;
 
