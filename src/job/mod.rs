@@ -1,7 +1,6 @@
 //! A whole job: load the scene, gather, save the sums, write the results, report.
 //!
-//! [`Job::new`] makes the first checks. [`Job::run`] works and reports to a [`Watch`]. [`merge`] merges shards. Requests and results are in world
-//! space.
+//! [`Job::new`] checks a request. [`Job::run`] works and reports to a [`Watch`]. [`merge`] merges shards. Requests and results are in world space.
 
 mod checkpoint;
 mod merge;
