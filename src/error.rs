@@ -1,20 +1,20 @@
-//! One error type for the whole library: each value says where it happened, what is wrong and what to do about it.
+//! The error type of the library. Each error tells where it happened, what is wrong and how to fix it.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
 
 pub type Result<T, E = Error> = std::result::Result<T, E>;
 
-/// What went wrong, by who can mend it. `Display` gives two lines: the problem with its place, then the cure.
+/// Kinds of errors, by who can fix them. `Display` gives two lines: the problem with its place, then the cure.
 #[derive(Debug)]
 pub enum Error {
-    /// An input file is missing, unreadable or says something that cannot be used.
+    /// An input file is missing, unreadable or has unusable contents.
     Input { path: PathBuf, line: Option<usize>, problem: String, cure: String },
-    /// The request itself cannot be met: a setting out of range, an unusable output path.
+    /// The request is impossible: for example a setting is out of range, or an output path cannot be used.
     Usage { problem: String, cure: String },
-    /// There is no OpenGL 3.3 here, or the driver refused something that 3.3 promises.
+    /// OpenGL 3.3 is missing, or the driver refused something that 3.3 guarantees.
     Gl { problem: String, cure: String },
-    /// A result could not be written; trying again, elsewhere or later, may succeed.
+    /// A result could not be written. It may work later or elsewhere.
     Output { path: PathBuf, problem: String, cure: String },
 }
 
@@ -36,7 +36,7 @@ impl Error {
     }
 }
 
-/// Without the middle of what is too long for a message: a file may have anything for a name.
+/// Cuts the middle out of a text that is too long for a message. Names in files can have any length.
 fn shortened(text: String) -> String {
     const ENDS: usize = 500;
     if text.len() <= 3 * ENDS {

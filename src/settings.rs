@@ -1,4 +1,4 @@
-//! What shapes a picture beside the scene, grouped by stage. A scene file and the command line give settings by their keys, without stages.
+//! All settings of a picture except the scene, grouped by stage. Scene files and the command line use flat keys, without stages.
 
 use std::fmt::{self, Display, Formatter};
 use std::ops::Range;
@@ -8,8 +8,8 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use crate::error::Error;
 
-/// Declares each setting once: `key | "old key" => field: type = default`, in the struct of its stage. The key is its name in scene files, reports and
-/// metadata. Makes the structs, their defaults, and the flat form of all settings.
+/// Declares each setting once, in the struct of its stage: `key | "old key" => field: type = default`. The key is its name in scene files, reports and
+/// metadata. The macro makes the structs, their defaults, and the flat form of all settings.
 macro_rules! settings {
     (
         Settings { $($(#[$common_doc:meta])* $common:ident: $common_type:ty = $common_default:expr,)* }
@@ -31,7 +31,7 @@ macro_rules! settings {
             }
         )*
 
-        /// Settings of a render or a bake. Every setting has a default, so that a scene file names only what differs.
+        /// Settings of a render or a bake. Every setting has a default, so a scene file names only the differences.
         #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
         #[serde(from = "FlatSettings", into = "FlatSettings")]
         pub struct Settings {
@@ -72,7 +72,7 @@ macro_rules! settings {
         }
 
         impl Settings {
-            /// The key of a setting, from its key or its old key.
+            /// The current key of a setting, from its current or old key.
             pub(crate) fn key_of(name: &str) -> &str {
                 match name {
                     $($($($old => stringify!($key),)?)*)*
@@ -94,40 +94,38 @@ settings! {
         /// Picture size in pixels, [width, height].
         size => size: [u32; 2] = [512, 512],
         points => points: PointSource = PointSource::Camera,
-        /// Side of the squares of neighbouring pixels that divide the directions among them. Each pixel gathers along its share, and
-        /// the pixels of one surface then share what they found. 1: every pixel gathers along every direction.
+        /// Side in pixels of squares of neighbouring pixels that divide the directions among them. Each pixel gathers along its share. Then the pixels
+        /// of one surface share their results. 1: every pixel gathers along every direction.
         interleave => interleave: u32 = 1,
     }
 
-    /// The global directions, and what becomes of radiance along them.
+    /// The global directions, and the estimator for sums along them.
     directions: DirectionSettings {
-        /// Number of global directions N, each shared by all points.
+        /// Number of global directions N. All points share them.
         directions => count: u32 = 1000,
         sequence => sequence: Sequence = Sequence::R2,
         estimator => estimator: Estimator = Estimator::SelfNormalised,
-        /// A render ends early once the standard error of the mean of reflected radiance is at most this: root mean square over the pixels,
-        /// as a share of the picture's mean, estimated from two halves. 0: never. The size of `auto` layers then follows from the number of
-        /// directions that this error takes.
+        /// A render stops early at this relative standard error of the mean reflected radiance: root mean square over the pixels, over the picture's
+        /// mean, estimated from two halves. 0: never. The `auto` layer size then follows from the number of directions that the error needs.
         target_error | "until" => target_error: f64 = 0.0,
     }
 
     /// How gather rays find their hits.
     gather: GatherSettings {
         pipeline => pipeline: Pipeline = Pipeline::Fused,
-        /// Side of the square depth layers; [`Self::layers`] has it in texels.
+        /// Side of the square depth layers. [`Self::layers`] gives it in texels.
         layer_size => layer_size: LayerSize = LayerSize::Auto,
-        /// The poster's criterion: peeling a direction ends with the layer that fewer than this share of the points sample.
-        /// 0 peels until no point samples.
+        /// The poster's criterion: peeling of a direction ends at the first layer that fewer than this share of the points sample, or with 0 none.
         stop_fraction => stop_fraction: f32 = 0.001,
     }
 
     /// The photon map.
     photons: PhotonSettings {
-        /// Photons emitted from the lights, afresh for every 1024 directions.
+        /// Number of photons that the lights emit, new ones for every 1024 directions.
         photons => count: u64 = 1_000_000,
-        /// The most surfaces that store one photon.
+        /// Maximum number of surfaces that store one photon.
         photon_depth | "bounces" => depth: u32 = 64,
-        /// Photon grid cells along the scene's longest side.
+        /// Number of photon grid cells along the longest side of the scene.
         grid_cells => grid_cells: u32 = 32,
     }
 
@@ -135,36 +133,36 @@ settings! {
     direct: DirectSettings {
         /// Samples on the area lights, over the whole picture.
         light_samples => light_samples: u32 = 512,
-        /// Side of a shadow map's faces in texels.
+        /// Side of each face of a shadow map, in texels.
         shadow_size => shadow_size: u32 = 256,
     }
 
-    /// How pictures are shown. Sums do not depend on it.
+    /// Display of pictures. Sums do not depend on it.
     display: DisplaySettings {
-        /// Exposure of 8-bit pictures in stops; EXR is never scaled.
+        /// Exposure of 8-bit pictures in stops. EXR is never scaled.
         exposure => exposure: f32 = 0.0,
     }
 }
 
-/// Directions that see the same photons. So few rays of a point meet in one grid cell that fresh photons for each block would only make
-/// every map noisier; after about this many, the noise of one map would begin to show.
+/// Number of directions that share a photon map. Few rays of a point hit the same grid cell, so new photons for each block would only make every map
+/// noisier. Beyond about this number, the noise of one map would begin to show.
 pub const DIRECTIONS_PER_PHOTON_MAP: u32 = 1024;
 
-/// Where a picture's points come from.
+/// Source of a picture's points.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum PointSource {
-    /// Rasterised: every pixel shows the first surface, mirrors and glass as diffuse ones, through a pinhole.
+    /// Rasterisation through a pinhole. Every pixel shows the first surface; mirrors and glass look diffuse.
     #[default]
     Camera,
-    /// Rays on the CPU, through mirrors, glass and the camera's lens to the first diffuse surface.
+    /// CPU rays, through mirrors, glass and the camera's lens, to the first diffuse surface.
     Traced,
 }
 
 /// Side of the square depth layers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum LayerSize {
-    /// It grows with the number of directions, see [`GatherSettings::layers`].
+    /// The side grows with the number of directions, see [`GatherSettings::layers`].
     #[default]
     Auto,
     Texels(u32),
@@ -220,27 +218,26 @@ impl<'de> Deserialize<'de> for LayerSize {
     }
 }
 
-/// How the gather is computed.
+/// The method of the gather.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Pipeline {
-    /// The 2004 method: layers peeled far to near, one culling (KILL) pass over the points for each layer.
+    /// The method of 2004: peels layers from far to near, with one culling (KILL) pass over the points for each layer.
     Kill,
-    /// The same, but points that a layer culls are not shaded again: the poster's "early KILL operation".
+    /// The same, but culled points are not shaded again: the poster's "early KILL operation".
     EarlyKill,
-    /// All layers of several directions sampled in one pass, for rays at both ends of each: as many samples from half the directions, and to
-    /// the last layer, whatever the stop fraction. Keeps all layers, at least eight, in 12 bytes a texel each.
+    /// Samples all layers of several directions in one pass, for rays at both ends of each direction. So half the directions give the same number of
+    /// samples. It peels to the last layer and ignores the stop fraction. It stores all layers, at least eight, in 12 bytes for each texel.
     #[default]
     Fused,
-    /// Exact rays on the CPU along the same directions: what the layers approximate. Layer size and stop fraction mean nothing to it.
+    /// Exact rays on the CPU along the same directions. The layers approximate these. Layer size and stop fraction have no effect.
     Raycast,
-    /// Exact rays on the GL side, for both ends of each direction as `fused`: ray shooting, by the same device. Layer size and stop fraction mean
-    /// nothing to it.
+    /// As `raycast`, on the GL side and for both ends of each direction, as in `fused`: ray shooting on the same device.
     RaycastGl,
 }
 
 impl Pipeline {
-    /// As settings spell it.
+    /// The name in settings.
     pub fn name(self) -> &'static str {
         match self {
             Self::Kill => "kill",
@@ -252,19 +249,20 @@ impl Pipeline {
     }
 }
 
-/// How radiance along N directions makes an irradiance. Both tend to the same value.
+/// Estimator of irradiance from radiance along N directions. Both converge to the same value.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Estimator {
-    /// E = π Σ L w / Σ w. Exact where radiance is constant, so that only its variation makes an error; in return a point has a bias that
-    /// falls as 1/N, far below its error, and at smooth shading normals the directions under the surface count as if not there.
+    /// E = π Σ L w / Σ w. Exact for constant radiance, so only its variation causes an error. The bias falls as 1/N and is far below the error. At
+    /// smooth shading normals, directions under the surface count as missing.
     #[default]
     SelfNormalised,
-    /// E = (4π/N) Σ L w, the poster's; (2π/N) Σ L w where both ends of a direction count. Without bias at any N, but a constant radiance has a relative error of 1.29/√N with random directions.
+    /// E = (4π/N) Σ L w, as in the poster; (2π/N) Σ L w if both ends of a direction count. It has no bias at any N. But constant radiance has a
+    /// relative error of 1.29/√N with random directions.
     Plain,
 }
 
-/// Where global directions come from.
+/// Source of the global directions.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Sequence {
@@ -277,23 +275,23 @@ pub enum Sequence {
     Sobol,
 }
 
-/// As many as 16384 x 16384.
+/// As many as in 16384 x 16384.
 const MOST_PIXELS: u64 = 1 << 28;
 
 impl GatherSettings {
     /// Side of the square depth layers in texels.
     ///
-    /// The error of a texel differs from one direction to the next. So more directions average it out, as they do their own noise, though less well.
-    /// The side of `auto` grows with the square root of the number of directions, or of the number that the target error takes. It adds a twentieth to a
-    /// quarter to the error of so many directions (docs/performance.md has the measurements). In the limit both errors vanish.
+    /// The error of a layer's texels changes with each direction. So more directions average it out, though more slowly than their own noise. The side
+    /// of `auto` grows with the square root of the number of directions, or of the number for the target error. It adds 5 to 25 % to the error of so
+    /// many directions (measurements: docs/performance.md). In the limit both errors vanish.
     pub fn layers(&self, directions: &DirectionSettings) -> u32 {
         match self.layer_size {
             LayerSize::Texels(side) => side,
             LayerSize::Auto => {
-                // About 1024 of low discrepancy to a percent, falling as their number to the power of 3/4.
+                // About 1024 low-discrepancy directions give an error of 1 %. The error falls with their number to the power of 3/4.
                 let wanted = 1024.0 * (0.01 / directions.target_error).powf(4.0 / 3.0);
                 let side = 128.0 * (wanted.min(directions.count.into()) / 1024.0).sqrt();
-                // Fewer texels would save little.
+                // Smaller layers would save little time.
                 ((side / 64.0).round() as u32 * 64).clamp(128, 1024)
             }
         }
@@ -301,25 +299,25 @@ impl GatherSettings {
 }
 
 impl PhotonSettings {
-    /// The numbers of the photons of one map, of those after each other.
+    /// Indices of the photons of a map. Maps use consecutive ranges.
     pub fn numbers(&self, map: u64) -> Range<u64> {
         map * self.count..(map + 1) * self.count
     }
 }
 
 impl Settings {
-    /// [`GatherSettings::layers`] of these directions.
+    /// [`GatherSettings::layers`] for these directions.
     pub fn layers(&self) -> u32 {
         self.gather.layers(&self.directions)
     }
 
-    /// The same after `change`.
+    /// Returns the settings after `change`.
     pub fn with(mut self, change: impl FnOnce(&mut Self)) -> Self {
         change(&mut self);
         self
     }
 
-    /// What shapes sums: the same without display settings.
+    /// The settings that affect sums: all but the display settings.
     pub fn of_sums(&self) -> Self {
         Self { display: DisplaySettings::default(), ..*self }
     }
@@ -327,7 +325,7 @@ impl Settings {
     /// Checks every number that does not depend on the GL device.
     ///
     /// # Errors
-    /// [`Error::Usage`], whose problem begins with the key of the setting, or with its option where it has one.
+    /// [`Error::Usage`]. Its problem starts with the option of the setting, or with its key if it has no option.
     pub fn validate(&self) -> crate::error::Result<()> {
         let Self { film, directions, gather, photons, direct, display, .. } = self;
         let check = |sound: bool, name: &str, value: &dyn Display, cure: &str| match sound {
@@ -376,7 +374,7 @@ mod tests {
         };
         let layers = |count, target_error| by(LayerSize::Auto, count, target_error);
         assert_eq!([1, 1000, 4096, 16384, 1 << 30].map(|directions| layers(directions, 0.0)), [128, 128, 256, 512, 1024]);
-        // A thousand directions to a percent, and eight times as many to a fifth of it.
+        // A thousand directions for 1 %, and eight times as many for a fifth of that.
         assert_eq!([layers(1 << 30, 0.01), layers(1 << 30, 0.002), layers(100, 0.002)], [128, 384, 128]);
         assert_eq!(by(LayerSize::Texels(96), 1 << 20, 0.0), 96);
     }

@@ -1,4 +1,4 @@
-//! The command-line tool: exit codes, what it says on which stream, and which files it leaves.
+//! The command-line tool: its exit codes, its output on each stream, and its files.
 #![cfg(unix)]
 
 mod common;

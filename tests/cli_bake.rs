@@ -1,4 +1,4 @@
-//! `finalgather bake` and `relight`: the files they read and write, and what they refuse.
+//! `finalgather bake` and `relight`: the files that they read and write, and their refusals.
 #![cfg(unix)]
 
 mod common;

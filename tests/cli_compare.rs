@@ -1,4 +1,4 @@
-//! `finalgather compare`: numbers with known answers, what it refuses with which exit code, and the maps it writes.
+//! `finalgather compare`: measures with known answers, refusals with their exit codes, and difference maps.
 
 mod common;
 

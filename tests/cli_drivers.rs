@@ -1,4 +1,4 @@
-//! Mesa's llvmpipe and its reference rasteriser softpipe, which share little code below OpenGL, make the same picture, each by EGL and by OSMesa.
+//! Mesa's llvmpipe and its reference rasteriser softpipe make the same picture, by EGL and by OSMesa. The two share little code below OpenGL.
 
 mod common;
 

@@ -1,4 +1,4 @@
-//! Long jobs: a run that goes on from a checkpoint, and shards that are merged, make the bits of one run. Parts of different jobs are refused.
+//! Long jobs. A run resumed from a checkpoint, and merged shards, give the same bits as one run. Parts of different jobs are refused.
 #![cfg(unix)]
 
 mod common;

@@ -1,4 +1,4 @@
-//! The engines of `scripts/cluster` run on this machine: 16 shards, one of which is killed midway. The merged file has the bytes of one run.
+//! The engines of `scripts/cluster`, on this machine: 16 shards, one of them killed midway. The merged file has the same bytes as one run.
 #![cfg(target_os = "linux")]
 
 mod common;

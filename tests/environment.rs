@@ -1,4 +1,4 @@
-//! Light from beyond the scene: where in the picture a direction is, densities of samples, and what is refused.
+//! Light from outside the scene: directions in the picture, densities of samples, and refusals.
 
 use std::f32::consts::PI;
 use std::fs;

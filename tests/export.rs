@@ -1,5 +1,4 @@
-//! What is exported comes back through other readers: PLY through ply-rs, NumPy byte by byte, OBJ as a scene, glTF through its
-//! crate and the Khronos validator.
+//! Other readers load exported files: ply-rs for PLY, a byte comparison for NumPy, the scene loader for OBJ, glTF's crate and the Khronos validator.
 
 mod common;
 

@@ -1,8 +1,8 @@
-//! Faults of drivers: the context is lost, memory ends, a limit or a version is wrong, a watchdog resets the device. The tool either makes the same
-//! result as without the fault, or ends with an error that names the fault and keeps what was gathered.
+//! Driver faults: a lost context, no memory left, a wrong limit or version, a device reset by a watchdog. The tool gives the same result as without the
+//! fault, or an error that names the fault and keeps the sums.
 //!
-//! The driver is Mesa's, with tests/faulty_driver/driver.c between it and the tool. GLVND loads that by its own environment variable, so that the tool runs
-//! as users run it. On softpipe these many runs would take a quarter of an hour, so CI runs them on the best driver only.
+//! The driver is Mesa's, behind tests/faulty_driver/driver.c. GLVND loads that file through its own environment variable, so the tool runs as for
+//! users. On softpipe these runs would take a quarter of an hour, so CI uses only the best driver.
 #![cfg(target_os = "linux")]
 
 mod common;

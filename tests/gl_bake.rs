@@ -1,4 +1,4 @@
-//! Integrals over hemispheres, at any points: against exact rays, against each other and against closed forms.
+//! Hemisphere integrals at any points, compared with exact rays, with each other and with closed forms.
 
 mod common;
 

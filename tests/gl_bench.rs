@@ -1,4 +1,4 @@
-//! The bench measures every contestant and its error. Timing the stages of a gather changes none of its bits.
+//! The bench measures every contestant and its error. Stage timers change no bit of a gather.
 
 mod common;
 

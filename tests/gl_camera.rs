@@ -1,5 +1,5 @@
-//! What the camera sees is what rays from it meet, be it close to the eye in a scene that reaches ten thousand times as far: the near plane,
-//! the depth test, and no far plane.
+//! The camera sees the surfaces that its rays hit, also close to the eye in a scene ten thousand times as large. Tests the near plane, the depth test,
+//! and that there is no far plane.
 
 mod common;
 

@@ -1,9 +1,9 @@
-//! The gather against textbook closed forms: form factors, which are the irradiance from surfaces of uniform radiance, ambient occlusion and
-//! the exchange of light between plates, all in one.
+//! The gather compared with textbook form factors. A form factor is the irradiance from surfaces of uniform radiance. It also gives ambient occlusion
+//! and the exchange of light between plates.
 //!
-//! Every cell of the photon grid has irradiance π, so that a surface of albedo 1 sends out radiance 1 and E/π is its form factor from
-//! the point. What is asked for is red, a sky around it green, all else black: red is occlusion, and green openness. The oracle is
-//! held against the same forms, over the same directions.
+//! Every cell of the photon grid has irradiance π. So a surface of albedo 1 emits radiance 1, and E/π is its form factor from the point. The tested
+//! surface is red, a sky around it green, all else black: red is occlusion, green is openness. The reference of exact rays must match the same forms,
+//! with the same directions.
 
 mod common;
 

@@ -1,4 +1,4 @@
-//! Direct light against the closed form: irradiance under a polygon of uniform radiance.
+//! Direct light compared with the closed form for irradiance under a polygon of uniform radiance.
 
 mod common;
 

@@ -1,4 +1,4 @@
-//! Light from beyond the scene, by every way to gather and in whole pictures, against closed forms.
+//! Light from outside the scene, in every pipeline and in whole pictures, compared with closed forms.
 
 mod common;
 

@@ -1,5 +1,5 @@
-//! The white furnace: where every surface sends out radiance 1, every point of a closed scene receives irradiance π, whatever the geometry
-//! and the directions, by layers and by exact rays.
+//! The white furnace. If every surface of a closed scene sends out radiance 1, every point receives irradiance π, for any geometry and directions.
+//! Layers and exact rays must both give it.
 
 mod common;
 

@@ -1,4 +1,4 @@
-//! The bundles' hits are the ray casts' hits: irradiance by layers against the oracle's, for the same points, directions and photons.
+//! Bundles and ray casts find the same hits: layers give the irradiance of exact rays for the same points, directions and photons.
 
 mod common;
 

@@ -1,5 +1,5 @@
-//! A scene that is moved, turned or scaled together with its camera makes the same picture: to rounding where unit space takes all of it
-//! away, within the standard error where directions, layers and photon cells then lie otherwise on the scene.
+//! A scene that moves, turns or scales with its camera gives the same picture. Unit space removes moves and scales up to rounding. Other changes place
+//! directions, layers and photon cells differently; then pictures agree within the standard error.
 
 mod common;
 

@@ -1,4 +1,4 @@
-//! Jobs run from the library, without the command line.
+//! Jobs started from the library instead of the command line.
 
 mod common;
 

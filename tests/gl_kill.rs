@@ -1,4 +1,4 @@
-//! Early KILL beside KILL: points that a layer culled are not shaded again, and all but a few find the same hits.
+//! Early KILL compared with KILL. Points that a layer culled are not shaded again, and all but a few find the same hits.
 
 mod common;
 

@@ -1,4 +1,4 @@
-//! Depth peeling yields layers from far to near. Together they hold each surface once.
+//! Depth peeling gives layers from far to near. Together they contain each surface once.
 
 mod common;
 

@@ -1,6 +1,5 @@
-//! What the shaders see of photons, against its CPU twin. The photon texture: `photon_irradiance` of the shaders, by a program of this test's own, and `PhotonGrid::irradiance`
-//! give one irradiance at one place, for any number of cells and every bin. And the channel
-//! `PhotonMap` of a picture.
+//! Photons in shaders, compared with their CPU twin. A program of this test reads the photon texture by `photon_irradiance`. It gives the same
+//! irradiance as `PhotonGrid::irradiance` at the same place, for any number of cells and every bin. Also the channel `PhotonMap` of a picture.
 
 mod common;
 

@@ -1,4 +1,4 @@
-//! Whole renders: all pipelines and contexts make the same picture, and a render can be interrupted at any time.
+//! Whole renders. All pipelines and contexts give the same picture, and a render can stop at any time.
 
 mod common;
 

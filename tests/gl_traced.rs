@@ -1,4 +1,4 @@
-//! Ray-traced pixels through the whole render: the camera's points where nothing is specular, and the white furnace with mirrors and glass.
+//! Ray-traced pixels in whole renders. Without specular surfaces they show the camera's points. The white furnace holds with mirrors and glass.
 
 mod common;
 

@@ -1,4 +1,4 @@
-//! Pictures written to files and read back: all bits come back, the bytes do not vary, and a file is whole or absent.
+//! Picture files. All bits come back, the bytes are deterministic, and a file is complete or absent.
 
 mod common;
 

@@ -1,5 +1,5 @@
-//! Rules for the source: which module may import which, how long a file may be, that each type has a name of its own, where GL is named, that
-//! each file says what it is for, and that the file names in comments exist.
+//! Rules for the source: allowed imports, file length, unique type names, files that may use GL, a header in each file, existing file names in
+//! comments.
 
 mod common;
 

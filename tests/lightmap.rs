@@ -1,5 +1,5 @@
-//! Light maps: a function of place, given as the values at the points and read back from the map at other places of the surfaces, must be what
-//! it was, by a bilinear lookup of the test's own; and what is wrong with texture coordinates must be said.
+//! Light maps. A function of position gives values at the points. The test reads it back from the map at other positions, with its own bilinear lookup.
+//! Faulty texture coordinates must be reported.
 
 use std::path::{Path, PathBuf};
 

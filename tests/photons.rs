@@ -1,4 +1,4 @@
-//! The photon map: energy, density and which side of what it belongs to.
+//! The photon map: energy, density, and the side of a surface that photons belong to.
 
 mod common;
 

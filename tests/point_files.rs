@@ -1,4 +1,4 @@
-//! Points from files: each format says the same, and whatever else a file holds is refused with its place and a cure.
+//! Files of points. Every format gives the same points. All other contents are refused with the place and a cure.
 
 use std::fs;
 use std::path::Path;

@@ -1,5 +1,5 @@
-//! Whole pictures against someone else's: `reference/*.exr`, path-traced with Mitsuba 3 by `reference/path_trace.py` (the Cornell box with
-//! 32768 paths a pixel, the textured close-up with 16384; their own noise is about 0.7 % of the mean; the arch under the sky with 16384 and 0.35 %).
+//! Whole pictures compared with `reference/*.exr`, path-traced by Mitsuba 3 (`reference/path_trace.py`). The Cornell box has 32768 paths a pixel, the
+//! textured close-up 16384; their noise is about 0.7 % of the mean. The arch under the sky has 16384 and 0.35 %.
 
 mod common;
 

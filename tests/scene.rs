@@ -1,4 +1,4 @@
-//! Loading scenes: what the data means, and that each malformed input is reported at its place.
+//! Loading scenes: the meaning of the data, and malformed inputs that are reported with their place.
 
 use std::f32::consts::FRAC_1_SQRT_2;
 use std::f64::consts::FRAC_PI_2;

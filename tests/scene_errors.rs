@@ -1,4 +1,4 @@
-//! Each malformed scene is refused with the file, the line, the problem and a cure.
+//! Each malformed scene is refused with its file, line, problem and cure.
 
 use std::fs;
 

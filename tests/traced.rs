@@ -1,4 +1,4 @@
-//! Mirrors, glass and lenses against closed forms: paths of eye rays and of photons.
+//! Mirrors, glass and lenses compared with closed forms, on paths of eye rays and of photons.
 
 mod common;
 

@@ -1,5 +1,5 @@
-//! The window of `finalgather view`. Each test starts an X server, sends key and mouse events (xdotool), reads the server's frame buffer, and compares
-//! it with what `finalgather render` writes. One test runs under Wayland.
+//! The window of `finalgather view`. Each test starts an X server, sends key and mouse events (xdotool), and compares the server's frame buffer with
+//! the file of `finalgather render`. One test runs under Wayland.
 #![cfg(all(target_os = "linux", feature = "window"))]
 
 mod common;

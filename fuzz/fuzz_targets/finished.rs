@@ -1,4 +1,4 @@
-//! What outputs say of the job that made them.
+//! Metadata in outputs about the job that made them.
 #![no_main]
 
 use std::env::temp_dir;
@@ -8,7 +8,7 @@ use std::process::id;
 use finalgather::export::metadata_of;
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
-    // An array's is in the file beside it.
+    // The metadata of a .npy are in a .json beside it.
     for (name, content) in [("x.ply", "x.ply"), ("x.exr", "x.exr"), ("x.npy", "x.json")] {
         let path = |name: &str| temp_dir().join(format!("finalgather-fuzz-{}-{name}", id()));
         for name in [name, content] {

@@ -1,4 +1,4 @@
-//! Radiance transfer: an array with a sound description, and the other way round.
+//! Radiance transfer: a fuzzed array with a sound description, and the reverse.
 #![no_main]
 
 use finalgather::export::parse_prt;

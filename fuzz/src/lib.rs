@@ -1,4 +1,4 @@
-//! What all targets hold readers to: whatever the bytes are, sound data come back, or an error that says where, what is wrong and what to do.
+//! The check of all targets. For any bytes, a reader returns sound data, or an error with the place, the problem and the cure.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -6,7 +6,7 @@ use std::path::Path;
 use finalgather::error::{Error, Result};
 use finalgather::scene::{Files, LoadOptions, World};
 
-/// A sound scene of one file of each kind. The texture's name says TGA, which is known by nothing else; what another format's first bytes say counts more.
+/// A sound scene with one file of each kind. A TGA texture is known only by its name. But the first bytes of another format override the name.
 const SCENE: [(&str, &[u8]); 5] = [
     ("s.toml", include_bytes!("../seeds/scene/all.toml")),
     ("m.obj", include_bytes!("../seeds/obj/room.obj")),
@@ -22,7 +22,7 @@ pub fn check<T>(read: Result<T>) {
     }
 }
 
-/// Loads the scene with `bytes` in the place of the file of this name.
+/// Loads the scene with `bytes` as the contents of file `name`.
 pub fn load(name: &str, bytes: &[u8]) {
     let mut files = BTreeMap::from(SCENE.map(|(name, bytes)| (name.into(), bytes.to_vec())));
     files.insert(name.into(), bytes.to_vec());

@@ -1,4 +1,4 @@
-//! Sums of a bake: those of the block in progress on the GL side, and those of complete blocks as pairwise trees.
+//! Sums of a bake: the block in progress on the GL side, and complete blocks as pairwise trees.
 
 use std::ops::Range;
 use std::path::Path;
@@ -12,15 +12,15 @@ use crate::error::{Error, Result};
 use crate::gpu::Gpu;
 use crate::points::GatherPoint;
 
-/// Points of a tile: so few that the passes over its hits, 16 MB, find them in the cache.
+/// Points of a tile. With so few, the hits of a batch (16 MB) stay in the cache between passes.
 pub const TILE: usize = 1 << 18;
 
-/// What the points of a round have summed.
+/// Sums of the points of a round.
 #[derive(Default)]
 pub struct RoundSums {
-    /// Irradiance from the lights; empty before the round begins.
+    /// Irradiance from the lights at each point. Empty before the round begins.
     pub direct: Vec<Vec3>,
-    /// Of complete blocks.
+    /// Sums of complete blocks.
     pub values: PairwiseSum<Values>,
 }
 
@@ -31,11 +31,10 @@ pub struct BlockSums {
     pub tiles: Vec<Tile>,
 }
 
-/// All sums.
 #[derive(Default)]
 pub struct Accumulation {
     pub rounds: Vec<RoundSums>,
-    /// While a round is in progress.
+    /// `None` between rounds.
     pub block: Option<BlockSums>,
 }
 
@@ -48,10 +47,10 @@ impl RoundSums {
         }
     }
 
-    /// What `part`, read from `path`, has of a round.
+    /// Reads the sums of a round from `part`, a file at `path`.
     ///
     /// # Errors
-    /// [`Error::Input`] when it is damaged.
+    /// [`Error::Input`] when the part is damaged.
     pub fn read(path: &Path, part: &Part, round: &Round, wanted: &Wanted, blocks: Blocks) -> Result<Self> {
         let ([values, direct], points) = (names(round), round.points.len());
         let values = part.tree(path, &values, blocks, |_, planes| Values::of_planes(wanted, points, &planes))?;
@@ -84,12 +83,12 @@ impl BlockSums {
 }
 
 impl Accumulation {
-    /// Nothing yet, of so many rounds.
+    /// Empty sums for this number of rounds.
     pub fn new(rounds: usize) -> Self {
         Self { rounds: (0..rounds).map(|_| RoundSums::default()).collect(), block: None }
     }
 
-    /// Adds the block in progress to its round, and begins another of the same round.
+    /// Adds the finished block to its round, and clears the GL sums for the next block.
     pub fn end_block(&mut self, gpu: &Gpu, index: u32) -> Result<()> {
         let Some(block) = &self.block else { return Ok(()) };
         let values = block.read();
@@ -99,12 +98,12 @@ impl Accumulation {
         Ok(())
     }
 
-    /// The block in progress, if it is one of this round.
+    /// The block in progress, if it belongs to this round.
     fn block_of(&self, round: usize) -> Option<&BlockSums> {
         self.block.as_ref().filter(|block| block.round == round)
     }
 
-    /// Whether all of these rounds have sums, if only of some directions.
+    /// Whether each of these rounds has sums of at least some directions.
     pub fn have_values(&self, mut rounds: Range<usize>) -> bool {
         rounds.all(|round| self.rounds[round].values.blocks() > 0 || self.block_of(round).is_some())
     }

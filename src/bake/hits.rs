@@ -1,4 +1,4 @@
-//! Hits of one batch of directions: found tile by tile, and stored where later rounds want them again.
+//! Hits of a batch of directions. They are found tile by tile, and stored if later rounds use them again.
 
 use std::collections::BTreeMap;
 
@@ -12,48 +12,47 @@ use crate::points::{PointList, Points};
 use crate::prepared::Prepared;
 use crate::settings::GatherSettings;
 
-/// The hits of each tile, by the first direction of their batch.
+/// The hits of each tile. The key is the first direction of the batch.
 pub type VertexHits = BTreeMap<u32, Vec<StoredHits>>;
 
-/// Finds hits and records them, for several passes read them.
+/// A hit finder with a recorder. Hits are recorded because several passes read them.
 pub struct HitSource {
     recorder: Recorder,
     finder: Box<dyn HitFinder>,
 }
 
 impl HitSource {
-    /// For so many points at a time, with layers of so many texels on a side.
+    /// `points`: points at a time. `layers`: side of the layers in texels.
     ///
     /// # Errors
-    /// When layers are beyond the device's limits, or it has no memory for the hits of a batch.
+    /// When layers exceed the device's limits, or its memory cannot hold the hits of a batch.
     pub fn new(gpu: &Gpu, gather: &GatherSettings, layers: u32, prepared: &Prepared, points: usize) -> Result<Self> {
         let size = PointList::size(points.min(TILE));
-        // The finder comes last: it makes do with the memory that is left.
+        // Built last, because the finder adapts to the remaining memory.
         let recorder = Recorder::new(gpu, gather.pipeline, size)?;
         Ok(Self { recorder, finder: hit_finder(gpu, gather, layers, &prepared.scene, &prepared.bvh, size)? })
     }
 
-    /// The most directions at once.
+    /// Maximum number of directions in a batch.
     pub fn batch(&self) -> usize {
         self.finder.batch()
     }
 
-    /// Gives memory back that it can do without, if any.
+    /// Frees some memory. Returns false if nothing can be freed.
     pub fn shrink(&mut self) -> bool {
         self.finder.shrink()
     }
 }
 
-/// The hits of one batch.
 pub struct BatchHits<'a> {
     source: &'a mut HitSource,
     stored: Option<&'a mut Vec<StoredHits>>,
-    /// How many directions it has.
+    /// Number of directions in the batch.
     pub directions: usize,
 }
 
 impl<'a> BatchHits<'a> {
-    /// Along some of `directions`, the first ones; the stored ones if there are any.
+    /// Begins a batch of the first few of `directions`, or of the stored hits if there are any.
     pub fn begin(
         source: &'a mut HitSource,
         stored: Option<&'a mut Vec<StoredHits>>,
@@ -65,7 +64,7 @@ impl<'a> BatchHits<'a> {
         Ok(Self { source, stored, directions })
     }
 
-    /// The hits of tile `index`, whose points are these. Tiles come in order.
+    /// The hits of tile `index` with these points. Call it for the tiles in order.
     pub fn of_tile(&mut self, geometry: &Geometry, index: usize, points: Points) -> Result<Found<'_>> {
         let HitSource { recorder, finder } = self.source;
         let Some(tiles) = &mut self.stored else { return Ok(recorder.record(finder.find(geometry, points)?, points)) };

@@ -1,4 +1,4 @@
-//! The consumers of a bake, and what their sums make. Mirrors `glsl/consumer/hemisphere.glsl` and `glsl/consumer/harmonics.glsl`.
+//! The consumers of a bake, and the values that come from their sums. Mirrors `glsl/consumer/hemisphere.glsl` and `glsl/consumer/harmonics.glsl`.
 
 use std::f32::consts::{PI, TAU};
 
@@ -18,18 +18,18 @@ use crate::points::{Accumulator, GatherPoint, PointList, Points};
 use crate::quantity::Quantity;
 use crate::shaders::{Consumer, Finder, HarmonicsPass, HitRadiance};
 
-/// Outputs of `glsl/consumer/hemisphere.glsl`: reflected, sky, open, counts.
+/// Number of outputs of `glsl/consumer/hemisphere.glsl`: reflected, sky, open, counts.
 const HEMISPHERE: usize = 4;
 
-/// What to add up.
+/// Which sums are needed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Wanted {
     /// Radiance of surfaces.
     pub radiance: bool,
-    /// Incident radiance and transfer as spherical harmonics.
+    /// Incident radiance (`sh`) and transfer (`prt`) as spherical harmonics.
     pub sh: bool,
     pub prt: bool,
-    /// Bands of both.
+    /// Bands of `sh` and `prt`.
     pub order: usize,
 }
 
@@ -39,7 +39,7 @@ impl Wanted {
     }
 }
 
-/// What hits send back.
+/// Source of the radiance that hits send back.
 #[derive(Clone, Copy)]
 pub enum SurfaceRadiance<'a> {
     Black,
@@ -47,17 +47,16 @@ pub enum SurfaceRadiance<'a> {
     Cached(&'a CachedValues),
 }
 
-/// What [`Integrals::add`] reads.
 pub struct IntegralInputs<'a> {
     pub geometry: &'a Geometry,
-    /// By [`Finder::Stored`].
+    /// Hits for [`Finder::Stored`].
     pub found: Found<'a>,
     pub miss: &'a MissRadiance,
     pub points: Points<'a>,
     pub radiance: SurfaceRadiance<'a>,
-    /// Transfer of hits; black without.
+    /// Transfer at hits. `None` is black.
     pub transfer: Option<&'a CachedValues>,
-    /// In unit space; a hit farther away leaves a point open.
+    /// In unit space. Hits beyond this distance leave a point open.
     pub open_distance: f32,
 }
 
@@ -68,16 +67,16 @@ pub struct Integrals {
 
 struct IntegralPass {
     pass: GatherPass,
-    /// Sums of four floats that it adds to.
+    /// Number of outputs, of four floats each, that it adds to.
     outputs: usize,
-    /// Whether it reads the transfer of hits, in the place of their radiance.
+    /// Whether it reads the transfer of hits instead of their radiance.
     reads_transfer: bool,
 }
 
 /// Some of the points, with their sums.
 pub struct Tile {
     pub list: PointList,
-    /// Of each pass.
+    /// One accumulator for each pass.
     sums: Vec<Accumulator>,
 }
 
@@ -87,21 +86,21 @@ impl Tile {
     }
 }
 
-/// Sums of points, in their order.
+/// Sums of points, in the order of the points.
 #[derive(Clone, Debug, Default)]
 pub struct Values {
-    /// The outputs of all passes, of each point:
+    /// All outputs of all passes, for each point:
     /// - reflected (rgb: Σ radiance of surfaces × w; a: Σ w),
     /// - sky (rgb: Σ radiance of the environment × w; a: Σ w of misses),
-    /// - open (xyz: Σ direction × w of what is open; a: Σ w),
-    /// - counts (Σ w of hits from behind; number of directions in the hemisphere),
+    /// - open (xyz: Σ direction × w of open directions; a: their Σ w),
+    /// - counts (Σ w of hits on back sides; number of directions in the hemisphere),
     /// - coefficients of incident radiance, if wanted, padded to whole outputs,
-    /// - those of transfer likewise.
+    /// - coefficients of transfer, in the same way.
     planes: Vec<Vec<Vec4>>,
 }
 
 impl Integrals {
-    /// With albedo textures or without, and for the kinds of radiance and transfer that will be given.
+    /// `gathered`: radiance comes from the vertex cache. `textured`: the scene has albedo textures. `transfer`: hits have transfer.
     pub fn new(gpu: &Gpu, wanted: Wanted, textured: bool, gathered: bool, transfer: bool) -> Result<Self> {
         let radiance = HitRadiance { vertex_cache: gathered, textured };
         let pass = |consumer, outputs, reads_transfer| {
@@ -115,14 +114,13 @@ impl Integrals {
         Ok(Self { passes: [hemisphere].into_iter().chain(sh).chain(prt).collect::<Result<_>>()? })
     }
 
-    /// Sums for `points`, to be cleared first.
+    /// Accumulators for `points`. Clear them before use.
     pub fn tile(&self, gpu: &Gpu, points: &[GatherPoint]) -> Result<Tile> {
         let list = PointList::upload(gpu, points)?;
         let sums = self.passes.iter().map(|pass| Accumulator::several(gpu, list.points().size(), pass.outputs));
         Ok(Tile { sums: sums.collect::<Result<_>>()?, list })
     }
 
-    /// Adds what the points of a tile see.
     pub fn add(&self, tile: &Tile, inputs: &IntegralInputs) {
         let own = [("open_distance", Uniform::Float(inputs.open_distance))];
         let radiance = match inputs.radiance {
@@ -138,7 +136,7 @@ impl Integrals {
         }
     }
 
-    /// Reads the sums of a tile and puts them behind `values`.
+    /// Reads the sums of a tile and appends them to `values`.
     pub fn read(&self, tile: &Tile, values: &mut Values) {
         values.planes.resize(self.passes.iter().map(|pass| pass.outputs).sum(), Vec::new());
         let sums = tile.sums.iter().flat_map(Accumulator::read_all);
@@ -161,35 +159,35 @@ impl Planes for Values {
 }
 
 impl Values {
-    /// Bytes of the sums of a point.
+    /// Bytes of the sums of one point.
     pub fn bytes(wanted: &Wanted) -> usize {
         wanted.planes() * size_of::<Vec4>()
     }
 
-    /// Of the floats of [`Planes::planes`] for so many points; `None` where they are others than were wanted.
+    /// Inverse of [`Planes::planes`] for this number of points. `None` if the planes do not fit `wanted`.
     pub fn of_planes(wanted: &Wanted, points: usize, planes: &[&[f32]]) -> Option<Self> {
         let whole = planes.len() == wanted.planes() && planes.iter().all(|floats| floats.len() == 4 * points);
-        // Floats lie more loosely than vectors.
+        // Copied, because vectors need a stricter alignment than floats.
         whole.then(|| Self { planes: planes.iter().map(|floats| bytemuck::pod_collect_to_vec(floats)).collect() })
     }
 
-    /// Puts those of further points behind.
+    /// Appends the sums of further points.
     pub fn append(&mut self, further: &Self) {
         self.planes.resize(further.planes.len(), Vec::new());
         for (plane, further) in self.planes.iter_mut().zip(&further.planes) {
-            // There are few rounds, and much in each.
+            // There are few rounds with many points each, so spare capacity would waste memory.
             plane.reserve_exact(further.len());
             plane.extend(further);
         }
     }
 
-    /// For each point the share of its hemisphere in which it saw surfaces from behind.
+    /// For each point, the share of its hemisphere in which it saw back sides of surfaces.
     pub fn inside(&self) -> Vec<f32> {
         let [reflected, _, _, counts, ..] = &self.planes[..] else { return Vec::new() };
         counts.iter().zip(reflected).map(|(counts, reflected)| counts.x / reflected.w.max(f32::MIN_POSITIVE)).collect()
     }
 
-    /// The columns of a quantity; `direct` is irradiance from the lights.
+    /// The columns of a quantity. `direct` is the irradiance from the lights at each point.
     pub fn columns(&self, quantity: Quantity, order: usize, points: &[GatherPoint], direct: &[Vec3]) -> Vec<Channel> {
         let [reflected, sky, open, counts, harmonics @ ..] = &self.planes[..] else { unreachable!("points have sums") };
         let prt = &harmonics[harmonics.len().saturating_sub(HarmonicsPass::targets(order))..];

@@ -1,4 +1,4 @@
-//! The parts of a bake's shards put together, from their files alone: no GL, no photons, no scene.
+//! Merges the parts of a bake's shards from their files. It needs no GL, no photons and no scene.
 
 use std::path::Path;
 
@@ -14,22 +14,22 @@ use crate::points::GatherPoint;
 use crate::scene::Scene;
 use crate::settings::Settings;
 
-/// Parts of one bake put together. All come from one renderer, any.
+/// The merged parts of one bake. All parts must come from the same renderer; any renderer will do.
 pub struct Merge {
     job: Value,
     settings: Settings,
     plan: Plan,
     blocks: Blocks,
-    /// How many.
+    /// Number of points.
     points: usize,
     sums: RoundSums,
 }
 
 impl Merge {
-    /// Of the bake that `part`, read from `path`, is of; nothing yet.
+    /// An empty merge for the bake that made `part`, a file at `path`.
     ///
     /// # Errors
-    /// [`Error::Input`] when it is of another version or damaged.
+    /// [`Error::Input`] when the part is of another version or damaged.
     pub fn new(path: &Path, part: &Part) -> Result<Self> {
         part.check_version(path)?;
         let settings: Settings = Part::parse_value(path, &part.job["settings"])?;
@@ -41,15 +41,15 @@ impl Merge {
         Ok(Self { job: part.job.clone(), settings, plan, blocks, points, sums: RoundSums::default() })
     }
 
-    /// Adds the blocks that a part has of the last stage.
+    /// Adds the blocks of a part's last stage.
     ///
     /// # Errors
-    /// [`Error::Input`] when it is of another bake or damaged, or has blocks that are there already.
+    /// [`Error::Input`] when the part is of another bake, is damaged, or repeats blocks.
     pub fn add(&mut self, path: &Path, part: &Part) -> Result<()> {
         part.check(path, &self.job)?;
         let plan = self.plan.by(path, part)?;
         let (mut nodes, mut direct) = (Vec::new(), Vec::new());
-        // Rounds gathered one after another, and are put side by side.
+        // Each round has other points. Their sums are joined for each block.
         for round in Round::split(&plan, self.blocks, PointSet::Receivers, self.points, plan.stages()) {
             let own = RoundSums::read(path, part, &round, &plan.wanted(true), self.blocks)?;
             let same = nodes.iter().map(Node::range).eq(own.values.nodes().iter().map(Node::range));
@@ -73,22 +73,22 @@ impl Merge {
     }
 
     /// # Errors
-    /// [`Error::Usage`] that names the directions that no part has.
+    /// [`Error::Usage`] that names the missing directions.
     pub fn check_whole(&self) -> Result<()> {
         self.blocks.check_whole(&self.sums.values)
     }
 
-    /// Checks that the bake was one of `scene`, in unit space and without glass, and of `points` there. `path` is that of a part.
+    /// Checks that the bake used `scene`, in unit space and without glass, and `points`. `path` is a part.
     ///
     /// # Errors
-    /// [`Error::Input`] that names what differs.
+    /// [`Error::Input`] that names the difference.
     pub fn check_scene(&self, path: &Path, scene: &Scene, points: &[GatherPoint]) -> Result<()> {
         let mut job = self.job.clone();
         [job["scene"], job["points"]] = digest(scene, points);
         Part::new(self.job.clone(), Value::Null).check(path, &job)
     }
 
-    /// A value for each of `points`, those of all receivers in a row, as [`super::Bake::columns`].
+    /// A value for each of `points`, the points of all receivers in order, as [`super::Bake::columns`].
     ///
     /// # Errors
     /// As [`Self::check_whole`].
@@ -97,12 +97,12 @@ impl Merge {
         Ok(self.plan.columns(&self.sums.values.total().unwrap_or_default(), &self.sums.direct, points))
     }
 
-    /// As [`super::Bake::job`]: `settings` and `plan` among it.
+    /// As [`super::Bake::job`]. It contains `settings` and `plan`.
     pub fn job(&self) -> &Value {
         &self.job
     }
 
-    /// What it was baked by, with an exposure of 0.
+    /// The settings of the bake, with an exposure of 0.
     pub fn settings(&self) -> &Settings {
         &self.settings
     }

@@ -1,12 +1,10 @@
-//! Integrals over the hemispheres of any points of a scene: vertices, texels, pixels, points of a file.
+//! Bakes: integrals over the hemispheres of points. Points can be vertices, texels, pixels or points of a file.
 //!
-//! [`Bake::new`] takes the points of all receivers in a row; each [`Bake::step`] gathers along a few more directions; [`Bake::columns`] gives a
-//! value for each point. A step reads as the pipeline: [`schedule`] says which points gather along which directions; [`vertex_cache`] holds what the
-//! vertices of the scene gathered before, for bounces without photons and for [`Quantity::Prt`]; [`hits`] finds what points see; passes over hits
-//! ([`integrals`]) add it up; [`accumulation`] keeps the sums.
+//! [`Bake::new`] takes the points of all receivers in order. [`Bake::step`] gathers along a few more directions. [`Bake::columns`] gives a value for
+//! each point. In a step, [`schedule`] selects points and directions, [`vertex_cache`] holds earlier results at the scene's vertices (for bounces
+//! without photons and for [`Quantity::Prt`]), [`hits`] finds hits, passes over them ([`integrals`]) add up, and [`accumulation`] keeps the sums.
 //!
-//! Directions come in blocks, whose sums merge exactly: several machines may share them ([`Bake::only`], [`Merge`]), and a bake that ended early goes on
-//! from its complete blocks ([`Bake::save`], [`Bake::resume`]).
+//! Block sums merge exactly. So machines can share a bake ([`Bake::only`], [`Merge`]), and a bake can go on later ([`Bake::save`], [`Bake::resume`]).
 
 mod accumulation;
 mod hits;
@@ -51,10 +49,10 @@ pub use plan::{Plan, RadianceCache, blocks_of, vertex_inset};
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct BakeStatistics {
     pub points: usize,
-    /// Directions that are done, all rounds together, and in all.
+    /// Directions done and in total, summed over all rounds.
     pub directions_done: u64,
     pub directions_total: u64,
-    /// Walks along all directions: for each bounce, and for points beyond the memory.
+    /// Passes through all directions: one for each bounce, and more if memory cannot hold all points.
     pub rounds: usize,
     pub layers_max: u32,
     pub photons: PhotonCounts,
@@ -83,20 +81,20 @@ pub struct Bake {
     photons: Option<Photons>,
     direct: Direct,
     cache: VertexCache,
-    /// Once there are points to find hits for.
+    /// `None` before the first gather.
     hit_source: Option<HitSource>,
     sums: Accumulation,
-    /// MiB that the whole bake may take, if [`Self::fit`] has limited them.
+    /// MiB for the whole bake, if [`Self::fit`] limits them.
     limit: Option<usize>,
     layers_max: u32,
     seconds: Seconds,
 }
 
 impl Bake {
-    /// Of `points` in the unit space of `prepared`.
+    /// `points` are in the unit space of `prepared`.
     ///
     /// # Errors
-    /// [`Error::Usage`] when a setting is out of range or none of a bake's, or there are no points; [`Error::Gl`] when the device fails.
+    /// [`Error::Usage`] when a setting is out of range or not for bakes, or there are no points; [`Error::Gl`] when the device fails.
     pub fn new(gpu: &Gpu, prepared: Prepared, points: Vec<GatherPoint>, settings: &Settings, plan: &Plan) -> Result<Self> {
         settings.validate()?;
         plan.validate()?;
@@ -113,7 +111,7 @@ impl Bake {
         let seconds = Seconds { photons: start.elapsed().as_secs_f64(), ..Seconds::default() };
         let cache = (plan.stages() > 0).then(|| VertexCache::new(gpu, &prepared.scene, vertex_inset(settings.layers())));
         let cache = cache.transpose()?.unwrap_or_default();
-        // Where they are the vertices themselves, hits are stored for them too.
+        // If the receivers are the vertices themselves, they use the stored hits too.
         let receivers = if cache.points() == points { PointSet::Vertices } else { PointSet::Receivers };
         let mut bake = Self {
             gpu: gpu.clone(),
@@ -137,12 +135,12 @@ impl Bake {
         Ok(bake)
     }
 
-    /// What it computes.
+    /// The quantities and options of the bake.
     pub fn plan(&self) -> &Plan {
         &self.plan
     }
 
-    /// The scene that it is baked of.
+    /// The scene of the bake.
     pub fn prepared(&self) -> &Prepared {
         &self.prepared
     }
@@ -164,15 +162,15 @@ impl Bake {
         }
     }
 
-    /// Limits the last gather to these blocks, of [`blocks_of`] its settings. Bounces, on which all blocks depend, keep all directions.
+    /// Limits the last stage to these blocks of [`blocks_of`]. Earlier stages keep all blocks, because every block of the last stage needs them.
     pub fn only(&mut self, blocks: Range<u32>) {
         self.schedule.shard = blocks;
     }
 
-    /// Limits the whole bake to so many MiB, on the GL side and on the CPU: as many points gather at a time as the rest leaves room for.
+    /// Limits the memory of the whole bake in MiB, GL side and CPU together. Fewer points gather at a time to fit.
     ///
     /// # Errors
-    /// [`Error::Usage`] when that is not enough, with what would be.
+    /// [`Error::Usage`] when the limit is too small. It names a sufficient one.
     pub fn fit(&mut self, limit: usize) -> Result<()> {
         self.plan.fit(limit, &self.prepared.scene, &self.settings, &self.schedule)?;
         self.limit = Some(limit);
@@ -180,7 +178,7 @@ impl Bake {
         Ok(())
     }
 
-    /// What shapes the bits of its sums.
+    /// Everything that determines the bits of the sums.
     pub fn job(&self) -> Value {
         let [scene, points] = &self.digest;
         json!({
@@ -195,7 +193,7 @@ impl Bake {
         })
     }
 
-    /// The complete blocks of all rounds that are needed to go on.
+    /// The complete blocks that [`Self::resume`] needs, of all rounds.
     pub fn save(&self) -> Part<'_> {
         let state = json!({ "stage": self.schedule.stage, "memory": self.plan.memory, "points": self.points.len() });
         let mut part = Part::new(self.job(), state);
@@ -203,14 +201,14 @@ impl Bake {
         part
     }
 
-    /// Goes on from the blocks in `part`, read from `path`, in place of what was gathered here. Points are grouped as they were there.
+    /// Replaces all sums by the blocks in `part`, a file at `path`. Points then form the same rounds as in the part.
     ///
     /// # Errors
-    /// [`Error::Input`] when it is of another job, damaged, or grouped more points than [`Self::fit`] allows.
+    /// [`Error::Input`] when the part is of another job, is damaged, or has larger rounds than [`Self::fit`] allows.
     pub fn resume(&mut self, path: &Path, part: &Part) -> Result<()> {
         part.check(path, &self.job())?;
         let theirs = self.plan.by(path, part)?;
-        // The same groups need no more memory than here.
+        // Equal rounds need no more memory than here.
         if self.schedule.rounds_by(&theirs) != self.schedule.rounds {
             if let Some(limit) = self.limit.filter(|_| theirs.memory > self.plan.memory) {
                 let needed = limit + theirs.memory - self.plan.memory;
@@ -224,7 +222,7 @@ impl Bake {
         for (round, sums) in self.schedule.rounds.iter().zip(&mut self.sums.rounds) {
             *sums = RoundSums::read(path, part, round, &self.plan.wanted(round.last), blocks)?;
         }
-        // A stage begins from all blocks of the one before.
+        // A stage needs all blocks of the stage before.
         let stage: u32 = Part::parse_value(path, &part.state["stage"])?;
         let mut before = stage.checked_sub(1).map_or(0..0, |before| self.schedule.of_stage(before));
         let is_whole = |round: usize| self.sums.rounds[round].values.missing(0..blocks.count()).is_empty();
@@ -235,26 +233,24 @@ impl Bake {
         Ok(())
     }
 
-    /// Whether no block is in progress, so that nothing is lost by ending here.
+    /// Whether no block is in progress. Then stopping loses nothing.
     pub fn is_between_blocks(&self) -> bool {
         self.schedule.current.is_none()
     }
 
-    /// Gathers along the next directions, as many as the pipeline takes at once, if any are left. Where memory ends the block begins again, with less
-    /// at a time.
+    /// Gathers along the next batch of directions, if any are left. When memory runs out, the block begins again with smaller batches or fewer points.
     ///
     /// # Errors
-    /// [`Error::Usage`] when layers are beyond the device's limits, in the first step; [`Error::Gl`] when the device fails; complete blocks stay.
+    /// [`Error::Usage`] when layers exceed the device's limits (in the first step); [`Error::Gl`] when the device fails. Complete blocks stay.
     pub fn step(&mut self) -> Result<()> {
         let gathered = self.gather();
         if gathered.is_err() {
-            // What the device holds is gone, or not to be trusted.
+            // The data on the device are lost or unreliable.
             (self.schedule.current, self.sums.block) = (None, None);
         }
         gathered.or_else(|error| if self.gpu.goes_on(&error) && self.shrink() { Ok(()) } else { Err(error) })
     }
 
-    /// One step of the pipeline.
     fn gather(&mut self) -> Result<()> {
         let Some(mut at) = self.schedule.next(&self.sums.rounds) else { return Ok(()) };
         let round = self.schedule.rounds[at.round].clone();
@@ -267,7 +263,7 @@ impl Bake {
         if at.left.is_empty() {
             self.sums.end_block(&self.gpu, at.block)?;
             self.schedule.current = None;
-            // The next block has the same points, unless the round ends.
+            // The next block of the same round has the same points.
             let next = self.schedule.next(&self.sums.rounds).filter(|next| next.round == at.round);
             self.sums.block.take_if(|_| next.is_none());
         } else {
@@ -276,7 +272,7 @@ impl Bake {
         Ok(())
     }
 
-    /// Gives the vertex cache what was found in the stage before this one.
+    /// Fills the vertex cache with the results of the stage before.
     fn fill_cache(&mut self, stage: u32) -> Result<()> {
         if stage == 0 || self.schedule.stage == stage && self.cache.is_filled() {
             return Ok(());
@@ -289,13 +285,13 @@ impl Bake {
         Ok(())
     }
 
-    /// Takes the points of a round to the GL side, and finds their direct light.
+    /// Uploads the points of a round and computes their direct light.
     fn begin_round(&mut self, number: usize, round: &Round) -> Result<()> {
         let start = Instant::now();
         self.cache.hits.take_if(|_| round.set == PointSet::Receivers);
         let (radiance, transfer) = (self.cache.radiance.is_some(), self.cache.transfer.is_some());
         let mut wanted = self.plan.wanted(round.last);
-        // Without photons, surfaces are black until a stage has lit them.
+        // Without photons, surfaces are black until the first stage is complete.
         wanted.radiance &= radiance || self.photons.is_some();
         let integrals = Integrals::new(&self.gpu, wanted, self.geometry.is_textured(), radiance, transfer)?;
         let points = if round.set == PointSet::Vertices { self.cache.points() } else { &self.points };
@@ -309,7 +305,7 @@ impl Bake {
         Ok(())
     }
 
-    /// Irradiance from the lights at the points of a round; zero where it is not wanted.
+    /// Irradiance from the lights at the points of a round. Zero if it is not wanted.
     fn direct_light(&self, round: &Round, block: &BlockSums) -> Result<Vec<Vec3>> {
         let (geometry, lights) = (&self.geometry, &self.prepared.lights);
         let lit = |round: &Round| self.plan.wanted(round.last).radiance && lights.count() > 0;
@@ -335,7 +331,7 @@ impl Bake {
         Ok(direct)
     }
 
-    /// The photon map of a direction.
+    /// Makes the photon map for a direction.
     fn trace_photons(&mut self, direction: u32) -> Result<()> {
         let Some(photons) = &mut self.photons else { return Ok(()) };
         let start = Instant::now();
@@ -344,7 +340,7 @@ impl Bake {
         Ok(())
     }
 
-    /// Adds what the points of a round see along the next directions of a block. Returns how many these are.
+    /// Adds the hits of the points of a round along the next directions of a block. Returns the number of directions.
     fn gather_batch(&mut self, at: &BlockInProgress, round: &Round) -> Result<u32> {
         let start = Instant::now();
         let Some(block) = &self.sums.block else { return Ok(0) };
@@ -382,12 +378,12 @@ impl Bake {
         Ok(directions.len() as u32)
     }
 
-    /// Gives memory back that it can do without, if any.
+    /// Frees some memory. Returns false if nothing can be freed.
     fn shrink(&mut self) -> bool {
         if self.cache.hits.take().is_some() || self.hit_source.as_mut().is_some_and(HitSource::shrink) {
             return true;
         }
-        // Half as many points at a time. Where blocks are complete it is too late: a block is of all points of a round.
+        // Halves the number of points at a time. This is too late once a block is complete: a block holds all points of a round.
         let begun = self.sums.rounds.iter().any(|sums| sums.values.blocks() > 0);
         let fewer = !begun && self.plan.halve(self.schedule.blocks, self.schedule.largest_round());
         if fewer {
@@ -396,7 +392,7 @@ impl Bake {
         fewer
     }
 
-    /// Begins the rounds of the plan, with nothing summed.
+    /// Begins the rounds of the plan, with empty sums.
     fn begin_rounds(&mut self) {
         self.schedule.restart(&self.plan);
         self.sums = Accumulation::new(self.schedule.rounds.len());
@@ -405,18 +401,18 @@ impl Bake {
         self.hit_source = None;
     }
 
-    /// Directions along which every point has gathered, of those asked for.
+    /// Directions along which every point has gathered, in the last stage.
     pub fn directions_done(&self) -> u32 {
         self.schedule.directions_done(&self.sums.rounds)
     }
 
-    /// Whether each point has a value: from the last round on, though of fewer directions than are asked for.
+    /// Whether each point has a value. Values exist from the last round on, at first from fewer directions.
     pub fn has_values(&self) -> bool {
         self.sums.have_values(self.schedule.last())
     }
 
-    /// A value for each point, in their order, of all quantities so far; `None` where [`Self::has_values`] is false. Beside them, for each point, the
-    /// share of its hemisphere in which it saw surfaces from behind: where that is most of it, the point lies inside something.
+    /// All quantities so far, with a value for each point in order; `None` if [`Self::has_values`] is false. Also, for each point, the share of its
+    /// hemisphere in which it saw back sides of surfaces. If this is most of it, the point lies inside an object.
     pub fn columns(&self) -> Option<(Vec<Channel>, Vec<f32>)> {
         let columns = || {
             let (values, direct) = self.sums.total(self.schedule.last());
@@ -426,7 +422,6 @@ impl Bake {
     }
 }
 
-/// Checksums of a scene and of points.
 fn digest(scene: &Scene, points: &[GatherPoint]) -> [Value; 2] {
     let vectors: Vec<_> = points.iter().flat_map(|point| [point.position, point.normal, point.surface_normal]).collect();
     [scene.digest(), sha256(bytemuck::cast_slice(&vectors)).into()]

@@ -1,4 +1,4 @@
-//! What a bake is asked for.
+//! The options of a bake.
 
 use std::path::Path;
 
@@ -15,24 +15,24 @@ use crate::quantity::Quantity;
 use crate::settings::DirectionSettings;
 use crate::shaders::BATCH;
 
-/// What a bake computes, beside [`Settings`](crate::settings::Settings).
+/// The quantities and options of a bake, in addition to [`Settings`](crate::settings::Settings).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Plan {
     pub what: Vec<Quantity>,
     /// Bands of spherical harmonics.
     pub order: usize,
-    /// Gathers at the scene's vertices before the last one: each adds a bounce. [`Quantity::Prt`] takes any number,
-    /// [`RadianceCache::Vertices`] at least one; nothing else has any.
+    /// Number of gathers at the scene's vertices before the last gather. Each adds a bounce. [`Quantity::Prt`] allows any number,
+    /// [`RadianceCache::Vertices`] needs at least one. Other bakes ignore it.
     pub gather_bounces: u32,
-    /// In world space; surfaces farther away leave a point open. `None`: no surface does.
+    /// In world space. Surfaces beyond it leave a point open. `None`: all surfaces count.
     pub ao_distance: Option<f32>,
     pub radiance_cache: RadianceCache,
-    /// MiB that points and their sums may take on the GL side at a time. The sum of a point does not depend on it.
+    /// MiB on the GL side for points and their sums at a time. The sum of a point does not depend on it.
     #[serde(skip)]
     pub memory: usize,
 }
 
-/// Where the radiance of surfaces comes from.
+/// Source of the radiance of surfaces.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum RadianceCache {
@@ -66,7 +66,7 @@ impl Plan {
         Ok(())
     }
 
-    /// With the memory that `part`, read from `path`, was made with.
+    /// The plan with the memory of `part`, a file at `path`.
     pub(super) fn by(&self, path: &Path, part: &Part) -> Result<Self> {
         let memory: u32 = Part::parse_value(path, &part.state["memory"])?;
         Ok(Self { memory: memory as usize, ..self.clone() })
@@ -84,24 +84,23 @@ impl Plan {
         self.needs_radiance() && self.radiance_cache == RadianceCache::Photons
     }
 
-    /// Whether gathers at vertices are about radiance.
+    /// Whether the vertex cache holds radiance.
     pub(super) fn caches_radiance(&self) -> bool {
         self.needs_radiance() && self.radiance_cache == RadianceCache::Vertices
     }
 
-    /// Gathers at vertices, one after another, before that of the receivers.
+    /// Number of gathers at vertices before the gather of the receivers.
     pub(super) fn stages(&self) -> u32 {
         if self.caches_radiance() || self.wants(Quantity::Prt) { self.gather_bounces } else { 0 }
     }
 
-    /// The columns of all quantities, from sums of points and their direct light; and the share of its hemisphere in which each point saw surfaces from
-    /// behind.
+    /// The columns of all quantities, from sums of points and their direct light. Also [`Values::inside`].
     pub(super) fn columns(&self, values: &Values, direct: &[Vec3], points: &[GatherPoint]) -> (Vec<Channel>, Vec<f32>) {
         let columns = |&quantity: &Quantity| values.columns(quantity, self.order, points, direct);
         (self.what.iter().flat_map(columns).collect(), values.inside())
     }
 
-    /// What the last stage sums, or one of those before.
+    /// Sums of the last stage, or of an earlier one.
     pub(super) fn wanted(&self, last: bool) -> Wanted {
         Wanted {
             radiance: if last { self.needs_radiance() } else { self.caches_radiance() },
@@ -112,12 +111,12 @@ impl Plan {
     }
 }
 
-/// How far from a vertex its gather point lies, in unit space: half a texel of a layer of this side. Nearer to the foot of a wall, layers lose light.
+/// Distance in unit space from a vertex to its gather point: half a texel of a layer with this side. Closer to the foot of a wall, layers lose light.
 pub fn vertex_inset(layers: u32) -> f32 {
     1.0 / layers as f32
 }
 
-/// How the directions of a bake fall into blocks, each of whole batches.
+/// The blocks of a bake's directions. Each consists of whole batches.
 pub fn blocks_of(directions: &DirectionSettings) -> Blocks {
     Blocks::new(directions.count, BATCH as u32)
 }

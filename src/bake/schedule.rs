@@ -1,8 +1,7 @@
-//! The order of a bake's work: which points gather next, and along which directions. Knows no GL.
+//! The order of a bake's work: which points gather next, along which directions. It uses no GL.
 //!
-//! A *stage* is a gather by all points of a set: each bounce is one at the scene's vertices, and the last stage is that of the receivers. A *round*
-//! is as many of these points as fit into memory, along all directions, block by block. A shard does some blocks of the last stage, but all of
-//! the stages before, on which the last depends.
+//! In a *stage*, all points of a set gather: the scene's vertices for each bounce, the receivers in the last stage. A *round* takes as many of these
+//! points as fit into memory through all directions, block by block. A shard does some blocks of the last stage, and all of the earlier stages.
 
 use std::ops::Range;
 
@@ -15,7 +14,7 @@ use crate::settings::DirectionSettings;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PointSet {
-    /// Of the scene: they cache what surfaces send.
+    /// The scene's vertices. They fill the vertex cache.
     Vertices,
     Receivers,
 }
@@ -25,75 +24,73 @@ pub enum PointSet {
 pub struct Round {
     pub set: PointSet,
     pub points: Range<usize>,
-    /// It sees what the vertices found in the stage before.
+    /// The round uses the results of the stage before.
     pub stage: u32,
     /// Whether it is of the last stage.
     pub last: bool,
 }
 
-/// A block of directions in progress.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct BlockInProgress {
     pub round: usize,
     pub block: u32,
-    /// Its directions that are left.
+    /// The remaining directions.
     pub left: Range<u32>,
 }
 
 pub struct Schedule {
     directions: Directions,
     pub blocks: Blocks,
-    /// The blocks of the last stage that are wanted.
+    /// The wanted blocks of the last stage.
     pub shard: Range<u32>,
-    /// How many vertices gather, and how many receivers.
+    /// Number of vertices that gather, and number of receiver points.
     pub points: [usize; 2],
-    /// Receivers may be the vertices themselves.
+    /// The set of the receiver points, which can be the vertices themselves.
     receivers: PointSet,
     /// In the order of stages.
     pub rounds: Vec<Round>,
-    /// The stage that has begun. Only sums from the previous one on are kept.
+    /// The current stage. Older sums than those of the stage before are dropped.
     pub stage: u32,
-    /// Some of its directions are done. `None` between blocks.
+    /// A block with some directions done. `None` between blocks.
     pub current: Option<BlockInProgress>,
 }
 
 impl Schedule {
-    /// Without rounds yet.
+    /// A schedule without rounds.
     pub fn new(settings: &DirectionSettings, seed: u64, points: [usize; 2], receivers: PointSet) -> Self {
         let (directions, blocks) = (Directions::new(settings.sequence, seed), blocks_of(settings));
         let shard = 0..blocks.count();
         Self { directions, blocks, shard, points, receivers, rounds: Vec::new(), stage: 0, current: None }
     }
 
-    /// Begins with the rounds of `plan`.
+    /// Begins the rounds of `plan`.
     pub fn restart(&mut self, plan: &Plan) {
         (self.rounds, self.stage, self.current) = (self.rounds_by(plan), 0, None);
     }
 
-    /// The rounds that the points take by the memory of `plan`.
+    /// The rounds of all points, with the memory of `plan`.
     pub fn rounds_by(&self, plan: &Plan) -> Vec<Round> {
         let [vertices, receivers] = self.points;
         let bounces = (0..plan.stages()).flat_map(|stage| Round::split(plan, self.blocks, PointSet::Vertices, vertices, stage));
         bounces.chain(Round::split(plan, self.blocks, self.receivers, receivers, plan.stages())).collect()
     }
 
-    /// The numbers of the rounds of a stage.
+    /// Indices of the rounds of a stage.
     pub fn of_stage(&self, stage: u32) -> Range<usize> {
         let first = |stage: u32| self.rounds.partition_point(|round| round.stage < stage);
         first(stage)..first(stage.saturating_add(1))
     }
 
-    /// The numbers of the rounds of the last stage.
+    /// Indices of the rounds of the last stage.
     pub fn last(&self) -> Range<usize> {
         self.rounds.last().map_or(0..0, |round| self.of_stage(round.stage))
     }
 
-    /// The most points of a round.
     pub fn largest_round(&self) -> usize {
         self.rounds.iter().map(|round| round.points.len()).max().unwrap_or(0)
     }
 
-    /// The block in progress, or the first that is missing in `sums`, those of each round. `None` at the end.
+    /// The block in progress, or else the first one missing in `sums` (one entry for each round). `None` at the end.
     pub fn next(&self, sums: &[RoundSums]) -> Option<BlockInProgress> {
         let first_missing = |round: usize| {
             let block = sums[round].values.missing(self.blocks_of(round)).first()?.start;
@@ -102,14 +99,14 @@ impl Schedule {
         let in_stages = || {
             let mut last = self.last();
             let mut before = self.of_stage(self.stage.saturating_sub(1)).start..last.start;
-            // Where the last stage has all its blocks, those before are not needed.
+            // If the last stage has all its blocks, earlier stages are not needed.
             let of_last = last.find_map(first_missing)?;
             before.find_map(first_missing).or(Some(of_last))
         };
         self.current.clone().or_else(in_stages)
     }
 
-    /// The next directions of a block, at most so many.
+    /// The next directions of a block, at most `most`.
     pub fn directions(&self, at: &BlockInProgress, most: usize) -> Vec<Direction> {
         at.left.clone().take(most).map(|number| self.directions.get(number)).collect()
     }
@@ -126,7 +123,7 @@ impl Schedule {
         self.last().map(|round| self.done(round, sums)).min().unwrap_or(0)
     }
 
-    /// Directions of all rounds together: those that are done, and all.
+    /// Directions done and in total, summed over all rounds.
     pub fn progress(&self, sums: &[RoundSums]) -> (u64, u64) {
         let total = |round| self.blocks.directions(self.blocks_of(round)).len() as u64;
         let kept = self.of_stage(self.stage.saturating_sub(1)).start;
@@ -135,14 +132,14 @@ impl Schedule {
         (rounds.clone().map(done).sum(), rounds.map(total).sum())
     }
 
-    /// The blocks that a round is to do.
+    /// The blocks that a round must do.
     fn blocks_of(&self, round: usize) -> Range<u32> {
         if self.rounds[round].last { self.shard.clone() } else { 0..self.blocks.count() }
     }
 }
 
 impl Round {
-    /// The rounds of a stage, for so many points by the memory of `plan`.
+    /// The rounds of a stage for `count` points, with the memory of `plan`.
     pub fn split(plan: &Plan, blocks: Blocks, set: PointSet, count: usize, stage: u32) -> impl Iterator<Item = Self> + use<> {
         let last = stage == plan.stages();
         let most = most_points(plan, blocks, last);
@@ -172,7 +169,7 @@ mod tests {
         (schedule, sums)
     }
 
-    /// Does the next block, and names it by round and block.
+    /// Does the next block. Returns its round and block.
     fn step(schedule: &Schedule, sums: &mut [RoundSums]) -> Option<(usize, u32)> {
         let BlockInProgress { round, block, .. } = schedule.next(sums)?;
         sums[round].values.insert_block(block, Values::default());
@@ -208,7 +205,7 @@ mod tests {
     #[test]
     fn a_stage_needs_the_one_before_and_a_complete_last_one_needs_none() {
         let (mut schedule, mut sums) = schedule();
-        // As after a resume in the second bounce, of whose predecessor the sums are there, and no others.
+        // As after a resume in the second bounce: only the first bounce has its sums.
         assert_eq!((0..40).filter_map(|_| step(&schedule, &mut sums)).count(), 40);
         schedule.stage = 1;
         assert_eq!(step(&schedule, &mut sums), Some((2, 0)));

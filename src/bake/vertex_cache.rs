@@ -1,7 +1,7 @@
-//! The cache at the vertices of the scene: what was gathered there in one stage lights the surfaces that the next stage sees. It replaces the photon
-//! map, and holds the transfer by way of other surfaces. Mirrors `glsl/include/vertex_cache.glsl`.
+//! The vertex cache. Results of one stage at the scene's vertices light the surfaces that the next stage hits. It replaces the photon map, and holds
+//! transfer by way of other surfaces. Mirrors `glsl/include/vertex_cache.glsl`.
 //!
-//! Only fronts of surfaces have values: the back of a surface is black.
+//! Only front sides have values. Back sides are black.
 
 use std::rc::Rc;
 
@@ -18,15 +18,15 @@ use crate::points::{GatherPoint, Vertices};
 use crate::quantity::Quantity;
 use crate::scene::Scene;
 
-/// What the vertices have found in the stage before. By default there are none.
+/// Results of the last stage at the vertices. The default has no vertices.
 #[derive(Default)]
 pub struct VertexCache {
-    /// And between which of them a hit lies, for each triangle in the order of the shaders' table.
+    /// Vertices, and for each triangle its three vertices with weights, in the order of the shaders' table.
     vertices: Option<(Vertices, Rc<Texture>)>,
-    /// Irradiance, where it replaces photons.
+    /// Irradiance, if it replaces the photon map.
     pub radiance: Option<CachedValues>,
     pub transfer: Option<CachedValues>,
-    /// What the vertices see, if there is memory for it.
+    /// The hits of the vertices, if memory can hold them.
     pub hits: Option<VertexHits>,
 }
 
@@ -34,15 +34,15 @@ pub struct VertexCache {
 pub struct CachedValues {
     triangles: Rc<Texture>,
     values: Texture,
-    /// Of a vertex.
+    /// Texels for each vertex.
     texels: usize,
 }
 
 impl VertexCache {
-    /// `scene` is in unit space; the inset is that of [`Vertices::new`].
+    /// `scene` is in unit space. `inset` is that of [`Vertices::new`].
     ///
     /// # Errors
-    /// When the device's limits are below the scene's size.
+    /// When the scene exceeds the device's limits.
     pub fn new(gpu: &Gpu, scene: &Scene, inset: f32) -> Result<Self> {
         let vertices = Vertices::new(&scene.mesh, inset);
         let texels = |triangle: usize| {
@@ -55,7 +55,7 @@ impl VertexCache {
         Ok(Self { vertices: Some((vertices, triangles)), ..Self::default() })
     }
 
-    /// The points that gather for it.
+    /// The points whose values it caches.
     pub fn points(&self) -> &[GatherPoint] {
         self.vertices.as_ref().map_or(&[], |(vertices, _)| vertices.points())
     }
@@ -64,10 +64,10 @@ impl VertexCache {
         self.radiance.is_some() || self.transfer.is_some()
     }
 
-    /// Replaces its values by those that a stage has found, with `direct` light.
+    /// Replaces the values by the results of a stage, with `direct` light.
     ///
     /// # Errors
-    /// When the device's limits are below their number.
+    /// When the values exceed the device's limits.
     pub fn fill(&mut self, gpu: &Gpu, plan: &Plan, values: &Values, direct: &[Vec3]) -> Result<()> {
         let Some((vertices, triangles)) = &self.vertices else { return Ok(()) };
         let inside = values.inside();
@@ -78,7 +78,7 @@ impl VertexCache {
             CachedValues::upload(gpu, triangles, &all)
         };
         let transfer = plan.wants(Quantity::Prt).then(|| cached(Quantity::Prt, usize::MAX)).transpose()?;
-        // The first three columns are direct and indirect light together.
+        // The first three columns are the sum of direct and indirect light.
         let radiance = plan.caches_radiance().then(|| cached(Quantity::Irradiance, 3)).transpose()?;
         (self.radiance, self.transfer) = (radiance, transfer);
         Ok(())
@@ -86,7 +86,7 @@ impl VertexCache {
 }
 
 impl CachedValues {
-    /// Of `columns` with a value for each vertex.
+    /// Each of `columns` has a value for each vertex.
     fn upload(gpu: &Gpu, triangles: &Rc<Texture>, columns: &[Channel]) -> Result<Self> {
         let texels = columns.len().div_ceil(4);
         let mut values = vec![[0.0f32; 4]; columns.first().map_or(0, |column| column.samples.len()) * texels];
@@ -96,7 +96,6 @@ impl CachedValues {
         Ok(Self { triangles: triangles.clone(), values: upload_table(gpu, Format::Rgba32F, values)?, texels })
     }
 
-    /// The uniforms that shaders read.
     pub fn uniforms(&self) -> [(&'static str, Uniform<'_>); 3] {
         [
             ("cache_vertices", Uniform::Texture(&self.triangles)),

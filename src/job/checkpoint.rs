@@ -1,4 +1,4 @@
-//! The file that keeps what a job has summed: its checkpoint or, of a shard, its part. It is written whole or not at all.
+//! The file with a job's sums: its checkpoint, or the part of a shard. A write replaces the whole file or nothing.
 
 use std::fs;
 use std::io::ErrorKind;
@@ -11,23 +11,23 @@ use crate::error::{Error, Result};
 use crate::export::written_with;
 use crate::file::{Lock, place_of};
 
-/// A checkpoint that nobody asked for is written from this many intervals on: a job that takes less is soon done again.
+/// An automatic checkpoint is first written after this many intervals. A shorter job is quickly repeated.
 const PATIENCE: u32 = 2;
 /// Key of the shard in a part's state.
 const SHARD: &str = "shard";
-/// Writing takes at most one part in this many of the time.
+/// Writing takes at most 1 / `SHARE` of the time.
 const SHARE: u32 = 20;
 
 /// How a job keeps its sums.
 #[derive(Clone, Debug, Default)]
 pub struct Keeping {
-    /// The job does this share of the directions and writes a part instead of results; then `file` is required.
+    /// The job does this share of the directions and writes a part instead of results. It needs `file`.
     pub shard: Option<Shard>,
-    /// Without, a long job writes beside its first output and removes the file at its end.
+    /// `None`: a long job writes beside its first output, and removes the file at its end.
     pub file: Option<PathBuf>,
-    /// Time between two writes. Zero: after every block.
+    /// Time between two writes. Zero: a write after every block.
     pub every: Duration,
-    /// Goes on from the file, if it exists.
+    /// Resumes from the file, if it exists.
     pub resume: bool,
 }
 
@@ -36,25 +36,25 @@ pub(super) struct Checkpoint {
     kind: CheckpointKind,
     shard: Option<Shard>,
     resume: bool,
-    /// Whether this run has written the file, or goes on from it.
+    /// Whether this run wrote the file or resumed from it.
     own: bool,
     every: Duration,
     begun: Instant,
-    /// When the file is to be written again.
+    /// Time of the next write.
     due: Instant,
-    /// Tensors of the file: it is not written again with the same ones.
+    /// Names of the tensors in the file. It is not written again with the same ones.
     written: Vec<String>,
-    /// Whether the last write failed. A person is told once.
+    /// Whether the last write failed. The user is told once.
     failing: bool,
-    /// Keeps other runs from writing the file.
+    /// Stops other runs from writing the file.
     lock: Result<Lock, String>,
 }
 
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum CheckpointKind {
-    /// Asked for, and kept at the end.
+    /// The user asked for it. It stays at the end.
     Named,
-    /// Of a long job, removed at its end.
+    /// For a long job. It is removed at the end.
     Automatic,
     /// The result of a shard.
     Part,
@@ -64,7 +64,7 @@ impl Checkpoint {
     /// For a job that writes `outputs`.
     ///
     /// # Errors
-    /// [`Error::Usage`] when the file cannot be written, or holds sums that would be lost; [`Error::Output`] while another run writes it.
+    /// [`Error::Usage`] when the file cannot be written, or contains sums that would be lost; [`Error::Output`] while another run writes it.
     pub fn new(keeping: &Keeping, outputs: &[PathBuf]) -> Result<Self> {
         let Keeping { shard, file, every, resume } = keeping.clone();
         let (path, kind) = match (file, shard) {
@@ -109,25 +109,25 @@ impl Checkpoint {
         &self.path
     }
 
-    /// Whether an earlier run may have finished the job, and left nothing but its outputs.
+    /// Whether an earlier run may have finished the job. Only its outputs would then exist.
     pub fn may_be_finished(&self) -> bool {
         self.resume && self.kind == CheckpointKind::Automatic && !self.path.exists()
     }
 
-    /// A file that exists for as long as this run.
+    /// A file that exists while this run lasts.
     pub fn lock_path(&self) -> Option<&Path> {
         self.lock.as_ref().ok().map(Lock::path)
     }
 
-    /// Whether a run that ends now leaves the file behind.
+    /// Whether the file stays if the run stops now.
     pub fn is_kept(&self) -> bool {
         self.kind != CheckpointKind::Automatic || self.begun.elapsed() >= PATIENCE * self.every || self.resume
     }
 
-    /// The sums of an earlier run, if the job goes on from them.
+    /// The sums of an earlier run, if the job resumes from them.
     ///
     /// # Errors
-    /// [`Error::Input`] when the file cannot be read, is damaged or of another shard.
+    /// [`Error::Input`] when the file cannot be read, is damaged, or belongs to another shard.
     pub fn find(&mut self, watch: &mut dyn Watch) -> Result<Option<Part<'static>>> {
         if let Err(warning) = &self.lock {
             watch.say(warning);
@@ -154,12 +154,12 @@ impl Checkpoint {
         Ok(Some(part))
     }
 
-    /// Says that there is nothing to go on from.
+    /// Says that there are no sums to resume from.
     pub fn say_beginning(&self, watch: &mut dyn Watch) {
         watch.say(&format!("nothing to go on from in {}; beginning", self.path.display()));
     }
 
-    /// Writes `part`, if it is time. The job goes on where that fails: there may be space again later.
+    /// Writes `part` when a write is due. If that fails, the job continues: there may be space again later.
     pub fn keep<'a>(&mut self, watch: &mut dyn Watch, part: impl FnOnce() -> Part<'a>) {
         if Instant::now() < self.due {
             return;
@@ -177,10 +177,10 @@ impl Checkpoint {
         }
     }
 
-    /// At the end of a run that does not finish the job. Writes the file and returns true, unless the job is short and nobody asked for one.
+    /// Call it when a run ends before the job is finished. Writes the file and returns true, unless the job is short and the user asked for no file.
     ///
     /// # Errors
-    /// [`Error::Output`] when it cannot be written.
+    /// [`Error::Output`] when the file cannot be written.
     pub fn stop<'a>(&mut self, part: impl FnOnce() -> Part<'a>) -> Result<bool> {
         let kept = self.is_kept();
         if kept {
@@ -189,14 +189,14 @@ impl Checkpoint {
         Ok(kept)
     }
 
-    /// At the end of the job, once its outputs are written.
+    /// Call it at the end of the job, after its outputs are written.
     ///
     /// # Errors
     /// As [`Self::stop`].
     pub fn finish<'a>(&mut self, part: impl FnOnce() -> Part<'a>) -> Result<()> {
         match self.kind {
             CheckpointKind::Named | CheckpointKind::Part => self.write(part())?,
-            // A file that cannot be removed does no harm.
+            // A leftover file does no harm.
             CheckpointKind::Automatic if self.own => drop(fs::remove_file(&self.path)),
             CheckpointKind::Automatic => {}
         }
@@ -217,7 +217,7 @@ impl Checkpoint {
     }
 }
 
-/// The lock or, where the file system has none as on some clusters, a warning.
+/// The lock. Or a warning, because some file systems, as on clusters, have no locks.
 fn lock(path: &Path) -> Result<Result<Lock, String>> {
     Lock::take(path).map(Ok).or_else(|error| match error.kind() {
         ErrorKind::WouldBlock => {
@@ -230,7 +230,7 @@ fn lock(path: &Path) -> Result<Result<Lock, String>> {
     })
 }
 
-/// Whether `path` is one of the files that are written with that output.
+/// Whether writing `output` also writes the file `path`.
 fn is_written_with(output: &Path, path: &Path) -> bool {
     place_of(path)
         .is_ok_and(|place| written_with(output).iter().any(|output| place_of(output).is_ok_and(|output| output == place)))

@@ -1,4 +1,4 @@
-//! Merges the parts of a job's shards into what the job itself would have written, from their files and without OpenGL.
+//! Merges the parts of a job's shards into the results of the whole job, from the files and without OpenGL.
 
 use std::path::{Path, PathBuf};
 
@@ -10,16 +10,15 @@ use crate::error::{Error, Result};
 use crate::prepared::Prepared;
 use crate::render::RenderMerge;
 
-/// Writes what `parts` make to `outputs`, named as [`super::outputs_of`] takes them, with this exposure or the job's own. A bake reads its scene and
-/// points again, from the paths of its request.
+/// Writes the results of `parts` to `outputs`, named as for [`super::outputs_of`]. `exposure` replaces the job's. A bake reads scene and points again.
 ///
 /// # Errors
-/// [`Error::Input`] when a part is damaged, of another job or repeats an earlier one; [`Error::Usage`] when directions are missing;
-/// [`Error::Output`] when a file cannot be written.
+/// [`Error::Input`] when a part is damaged, of another job or repeated; [`Error::Usage`] when directions are missing; [`Error::Output`] when a file
+/// cannot be written.
 pub fn merge(parts: &[PathBuf], outputs: &[String], exposure: Option<f32>, watch: &mut dyn Watch) -> Result<()> {
     let path = parts.first().ok_or_else(|| Error::usage("no parts to merge", "name those of all shards"))?;
     let first = Part::read(path)?;
-    // One part at a time, for there may be many.
+    // Reads one part at a time, because there may be many.
     let each = |add: &mut dyn FnMut(&Path, &Part) -> Result<()>| parts.iter().try_for_each(|path| add(path, &Part::read(path)?));
     let inputs = parts.iter().map(PathBuf::as_path);
     let (_, errors) = match first.job["what"].as_str() {

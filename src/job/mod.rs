@@ -1,7 +1,6 @@
-//! A whole job: load the scene, gather, keep what is summed, write the results, report.
+//! A whole job: load the scene, gather, save the sums, write the results, report.
 //!
-//! [`Job::new`] refuses what can be refused before any work. [`Job::run`] does the work and tells a [`Watch`] about it. [`merge`] makes the results
-//! from the parts of shards. Requests and results are in world space.
+//! [`Job::new`] checks a request. [`Job::run`] works and reports to a [`Watch`]. [`merge`] merges shards. Requests and results are in world space.
 
 mod checkpoint;
 mod merge;
@@ -27,21 +26,21 @@ pub use receiver::{Receiver, ReceiverKind, ReceiverValues, outputs_of};
 pub use report::{JobReport, JobSeconds, ReceiverReport, TaskReport};
 pub use request::{BakeRequest, DeviceRequest, JobRequest, SceneRequest, Work};
 
-/// What a caller learns of a job while it runs. `()` lets it run to its end in silence.
+/// Callbacks of a running job. `()` runs the job to its end in silence.
 pub trait Watch {
-    /// A stage begins.
+    /// A new stage begins.
     fn stage(&mut self, _stage: &'static str) {}
 
-    /// A sentence for a person: a warning, or where results are.
+    /// A sentence for the user: a warning, or where the results are.
     fn say(&mut self, _line: &str) {}
 
-    /// Directions that are gathered, and in all.
+    /// Number of directions done and in total.
     fn progress(&mut self, _directions: [u64; 2]) {}
 
-    /// From now on a job that is stopped leaves something behind.
+    /// From now on a stopped job leaves a file.
     fn has_result(&mut self) {}
 
-    /// Whether to go on. What is gathered of the block in progress is not kept, so that between two blocks is the time to stop.
+    /// Whether to continue. A stop loses the block in progress, so the best time to stop is between two blocks.
     fn goes_on(&mut self, _between_blocks: bool) -> bool {
         true
     }
@@ -49,7 +48,7 @@ pub trait Watch {
 
 impl Watch for () {}
 
-/// A job that can begin.
+/// A checked job, ready to run.
 pub struct Job {
     request: JobRequest,
     outputs: Vec<PathBuf>,
@@ -57,13 +56,13 @@ pub struct Job {
     started: Instant,
 }
 
-/// How a job ended that did not fail.
+/// How a job ended without an error.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ending {
     Finished,
-    /// An earlier run had finished it: nothing was done.
+    /// An earlier run had finished it. This run did nothing.
     AlreadyFinished,
-    /// [`Watch::goes_on`] said no.
+    /// [`Watch::goes_on`] returned false.
     Stopped,
 }
 
@@ -78,8 +77,7 @@ pub struct Outcome {
 
 impl Job {
     /// # Errors
-    /// [`Error::Usage`] when an output cannot be written or would replace an input or the sums of an earlier run; [`Error::Output`] while another run
-    /// writes the same.
+    /// [`Error::Usage`] when an output cannot be written or would replace an input or earlier sums; [`Error::Output`] while another run writes it.
     pub fn new(request: JobRequest, keeping: &Keeping) -> Result<Self> {
         let started = Instant::now();
         let outputs = if keeping.shard.is_some() { Vec::from_iter(keeping.file.clone()) } else { request.outputs.concat() };
@@ -91,16 +89,16 @@ impl Job {
         Ok(Self { request, outputs, checkpoint, started })
     }
 
-    /// A file that has to be removed where the process ends in the midst of a run.
+    /// A lock file. Remove it if the process ends during a run.
     pub fn lock_path(&self) -> Option<&Path> {
         self.checkpoint.lock_path()
     }
 
-    /// Runs until all is written, or `watch` stops it. Then, and where the device fails, what is gathered so far is written, and kept in the checkpoint.
+    /// Runs until all results are written, or `watch` stops it. On a stop or a device failure, it writes the results so far and keeps the sums.
     ///
     /// # Errors
-    /// [`Error::Input`] when a file cannot be used, [`Error::Usage`] when the request cannot be met, [`Error::Gl`] when the device fails,
-    /// [`Error::Output`] when a file cannot be written. All that can be written is, before.
+    /// [`Error::Input`] when a file cannot be used; [`Error::Usage`] when the request is impossible; [`Error::Gl`] when the device fails;
+    /// [`Error::Output`] when a file cannot be written. All other files are written before it returns.
     pub fn run(self, watch: &mut dyn Watch) -> Result<Outcome> {
         let Self { request, outputs, mut checkpoint, started } = self;
         let is_shard = checkpoint.shard().is_some();
@@ -132,7 +130,7 @@ impl Job {
         watch.progress(task.directions());
         while !already && failure.is_none() && !task.is_done() && watch.goes_on(task.is_between_blocks()) {
             failure = task.step().err();
-            // Before each point has a value there may be a checkpoint.
+            // A checkpoint may exist before each point has a value.
             if task.has_values() || checkpoint.is_kept() {
                 watch.has_result();
             }
@@ -140,7 +138,7 @@ impl Job {
             checkpoint.keep(watch, || task.save());
         }
         let [done, total] = task.directions();
-        // What was gathered before the device failed is worth keeping.
+        // Sums from before the device failed are worth keeping.
         if let Some(error) = failure.take_if(|_| done == 0) {
             return Err(error);
         }
@@ -190,7 +188,7 @@ impl Job {
     }
 }
 
-/// Fails with the first of these, and says the others.
+/// Returns the first of the errors, and says the others.
 fn all_written(errors: impl IntoIterator<Item = Error>, watch: &mut dyn Watch) -> Result<()> {
     let mut errors = errors.into_iter();
     errors.next().map_or(Ok(()), |first| {

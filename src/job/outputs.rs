@@ -1,4 +1,4 @@
-//! Result files: none replaces an input, and each says which job made it.
+//! Result files. None replaces an input. Each names the job that made it.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -11,10 +11,10 @@ use crate::export::{metadata_of, written_with};
 use crate::file::place_of;
 
 /// # Errors
-/// [`Error::Usage`] when an output is one of the inputs, or another output.
+/// [`Error::Usage`] when an output is also an input or another output.
 pub fn check_kept<'a>(outputs: &[PathBuf], inputs: impl IntoIterator<Item = &'a Path>) -> Result<()> {
     let written: Vec<_> = outputs.iter().flat_map(|output| written_with(output)).collect();
-    // An output without a place cannot be written, and is refused for that.
+    // A path without a place cannot be written. A later check refuses it.
     let places: Vec<_> = written.iter().map(|output| place_of(output).unwrap_or_else(|_| output.clone())).collect();
     let twice = written.iter().enumerate().find(|&(i, _)| places[..i].contains(&places[i]));
     if let Some((_, output)) = twice {
@@ -30,8 +30,7 @@ pub fn check_kept<'a>(outputs: &[PathBuf], inputs: impl IntoIterator<Item = &'a 
     }
 }
 
-/// What made a result, as JSON: `job` ([`crate::Render::job`], [`crate::bake::Bake::job`]), `own` facts of the output, and how far the job was. It
-/// holds no times and no paths, so that the same job writes the same file.
+/// JSON metadata: `job` ([`crate::Render::job`], [`crate::bake::Bake::job`]), `own` facts, progress. No times or paths, so equal jobs give equal files.
 pub fn metadata(job: &Value, exposure: f32, own: &Value, (directions_done, complete): (u32, bool)) -> String {
     let mut about = json!({ "version": job["version"], "renderer": job["gl"]["renderer"], "settings": job["settings"] });
     about["settings"]["exposure"] = exposure.into();
@@ -42,7 +41,7 @@ pub fn metadata(job: &Value, exposure: f32, own: &Value, (directions_done, compl
     about.to_string()
 }
 
-/// Whether all of these files exist and have this metadata, after any number of directions.
+/// Whether all files exist with this metadata, after any number of directions.
 pub(super) fn are_finished(outputs: &[PathBuf], metadata: &str) -> bool {
     let about = |mut about: Value| {
         about["directions_done"].take();

@@ -1,4 +1,4 @@
-//! Receivers of a bake: each places points in a scene, and makes files of the values found there.
+//! Receivers of a bake. A receiver places points in a scene, and makes files of the values at these points.
 
 use std::f32::consts::FRAC_1_PI;
 use std::path::{Path, PathBuf};
@@ -18,31 +18,31 @@ use crate::quantity::Quantity;
 use crate::scene::{Mesh, Scene, UnitSpace};
 use crate::settings::Settings;
 
-/// Endings of pictures.
+/// File endings of pictures.
 const PICTURES: [&str; 2] = ["exr", "png"];
-/// Tensors of a part: what the camera saw.
+/// Tensors in a part: pixels and points that the camera sees.
 const CAMERA_PIXELS: &str = "camera/pixels";
 const CAMERA_POINTS: &str = "camera/points";
 
-/// Where values are wanted.
+/// Where a bake computes values.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum ReceiverKind {
     /// The scene's vertices.
     Vertices,
-    /// Texels of a map over the scene's surfaces.
+    /// Texels of a light map over the scene's surfaces.
     LightMap,
-    /// The surface behind the middle of each pixel.
+    /// The surface at the centre of each pixel.
     Camera,
     /// Points of a `.ply`, `.npy` or `.csv` file, in world space.
     Points(PathBuf),
 }
 
-/// A source of points, with the way back to where they come from.
+/// The points of a receiver, with the data to map their values back.
 pub enum Receiver {
     Vertices(Vertices),
     LightMap(Box<LightMap>),
-    /// One point in each pixel that sees a surface, with the pixel's number, row by row from the top.
+    /// One point for each pixel that sees a surface, with the index of the pixel, row by row from the top.
     Camera {
         size: [u32; 2],
         points: Vec<GatherPoint>,
@@ -50,22 +50,22 @@ pub enum Receiver {
     },
     Points {
         points: Vec<GatherPoint>,
-        /// Positions as they are in the file.
+        /// Positions in world space, as in the file.
         world: Vec<Vec3>,
     },
 }
 
-/// Values of a receiver in world space, as files hold them.
+/// Values of a receiver in world space, for files.
 pub struct ReceiverValues {
-    /// What became of the points.
+    /// Statistics of the points.
     pub counts: Value,
     /// Of the points, or of the vertices of `mesh`.
     pub positions: Vec<Vec3>,
     pub normals: Vec<Vec3>,
     pub columns: Vec<Channel>,
-    /// The surface that vertices and light maps belong to; a light map's texture coordinates are those on the map.
+    /// The surface of vertices and light maps. For a light map, its texture coordinates are those in the map.
     pub mesh: Option<Mesh>,
-    /// Of light maps, and of the camera where pictures are wanted: a channel for each column.
+    /// For light maps, and for the camera if pictures are wanted: one channel for each column.
     pub image: Option<Image>,
 }
 
@@ -82,7 +82,7 @@ impl ReceiverKind {
         Self::NAMES[index]
     }
 
-    /// Refuses, before the work, files that cannot hold `what` of this receiver.
+    /// Refuses a file that cannot hold the quantities `what` of this receiver. Call it before the work.
     ///
     /// # Errors
     /// [`Error::Usage`].
@@ -97,7 +97,7 @@ impl ReceiverKind {
         match self {
             Self::LightMap | Self::Camera if is_picture(path) => image::check_writable(path),
             Self::Vertices => export::check_writable(path, PointValues::ENDINGS),
-            // PLY holds points without a mesh as well as glTF would.
+            // PLY serves points without a mesh as well as glTF would.
             Self::Points(_) => export::check_writable(path, &["ply", "npy"]),
             Self::Camera => export::check_writable(path, &["exr", "png", "ply", "npy"]),
             Self::LightMap => {
@@ -123,10 +123,10 @@ impl FromStr for ReceiverKind {
 }
 
 impl Receiver {
-    /// Places points in `scene`, which is in unit space and without glass. `camera` makes the camera's receiver, if that is wanted.
+    /// Places points in `scene`, which is in unit space and without glass. `camera` makes the camera's receiver on demand.
     ///
     /// # Errors
-    /// [`Error::Usage`] when there is no room for the points, [`Error::Input`] when their file cannot be used.
+    /// [`Error::Usage`] when there is no room for the points; [`Error::Input`] when their file cannot be used.
     pub fn new(
         kind: &ReceiverKind,
         light_map: &LightMapOptions,
@@ -156,12 +156,12 @@ impl Receiver {
         })
     }
 
-    /// The receiver of what the camera sees.
+    /// The receiver for the surfaces that the camera sees.
     ///
     /// # Errors
-    /// [`Error::Usage`] when that is nothing.
+    /// [`Error::Usage`] when it sees none.
     pub(super) fn of_camera(visible: &GBuffer, size: [u32; 2], space: &UnitSpace) -> Result<Self> {
-        // As they would be written and read again, so that the same points in a file give the same values to the bit.
+        // Rounds positions as in a file in world space. So the same points from a file give the same bits.
         let through_world =
             |point: GatherPoint| GatherPoint { position: space.enter_point(space.to_world(point.position)), ..point };
         let [width, height] = size.map(|side| side as usize);
@@ -177,7 +177,7 @@ impl Receiver {
     /// The same from a part, without a device.
     ///
     /// # Errors
-    /// [`Error::Input`] when the part does not have it.
+    /// [`Error::Input`] when the part does not contain it.
     pub(super) fn of_part(path: &Path, part: &Part, size: [u32; 2]) -> Result<Self> {
         let read = || {
             let pixels: &[u32] = bytemuck::cast_slice(part.get(CAMERA_PIXELS)?);
@@ -188,7 +188,7 @@ impl Receiver {
         read().ok_or_else(|| Error::input(path, None, "damaged: it does not say what the camera saw", "make it again"))
     }
 
-    /// Puts what [`Self::of_part`] reads into a part.
+    /// Adds the data for [`Self::of_part`] to a part.
     pub(super) fn save<'a>(&'a self, part: &mut Part<'a>) {
         if let Self::Camera { points, pixels, .. } = self {
             part.put(CAMERA_PIXELS, bytemuck::cast_slice(pixels));
@@ -196,7 +196,7 @@ impl Receiver {
         }
     }
 
-    /// In unit space.
+    /// The points in unit space.
     pub fn points(&self) -> &[GatherPoint] {
         match self {
             Self::Vertices(vertices) => vertices.points(),
@@ -205,7 +205,7 @@ impl Receiver {
         }
     }
 
-    /// Sentences for a person.
+    /// Warnings for the user.
     pub fn warnings(&self) -> &[String] {
         match self {
             Self::LightMap(map) => map.warnings(),
@@ -213,8 +213,7 @@ impl Receiver {
         }
     }
 
-    /// What files hold of `columns`, a value for each of the points, of which `inside` says where they lie inside something. `picture`: whether the
-    /// camera's are wanted as a picture.
+    /// Contents of files. `columns`: a value for each point. `inside`: see [`crate::bake::Bake::columns`]. `picture`: also make the camera's picture.
     pub fn values(&self, mut columns: Vec<Channel>, inside: &[f32], space: &UnitSpace, picture: bool) -> ReceiverValues {
         let world_of = |mesh: &Mesh| Mesh {
             positions: mesh.positions.iter().map(|&position| space.to_world(position)).collect(),
@@ -251,7 +250,7 @@ impl Receiver {
 }
 
 impl ReceiverValues {
-    /// Writes them in the format that the path ends in; `scene` has the materials of the mesh.
+    /// Writes the values. The file ending selects the format. `scene` has the materials of the mesh.
     ///
     /// # Errors
     /// [`Error::Output`] when the file cannot be written.
@@ -271,10 +270,10 @@ impl ReceiverValues {
     }
 }
 
-/// The files of each of `receivers` among `outputs`, which are named as in `vertices:box.ply`; where there is one receiver it needs no name.
+/// The files of each receiver. `outputs` have names as in `vertices:box.ply`. A single receiver needs no name.
 ///
 /// # Errors
-/// [`Error::Usage`] when a file is of no receiver, or a receiver without files.
+/// [`Error::Usage`] when a file belongs to no receiver, or a receiver has no file.
 pub fn outputs_of(receivers: &[ReceiverKind], outputs: &[String]) -> Result<Vec<Vec<PathBuf>>> {
     let mut files = vec![Vec::new(); receivers.len()];
     for output in outputs {
@@ -308,7 +307,7 @@ pub fn outputs_of(receivers: &[ReceiverKind], outputs: &[String]) -> Result<Vec<
     }
 }
 
-/// Whether it can be a receiver's name. Drives have names of one letter.
+/// Whether it can be a receiver's name. A single letter names a drive.
 fn is_word(name: &str) -> bool {
     name.len() != 1 && name.chars().all(|letter| letter.is_ascii_alphabetic() || letter == '-')
 }
@@ -325,7 +324,7 @@ fn size_of_picture([width, height]: [u32; 2]) -> u64 {
     u64::from(width) * u64::from(height)
 }
 
-/// The values of these pixels as a picture, with `A` for where they are; black elsewhere.
+/// A picture with values at these pixels, black elsewhere. Channel `A` is 1 at these pixels.
 fn spread(columns: &[Channel], pixels: &[u32], size: [u32; 2]) -> Image {
     let spread = |name: &str, samples: &[f32]| {
         let mut plane = vec![0.0; size_of_picture(size) as usize];
@@ -338,7 +337,7 @@ fn spread(columns: &[Channel], pixels: &[u32], size: [u32; 2]) -> Image {
     Image { width, height, channels }
 }
 
-/// The irradiance of a map as a picture of its own.
+/// The irradiance of a light map as a separate picture.
 fn irradiance_of(image: &Image) -> Option<Image> {
     let channel =
         |name: &str| Some(Channel { name: name.into(), samples: image.channel(&format!("Irradiance.{name}"))?.to_vec() });
@@ -346,15 +345,15 @@ fn irradiance_of(image: &Image) -> Option<Image> {
     Some(Image { channels, ..*image })
 }
 
-/// With the channels that make a picture. They are irradiance as it is or, in a PNG, what a white surface sends back of it, as a display shows light.
-/// Without irradiance they are the first quantity, in a PNG as data: a direction as colour, a number as grey.
+/// Adds channels R, G and B and writes the picture. They are the irradiance in an EXR, and in a PNG the radiance that a white surface reflects. Without
+/// irradiance they are the first quantity. A PNG then holds data: a direction as colour, a number as grey.
 fn write_picture(image: &Image, path: &Path, options: &WriteOptions) -> Result<()> {
     let (exr, irradiance) = (!is_png(path), irradiance_of(image));
     let light = irradiance.is_some();
     let mut picture = image.clone();
     let mut shown = irradiance.map(|image| image.channels).unwrap_or_default();
     if !light {
-        // Never empty: something is baked, and has one column or three at least.
+        // There is always a quantity, with one or at least three columns.
         let named = |name: &str| image.channels.iter().position(|channel| channel.name == name);
         let first = ["AO", "BentNormal.X", "Sky"].into_iter().filter_map(named).min().unwrap_or(0);
         let is_direction = image.channels[first].name == "BentNormal.X";

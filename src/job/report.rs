@@ -1,4 +1,4 @@
-//! What a job reports at its end, as plain data.
+//! The report at the end of a job, as plain data.
 
 use std::fs;
 
@@ -19,13 +19,13 @@ pub struct JobReport {
     #[serde(flatten)]
     pub task: TaskReport,
     pub seconds: JobSeconds,
-    /// The most memory of the process so far. `None` where the system does not tell.
+    /// Peak memory of the process so far. `None` if the system does not tell.
     pub peak_memory_bytes: Option<u64>,
-    /// Whether the job was stopped before its end.
+    /// Whether the job stopped before its end.
     pub interrupted: bool,
 }
 
-/// What only a render or only a bake reports.
+/// The parts of a report that differ between renders and bakes.
 #[derive(Clone, Debug, Serialize)]
 #[serde(untagged)]
 pub enum TaskReport {
@@ -33,7 +33,7 @@ pub enum TaskReport {
         scene: SceneCounts,
         gather: GatherCounts,
         photons: PhotonCounts,
-        /// Relative standard error of the picture. `None` where there are too few directions to tell.
+        /// Relative standard error of the picture. `None` if there are too few directions to estimate it.
         error: Option<f64>,
         /// Paths of the pictures, or of the shard's part.
         outputs: Vec<String>,
@@ -41,7 +41,7 @@ pub enum TaskReport {
     Bake {
         plan: Plan,
         bake: BakeStatistics,
-        /// Those that are written.
+        /// The receivers whose files are written.
         receivers: Vec<ReceiverReport>,
         /// Path of the shard's part.
         part: Option<String>,
@@ -54,7 +54,7 @@ pub struct ReceiverReport {
     /// Name of the receiver.
     pub to: &'static str,
     pub points: usize,
-    /// What became of the points. `None` where an earlier run has written it.
+    /// Statistics of the points. `None` if an earlier run wrote the files.
     pub counts: Option<Value>,
     pub outputs: Vec<String>,
 }
@@ -63,14 +63,14 @@ pub struct ReceiverReport {
 #[derive(Clone, Debug, Serialize)]
 pub struct JobSeconds {
     pub load: f64,
-    /// Of stages that only a render or only a bake has.
+    /// Seconds of stages that only a render or only a bake has.
     #[serde(flatten)]
     pub stages: Value,
     pub write: f64,
     pub total: f64,
 }
 
-/// The most memory that the process has occupied so far, where the system tells.
+/// Peak memory of the process so far, if the system tells.
 pub(super) fn peak_memory_bytes() -> Option<u64> {
     let status = fs::read_to_string("/proc/self/status").ok()?;
     let kib = status.lines().find_map(|line| line.strip_prefix("VmHWM:")?.trim().strip_suffix(" kB"))?;

@@ -1,4 +1,4 @@
-//! What a job is asked for, as plain data: the command line fills it in, and so can any other caller.
+//! Requests for jobs, as plain data. The command line makes them, and other callers can too.
 
 use std::iter::successors;
 use std::ops::Range;
@@ -20,22 +20,22 @@ use crate::render::{blocks_of, memory_of};
 use crate::scene::{Environment, Files, LoadOptions, Loaded, Material, World};
 use crate::settings::{PointSource, Settings};
 
-/// A job. Parts of a bake hold it, for their merge makes the receivers again.
+/// A job. Parts of a bake contain it, because a merge makes the receivers again.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct JobRequest {
     pub scene: SceneRequest,
     pub work: Work,
-    /// Files of the picture or, of a bake, of each receiver.
+    /// Files of the picture, or of each receiver of a bake.
     #[serde(skip)]
     pub outputs: Vec<Vec<PathBuf>>,
-    /// MiB that the job may take, on the GL side and on the CPU together.
+    /// MiB for the whole job, GL side and CPU together.
     #[serde(skip)]
     pub memory: Option<usize>,
     #[serde(skip)]
     pub device: DeviceRequest,
 }
 
-/// What a job makes.
+/// The kind of job.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Work {
@@ -50,24 +50,24 @@ pub struct BakeRequest {
     /// At most one of each kind.
     pub receivers: Vec<ReceiverKind>,
     pub plan: Plan,
-    /// For [`ReceiverKind::LightMap`]. Texels per unit are those of world space.
+    /// For [`ReceiverKind::LightMap`]. Texels per unit refer to world space.
     pub light_map: LightMapOptions,
 }
 
-/// A scene file, and what differs from it.
+/// A scene file, and changes to it.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct SceneRequest {
     /// `.toml` or `.obj`.
     pub path: PathBuf,
-    /// Lat-long picture in place of the scene's environment.
+    /// A lat-long picture that replaces the scene's environment.
     pub environment: Option<PathBuf>,
     /// The scene may name files outside its folder.
     pub allow_outside: bool,
-    /// Settings in place of the scene's, by the keys that scene files use.
+    /// Settings that replace the scene's, by their keys in scene files.
     pub settings: Map<String, Value>,
 }
 
-/// Which OpenGL context a job runs on.
+/// The OpenGL context of a job.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct DeviceRequest {
     pub backend: Backend,
@@ -76,17 +76,17 @@ pub struct DeviceRequest {
 
 impl SceneRequest {
     /// # Errors
-    /// [`Error::Input`] when a file cannot be used, or nothing emits light and `needs_light`.
+    /// [`Error::Input`] when a file cannot be used, or `needs_light` and nothing emits light.
     pub fn load(&self, needs_light: bool) -> Result<Loaded> {
         let environment = self.environment.as_deref().map(Environment::load).transpose()?;
         let files = if self.allow_outside { Files::Anywhere } else { Files::Folder };
         World::load_with(&self.path, LoadOptions { environment, files, unlit: !needs_light })
     }
 
-    /// `of_scene` with [`Self::settings`] put over it.
+    /// Returns `of_scene`, changed by [`Self::settings`].
     ///
     /// # Errors
-    /// [`Error::Usage`] when a name is not known or a value has another type.
+    /// [`Error::Usage`] when a key is unknown or a value has the wrong type.
     pub fn settings(&self, of_scene: &Settings) -> Result<Settings> {
         let mut all = serde_json::to_value(of_scene).unwrap_or_default();
         self.settings.iter().for_each(|(name, value)| all[Settings::key_of(name)] = value.clone());
@@ -96,14 +96,14 @@ impl SceneRequest {
 
 impl DeviceRequest {
     /// # Errors
-    /// [`Error::Gl`] when it gives no OpenGL 3.3.
+    /// [`Error::Gl`] when there is no OpenGL 3.3.
     pub fn open(self) -> Result<Gpu> {
         Gpu::headless(self.backend, self.device)
     }
 }
 
 impl JobRequest {
-    /// Files that are read beside those that the scene names.
+    /// Files that are read in addition to those that the scene names.
     pub(super) fn inputs(&self) -> impl Iterator<Item = &Path> {
         let receivers = if let Work::Bake(bake) = &self.work { &bake.receivers[..] } else { &[] };
         let points = receivers.iter().filter_map(|kind| if let ReceiverKind::Points(path) = kind { Some(path) } else { None });
@@ -119,17 +119,17 @@ impl JobRequest {
         files.try_for_each(|(kind, path)| kind.check_writable(path, &bake.plan.what))
     }
 
-    /// Openness and transfer need none.
+    /// Openness and transfer need no light.
     pub(super) fn needs_light(&self) -> bool {
         let needs = |quantity: &Quantity| matches!(quantity, Quantity::Irradiance | Quantity::Sh);
         if let Work::Bake(bake) = &self.work { bake.plan.what.iter().any(needs) } else { true }
     }
 
-    /// Of this job, in a scene with these settings.
+    /// The settings of this job, from the settings of the scene.
     pub(super) fn settings(&self, of_scene: &Settings) -> Result<Settings> {
         let mut settings = self.scene.settings(of_scene)?;
         if let Work::Bake(bake) = &self.work {
-            // It takes all its directions, and layers for as many.
+            // A bake uses all its directions. The layer size must follow from their number.
             settings.directions.target_error = 0.0;
             bake.plan.validate()?;
         }
@@ -141,7 +141,7 @@ impl JobRequest {
         if let Work::Bake(_) = &self.work { blocks_of_bake(&settings.directions) } else { blocks_of(settings) }
     }
 
-    /// Refuses what can be refused before the device starts. `shard`: the blocks of a shard.
+    /// Makes all checks that need no device. `shard` has its blocks.
     pub(super) fn check(
         &self,
         world: &World,
@@ -167,11 +167,11 @@ impl JobRequest {
         self.memory.map_or(Ok(()), |allowed| check_memory(allowed as u64, world, settings, shard))
     }
 
-    /// What the files of the picture, or of a receiver, say of the `job` that made them.
+    /// Metadata for the files of the picture or of a receiver. `job` made them.
     pub(super) fn metadata(&self, receiver: usize, job: &Value, exposure: f32, done: (u32, bool)) -> String {
         let own = match &self.work {
             Work::Render => Value::Null,
-            // Of a light map's options, padding alone shapes no point and so is not part of the job.
+            // Padding is the only light map option that moves no point. So the job does not contain it.
             Work::Bake(BakeRequest { receivers, light_map, .. }) => {
                 json!({ "plan": job["plan"], "receiver": receivers[receiver].name(), "padding": light_map.padding })
             }
@@ -180,7 +180,7 @@ impl JobRequest {
     }
 }
 
-/// Whether a render, or a shard of these blocks, fits into so many MiB.
+/// Checks that a render, or a shard of these blocks, fits into `allowed` MiB.
 fn check_memory(allowed: u64, world: &World, settings: &Settings, shard: Option<&Range<u32>>) -> Result<()> {
     let scene = world.flatten();
     let blocks = |settings: &Settings| shard.map_or(blocks_of(settings).count(), |shard| shard.len() as u32);

@@ -1,4 +1,4 @@
-//! A job's gather in progress, and what becomes of it.
+//! The gather of a job in progress, and its results.
 
 use std::ops::Range;
 use std::path::Path;
@@ -23,7 +23,7 @@ use crate::render::Render;
 use crate::scene::{Scene, World};
 use crate::settings::Settings;
 
-/// Keys of a part's state.
+/// Keys in the state of a part.
 const REQUEST: &str = "request";
 const EXPOSURE: &str = "exposure";
 
@@ -31,12 +31,12 @@ pub(super) struct Task<'a> {
     request: &'a JobRequest,
     settings: &'a Settings,
     gather: Gather,
-    /// Directions of a render: all, or those of a shard.
+    /// Number of directions of a render or of its shard.
     directions: u32,
     is_shard: bool,
-    /// What became of the points of each receiver, once that is written.
+    /// Statistics of the points of each receiver, after its files are written.
     counts: Vec<Value>,
-    /// Wall-clock seconds that placing the points took.
+    /// Wall-clock seconds for placing the points.
     placing: f64,
 }
 
@@ -45,7 +45,7 @@ enum Gather {
     Bake(Box<Bake>, Vec<Receiver>),
 }
 
-/// The same of a render and of a bake.
+/// Evaluates the same expression for a render or a bake.
 macro_rules! either {
     ($task:expr, $gather:ident => $value:expr) => {
         match $task {
@@ -55,15 +55,15 @@ macro_rules! either {
     };
 }
 
-/// What is written.
+/// Results to write.
 pub(super) enum Results<'a> {
     Picture(Image),
-    /// Of the points of all receivers in a row; beside them where they lie inside something.
+    /// The result of [`Bake::columns`], for the points of all receivers in order.
     Values(&'a [Receiver], (Vec<Channel>, Vec<f32>), &'a Scene),
 }
 
 impl<'a> Task<'a> {
-    /// Prepares everything up to the first direction. `shard`: its blocks alone.
+    /// Prepares everything before the first direction. `shard` limits the work to its blocks.
     pub fn begin(
         request: &'a JobRequest,
         gpu: &Gpu,
@@ -112,7 +112,7 @@ impl<'a> Task<'a> {
         either!(&self.gather, gather => gather.is_between_blocks())
     }
 
-    /// Directions that are gathered, and in all.
+    /// Number of directions done and in total.
     pub fn directions(&self) -> [u64; 2] {
         match &self.gather {
             Gather::Render(render) => [render.directions_done(), self.directions].map(u64::from),
@@ -123,7 +123,7 @@ impl<'a> Task<'a> {
         }
     }
 
-    /// Whether there is something to write.
+    /// Whether there are results to write.
     pub fn has_values(&self) -> bool {
         match &self.gather {
             Gather::Render(render) => render.directions_done() > 0,
@@ -134,7 +134,7 @@ impl<'a> Task<'a> {
     pub fn save(&self) -> Part<'_> {
         let mut part = either!(&self.gather, gather => gather.save());
         if let Gather::Bake(_, receivers) = &self.gather {
-            // Null where a path is not UTF-8: then it is no shard's, and nobody merges it.
+            // Null if a path is not UTF-8. Then it is not a shard, and a merge never reads it.
             part.state[REQUEST] = serde_json::to_value(self.request).unwrap_or_default();
             part.state[EXPOSURE] = self.settings.display.exposure.into();
             receivers.iter().for_each(|receiver| receiver.save(&mut part));
@@ -146,14 +146,14 @@ impl<'a> Task<'a> {
         either!(&mut self.gather, gather => gather.resume(path, part))
     }
 
-    /// Whether an earlier run of the same job has finished all files.
+    /// Whether an earlier run of the same job finished all files.
     pub fn is_written(&self) -> bool {
         let job = either!(&self.gather, gather => gather.job());
         let metadata = |receiver| self.request.metadata(receiver, &job, self.settings.display.exposure, (0, true));
         self.request.outputs.iter().enumerate().all(|(receiver, paths)| are_finished(paths, &metadata(receiver)))
     }
 
-    /// Writes what there is so far to all files that can be written. Returns why the others cannot.
+    /// Writes the results so far to all files that can be written. Returns the errors of the others.
     pub fn write(&mut self, watch: &mut dyn Watch) -> Vec<Error> {
         let results = match &self.gather {
             Gather::Render(render) => Results::Picture(render.picture()),
@@ -173,12 +173,12 @@ impl<'a> Task<'a> {
         errors
     }
 
-    /// What is written, in a word.
+    /// The results in one word.
     pub fn kind(&self) -> &'static str {
         if let Gather::Render(_) = &self.gather { "picture" } else { "values" }
     }
 
-    /// The report and the seconds of stages. `finished`: by an earlier run. `outputs`: all files, or the part of a shard.
+    /// The report, and the seconds of stages. `finished`: an earlier run finished the job. `outputs`: all files, or the part of a shard.
     pub fn report(&self, finished: bool, outputs: Vec<String>) -> (TaskReport, Value) {
         let (bake, receivers) = match &self.gather {
             Gather::Render(render) => {
@@ -209,7 +209,7 @@ impl<'a> Task<'a> {
 }
 
 impl Results<'_> {
-    /// Writes all files that can be written. Returns what became of the points of each receiver, and why files cannot be written.
+    /// Writes all files that can be written. Returns the statistics of the points of each receiver, and the errors of the other files.
     pub fn write(self, request: &JobRequest, job: &Value, exposure: f32, done: (u32, bool)) -> (Vec<Value>, Vec<Error>) {
         let (mut end, mut counts, mut errors) = (0, Vec::new(), Vec::new());
         for (index, paths) in request.outputs.iter().enumerate() {
@@ -233,10 +233,10 @@ impl Results<'_> {
     }
 }
 
-/// The request of a bake and the exposure of its files, from a part that was read from `path`.
+/// The request of a bake and the exposure of its files, from a part at `path`.
 ///
 /// # Errors
-/// [`Error::Input`] when the part does not hold them.
+/// [`Error::Input`] when the part does not contain them.
 pub(super) fn request_of(path: &Path, part: &Part) -> Result<(JobRequest, f32)> {
     let request = serde_json::from_value(part.state[REQUEST].clone()).ok();
     let exposure = part.state[EXPOSURE].as_f64().map(|exposure| exposure as f32);
@@ -244,7 +244,7 @@ pub(super) fn request_of(path: &Path, part: &Part) -> Result<(JobRequest, f32)> 
     request.zip(exposure).ok_or_else(|| Error::input(path, None, problem, "make it again"))
 }
 
-/// All receivers in a scene without glass, and their points in a row. `camera` makes that of the camera.
+/// All receivers in a scene without glass, and their points in order. `camera` makes the camera's receiver.
 ///
 /// # Errors
 /// As [`Receiver::new`].
@@ -262,14 +262,14 @@ pub(super) fn place(
     Ok((receivers, points))
 }
 
-/// What the scene's camera sees, by rasterisation.
+/// The receiver of the scene's camera, by rasterisation.
 fn see(gpu: &Gpu, scene: &Scene, size: [u32; 2]) -> Result<Receiver> {
     let geometry = Geometry::upload(gpu, scene)?;
     let visible = CameraPoints::new(gpu, size)?.see(&geometry, &scene.camera(size), Vec2::splat(0.5));
     Receiver::of_camera(&visible, size, &scene.space)
 }
 
-/// Whether nothing is brighter than a millionth of what the brightest light would show.
+/// Whether every sample of the picture is below a millionth.
 fn is_black(image: &Image) -> bool {
     image.rgb().is_ok_and(|channels| channels.iter().all(|channel| channel.iter().all(|&sample| sample < 1e-6)))
 }

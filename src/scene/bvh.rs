@@ -1,4 +1,4 @@
-//! Ray queries on the CPU, by the `obvhs` crate's compressed wide BVH.
+//! CPU ray queries. The tree is the compressed wide BVH of the `obvhs` crate.
 
 use std::time::Duration;
 
@@ -9,17 +9,15 @@ use obvhs::ray::{Ray, RayHit};
 
 use super::Mesh;
 
-/// How far above its surface a ray starts. Coordinates in unit space are at most 1, where half a unit in the last place is 3e-8; a position
-/// interpolated by a rasteriser gathers some tens of those, and a ray cast a few more. Nothing that is told apart in a
-/// picture is closer together: the radius of the scene is a million times as far.
+/// A ray starts this far from its surface, in unit space. Coordinates there are at most 1, and half a unit in the last place is 3e-8. Rasterised
+/// positions have an error of some tens of these, ray casts of a few more. Details of a picture are larger: the scene's radius is 1e6 times this.
 pub const RAY_OFFSET: f32 = 1e-6;
 
-/// The tree passes over boxes that a ray leaves within 1e-4 of its origin, and would lose what is in corners. Built at this scale, a power of
-/// two so that nothing is rounded, it passes over a tenth of [`RAY_OFFSET`].
+/// The tree skips boxes that a ray leaves within 1e-4 of its origin, and would lose geometry in corners. At this scale it skips a tenth of
+/// [`RAY_OFFSET`]. The scale is a power of two, so nothing is rounded.
 const SCALE: f32 = 1024.0;
 
-/// How far beside a triangle a ray still meets it, in barycentric coordinates, so that no ray slips through between two: ten times what they
-/// are rounded by.
+/// A ray hits a triangle up to this far outside its edge (barycentric; ten times the rounding error). So no ray slips between two triangles.
 const EDGE: f32 = 1e-6;
 
 /// A bounding volume hierarchy over a mesh.
@@ -29,12 +27,12 @@ pub struct Bvh {
     triangles: Vec<obvhs::triangle::Triangle>,
 }
 
-/// Where a ray first meets the mesh.
+/// The nearest intersection of a ray with the mesh.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hit {
-    /// Into [`Mesh::triangles`].
+    /// Index into [`Mesh::triangles`].
     pub triangle: usize,
-    /// In lengths of the ray's direction.
+    /// In multiples of the length of the ray's direction.
     pub distance: f32,
 }
 
@@ -51,10 +49,9 @@ impl Bvh {
         Self { tree, triangles }
     }
 
-    /// The nearest hit of the ray from `origin` along `direction`, both sides of triangles counting. `except` is a triangle
-    /// that the ray starts on and cannot meet.
+    /// The nearest hit of the ray from `origin` along `direction`, on either side of a triangle. The ray starts on triangle `except` and ignores it.
     pub fn nearest(&self, origin: Vec3, direction: Vec3, except: Option<usize>) -> Option<Hit> {
-        // The tree takes -0 for negative in one place and for positive in another, and then misses what it should meet; +0 is right.
+        // The tree treats -0 as negative in one place and as positive in another, and then misses triangles. +0 is right.
         let ray = Ray::new_inf(SCALE * Vec3A::from(origin), Vec3A::from(direction) + Vec3A::ZERO);
         let mut hit = RayHit::none();
         let found = self.tree.ray_traverse(ray, &mut hit, |ray, leaf| {
@@ -67,7 +64,7 @@ impl Bvh {
     }
 }
 
-/// Where along the ray a triangle is, either side, or infinity (after Möller and Trumbore 1997). The tree's own test leaves gaps along edges.
+/// Distance along the ray to either side of a triangle; infinity without a hit (Möller and Trumbore 1997). The tree's own test leaves gaps at edges.
 fn intersect(triangle: &obvhs::triangle::Triangle, ray: &Ray) -> f32 {
     let (e1, e2) = (triangle.v0 - triangle.v1, triangle.v2 - triangle.v0);
     let normal = e1.cross(e2);
@@ -76,7 +73,7 @@ fn intersect(triangle: &obvhs::triangle::Triangle, ray: &Ray) -> f32 {
     let scale = 1.0 / normal.dot(ray.direction);
     let (u, v) = (across.dot(e2) * scale, across.dot(e1) * scale);
     let distance = normal.dot(to_corner) * scale;
-    // A ray in the triangle's plane gets infinity or no number, and meets nothing.
+    // For a ray in the triangle's plane the distance is infinite or NaN. It hits nothing.
     let met = u.min(v).min(1.0 - u - v) >= -EDGE && distance >= ray.tmin && distance <= ray.tmax;
     if met { distance } else { f32::INFINITY }
 }

@@ -1,4 +1,4 @@
-//! Cameras. [`Camera::check`] refuses one that cannot see; [`Camera::framing`] makes one for a scene without.
+//! Cameras. [`Camera::check`] refuses an unusable camera. [`Camera::framing`] makes a camera for a scene without one.
 
 use std::f32::consts::TAU;
 
@@ -6,7 +6,7 @@ use glam::{Mat3, Vec2, Vec3};
 
 use crate::math::Aabb;
 
-/// A pinhole camera, or one with a thin lens in place of the hole.
+/// A pinhole camera, or a camera with a thin lens.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Camera {
     pub eye: Vec3,
@@ -17,16 +17,16 @@ pub struct Camera {
     pub lens: Option<Lens>,
 }
 
-/// A thin lens about the eye, across the direction of view.
+/// A thin lens, centred on the eye and perpendicular to the direction of view.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lens {
     pub radius: f32,
-    /// Along the direction of view; what is there is sharp.
+    /// Distance from the eye to the plane in focus, along the direction of view.
     pub focus_distance: f32,
 }
 
 impl Camera {
-    /// Angle of view where none is given, in degrees.
+    /// Default angle of view, in degrees.
     pub const DEFAULT_FOV_Y: f32 = 40.0;
 
     /// Sees all of `bounds` from the front (+z), a little above and to the right.
@@ -39,21 +39,21 @@ impl Camera {
         Self { eye, target, up: Vec3::Y, fov_y_degrees: Self::DEFAULT_FOV_Y, lens: None }
     }
 
-    /// Its axes as columns: right, up and against the direction of view.
+    /// The camera's axes as columns: right, up, and opposite to the direction of view.
     pub fn axes(self) -> Mat3 {
         let back = (self.eye - self.target).normalize();
         let right = self.up.cross(back).normalize();
         Mat3::from_cols(right, back.cross(right), back)
     }
 
-    /// Unit direction through a place in a picture of width over height `aspect`: from its upper left corner, both in [0, 1].
+    /// Unit direction through a position in the picture, in [0, 1]² from the upper left corner. `aspect` is width over height.
     pub fn ray(self, place: Vec2, aspect: f32) -> Vec3 {
         let up = (0.5 * self.fov_y_degrees.to_radians()).tan();
         let across = (2.0 * place - 1.0) * Vec2::new(up * aspect, -up);
         (self.axes() * across.extend(-1.0)).normalize()
     }
 
-    /// Origin and unit direction of the ray to that place by a point of the lens, for a uniform point of the unit square.
+    /// Origin and unit direction of a ray to this position through the lens. The uniform point [u, v] of the unit square chooses the point on the lens.
     pub fn ray_by_lens(self, place: Vec2, aspect: f32, [u, v]: [f32; 2]) -> (Vec3, Vec3) {
         let direction = self.ray(place, aspect);
         let Some(Lens { radius, focus_distance }) = self.lens else { return (self.eye, direction) };
@@ -64,7 +64,7 @@ impl Camera {
         (origin, (sharp - origin).normalize())
     }
 
-    /// The camera with `up` of unit length, or what is wrong with it and the cure.
+    /// Returns the camera with `up` of unit length, or the problem and its cure.
     pub fn check(self) -> Result<Self, (String, &'static str)> {
         for (name, value) in [("eye", self.eye), ("target", self.target), ("up", self.up)] {
             if !value.is_finite() || value.abs().max_element() > 1e9 {

@@ -1,4 +1,4 @@
-//! What a scene is, in checksums: scenes with equal ones look the same to every stage.
+//! Checksums of a scene. Scenes with equal checksums are the same to every stage.
 
 use serde_json::{Value, json};
 
@@ -6,7 +6,7 @@ use super::Scene;
 use crate::blocks::sha256;
 
 impl Scene {
-    /// By part, without the camera and the settings.
+    /// One checksum for each part. The camera and the settings are left out.
     pub fn digest(&self) -> Value {
         let mut mesh: Vec<u8> = Vec::new();
         mesh.extend(bytemuck::cast_slice(&self.mesh.positions));
@@ -23,7 +23,7 @@ impl Scene {
         }
         json!({
             "mesh": sha256(&mesh),
-            // Debug prints floats such that they differ where their bits do.
+            // Debug prints different text for floats with different bits.
             "materials": sha256(format!("{:?}", self.materials).as_bytes()),
             "textures": sha256(&textures),
             "environment": self.environment.as_ref().map(|environment| environment.digest()),

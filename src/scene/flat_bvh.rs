@@ -1,12 +1,10 @@
-//! A bounding volume hierarchy as tables that a shader can walk without a stack.
+//! A bounding volume hierarchy in tables. A shader traverses it without a stack.
 //!
-//! Nodes stand in depth-first order, and each knows where to go on: a ray that meets a node's box goes to the next node, one that does not
-//! skips to the node after the subtree (Smits 1998, "Efficiency issues for ray tracing"). What a stack is for besides, to visit the
-//! nearer child first, is done beforehand: there is an order for each octant of directions. The tree is the `obvhs` crate's.
+//! Nodes are in depth-first order. A ray that hits a node's box goes to the next node, another ray to the node after the subtree (Smits 1998,
+//! "Efficiency issues for ray tracing"). Each octant of directions has its own order: nearer children come first. `obvhs` builds the tree.
 //!
-//! Inner nodes that a ray is likely to meet are left out, for their children are tested anyway: of a node with k children that is as large as a
-//! share p of its parent, the test pays where 1 + p k < k. That leaves out a fifth of the nodes, those that are visited most: a third of all
-//! visits in the Cornell box, a seventh among 10 000 triangles.
+//! An inner node is left out if rays often hit it, because they test its children anyway. With k children and a share p of the parent's area, its test
+//! pays if 1 + p k < k. This drops a fifth of the nodes, the most visited: a third of all visits in the Cornell box, a seventh with 10 000 triangles.
 
 use std::time::Duration;
 
@@ -18,42 +16,42 @@ use obvhs::triangle::Triangle;
 
 use crate::math::Aabb;
 
-/// Steps along an axis of the scene's box in which nodes store theirs.
+/// Box coordinates of nodes are whole steps; this many steps span the scene's box along each axis.
 const STEPS: f64 = 65535.0;
 
-/// The flag of a leaf in [`FlatBvh::nodes`].
+/// Marks a leaf in [`FlatBvh::nodes`].
 const LEAF: u32 = 1 << 31;
-/// Bits of a leaf's number of triangles.
+/// Number of bits for the triangle count of a leaf.
 const COUNT_BITS: u32 = 3;
 
-/// How the tree is built, in 0.4 s for 200 000 triangles. With 2 to 4 triangles in a leaf, or more effort, rays are as fast to some
-/// 5 %; copies of large triangles in several leaves gain nothing.
+/// Build parameters. The build takes 0.4 s for 200 000 triangles. With 2 to 4 triangles in a leaf, or with more effort, ray times differ by about 5 %.
+/// Copies of large triangles in several leaves gain nothing.
 const BUILD: BvhBuildParams =
     BvhBuildParams { pre_split: false, max_prims_per_leaf: 4, collapse_traversal_cost: 2.0, ..BvhBuildParams::slow_build() };
 
-/// A tree, laid out once for each octant of directions.
+/// A tree, stored once for each octant of directions.
 pub struct FlatBvh {
-    /// Where boxes count from, and how long a step is along each axis.
+    /// Position of step 0, and length of a step along each axis.
     pub origin: Vec3,
     pub step: Vec3,
-    /// Nodes of one order.
+    /// Number of nodes in one order.
     pub count: usize,
-    /// `count` nodes each for the octants 0 to 7, bit 0 set where a direction's x is negative, bit 1 for y and 2 for z. The first three words
-    /// of a node are its box along x, y and z: the side that rays enter by in the low 16 bits, the other in the high ones. The last is, for
-    /// an inner node, the index of the node after its subtree; for a leaf, its first triangle × 8 + how many, and the highest bit set.
+    /// `count` nodes for each octant 0 to 7. Bit 0 of the octant is set if x of the direction is negative, bit 1 for y, bit 2 for z. Words 0 to 2 of a
+    /// node are its box along x, y and z: low 16 bits the side where rays enter, high 16 bits the other side. Word 3 of an inner node: index of the
+    /// node after its subtree. Word 3 of a leaf: first triangle × 8 + number of triangles, with the highest bit set.
     pub nodes: Vec<[u32; 4]>,
-    /// What leaves refer to: indices into the list that the tree is built from.
+    /// Leaves refer to ranges of this list. It holds indices into the triangles that the tree was built from.
     pub triangles: Vec<u32>,
 }
 
 impl FlatBvh {
-    /// Of triangles given by their corners, at least one.
+    /// Builds the tree of at least one triangle, given by corners.
     pub fn new(corners: &[[Vec3; 3]]) -> Self {
         let triangles: Vec<_> = corners.iter().map(|&[a, b, c]| Triangle { v0: a.into(), v1: b.into(), v2: c.into() }).collect();
         let tree = build_bvh2_from_tris(&triangles, BUILD, &mut Duration::default());
         let kept = worth_testing(&tree);
         let bounds = Aabb::from_points(corners.iter().flatten().copied());
-        // A step to spare at either end.
+        // Leaves a spare step at either end.
         let step = (bounds.extent().as_dvec3() / (STEPS - 2.0)).max(DVec3::splat(1e-6)).as_vec3();
         let count = kept.iter().filter(|&&kept| kept).count();
         let mut flat = Self {
@@ -73,7 +71,7 @@ impl FlatBvh {
     fn add_order(&mut self, tree: &Bvh2, kept: &[bool], octant: usize) {
         enum BuildStep {
             Visit(usize),
-            /// The subtree of the node at this place is complete.
+            /// The subtree of the node at this index is complete.
             Close(usize),
         }
         let sign = Vec3A::from_array([0, 1, 2].map(|axis| if octant >> axis & 1 == 1 { -1.0 } else { 1.0 }));
@@ -104,7 +102,7 @@ impl FlatBvh {
         }
     }
 
-    /// A box in steps, outwards by at least a quarter, which is more than a ray rounds by.
+    /// A box in steps. It grows by at least a quarter of a step on each side, more than the rounding error of a ray.
     fn box_words(&self, bounds: &obvhs::aabb::Aabb, octant: usize) -> [u32; 3] {
         [0, 1, 2].map(|axis| {
             let steps = |at: f32| (f64::from(at) - f64::from(self.origin[axis])) / f64::from(self.step[axis]);
@@ -120,9 +118,9 @@ fn children(tree: &Bvh2, index: usize) -> [usize; 2] {
     [first, first + 1]
 }
 
-/// Which nodes keep their box: all leaves, and the inner nodes whose test spares more tests than it costs. Never the root, which all rays meet.
+/// Tells which nodes keep their box: all leaves, and inner nodes whose test saves more than it costs. The root has none, because all rays hit it.
 fn worth_testing(tree: &Bvh2) -> Vec<bool> {
-    // Parents before their children, each with its parent.
+    // Pairs of node and parent, parents before their children.
     let mut order = vec![(0, 0)];
     let mut next = 0;
     while let Some(&(index, _)) = order.get(next) {
@@ -133,7 +131,7 @@ fn worth_testing(tree: &Bvh2) -> Vec<bool> {
     }
     let area = |index: usize| tree.nodes[index].aabb().half_area();
     let mut kept = vec![true; tree.nodes.len()];
-    // What a ray has to test in place of a node that is left out.
+    // Number of tests of a ray in place of this node.
     let mut tests = vec![1.0; tree.nodes.len()];
     for &(index, parent) in order.iter().rev().filter(|(index, _)| !tree.nodes[*index].is_leaf()) {
         let below: f32 = children(tree, index).map(|child| tests[child]).iter().sum();
@@ -148,7 +146,7 @@ mod tests {
     use super::*;
     use crate::random::Random;
 
-    /// Small triangles anywhere in a box.
+    /// Small triangles at random positions in a box.
     fn soup(count: usize) -> Vec<[Vec3; 3]> {
         let mut random = Random::new(7, 0);
         let mut within = |size: f32| Vec3::from_array([0, 1, 2].map(|_| size * (random.uniform() - 0.5)));
@@ -165,7 +163,7 @@ mod tests {
         (node[3] & LEAF != 0).then(|| &flat.triangles[first as usize..(first + count) as usize])
     }
 
-    /// The leaves' triangles in the order for an octant.
+    /// The triangles of the leaves, in the order for an octant.
     fn visits(flat: &FlatBvh, octant: usize) -> Vec<u32> {
         let nodes = &flat.nodes[octant * flat.count..(octant + 1) * flat.count];
         nodes.iter().filter_map(|node| leaf(flat, node)).flatten().copied().collect()
@@ -191,7 +189,7 @@ mod tests {
         for (place, node) in flat.nodes.iter().enumerate() {
             let octant = place / flat.count;
             let end = if node[3] & LEAF == 0 { node[3] as usize } else { place + 1 };
-            // An inner node has two children at least, and nothing of another order.
+            // An inner node has at least two children, and ends within its own order.
             assert!(node[3] & LEAF != 0 || end > place + 2, "node {place} skips to {end}");
             assert!(end <= (octant + 1) * flat.count, "node {place} skips to {end}");
             for &triangle in flat.nodes[place..end].iter().filter_map(|node| leaf(&flat, node)).flatten() {
@@ -215,7 +213,7 @@ mod tests {
             let depths: Vec<f32> = visits(&flat, octant).iter().map(|&i| corners[i as usize][0].dot(sign)).collect();
             let mean = |depths: &[f32]| depths.iter().sum::<f32>() / depths.len() as f32;
             let (front, back) = depths.split_at(500);
-            // Halves of a unit cube cut across its diagonal are 0.56 apart.
+            // The mean depths of the two halves of a unit cube, cut across its diagonal, differ by 0.56.
             assert!(mean(front) + 0.4 < mean(back), "octant {octant}: {} before {}", mean(front), mean(back));
         }
     }

@@ -1,4 +1,4 @@
-//! Materials: what a surface does with the light that meets it, and what it emits.
+//! Materials: reflection, refraction and emission of surfaces.
 
 use glam::Vec3;
 
@@ -9,7 +9,7 @@ pub struct Material {
     pub albedo: Vec3,
     /// Radiance emitted from the front, RGB, W/(m² sr) in each channel.
     pub emission: Vec3,
-    /// Into the textures of the world or scene.
+    /// Index into the textures of the world or scene.
     pub albedo_texture: Option<usize>,
     pub surface: Surface,
 }
@@ -29,28 +29,28 @@ impl Material {
     }
 }
 
-/// What a surface does with the light that meets it.
+/// How a surface scatters light.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Surface {
-    /// Reflects it by Lambert's law.
+    /// Lambertian reflection.
     #[default]
     Diffuse,
-    /// Reflects it in one direction, as much as the albedo says.
+    /// Reflection in one direction. The albedo is the reflectance.
     Mirror,
-    /// Reflects and refracts it; the albedo means nothing.
+    /// Reflection and refraction. The albedo is not used.
     Glass {
-        /// Index of refraction behind the fronts, over the index before them.
+        /// Index of refraction behind the front, divided by the index before it.
         index: f32,
-        /// Share of the light that a body transmits, beside reflection. Each of two faces takes half of it (the square root).
+        /// Share of light that passes through a body, without the Fresnel terms. Each of its two faces applies the square root.
         filter: Vec3,
     },
 }
 
 impl Surface {
-    /// Index of refraction of glass, where none is given.
+    /// Default index of refraction of glass.
     pub const GLASS_INDEX: f32 = 1.5;
 
-    /// Itself, or the problem and its cure.
+    /// Returns itself, or the problem and its cure.
     pub fn check(self) -> Result<Self, (String, &'static str)> {
         match self {
             Self::Glass { index, .. } if !(1.0..=10.0).contains(&index) => {

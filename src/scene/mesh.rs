@@ -8,18 +8,18 @@ use crate::math::Aabb;
 #[derive(Clone, Debug, Default)]
 pub struct Mesh {
     pub positions: Vec<Vec3>,
-    /// Unit shading normals, one a vertex; zero where the face's own normal is meant (flat shading).
+    /// Unit shading normals, one for each vertex. Zero means flat shading, by the normal of the face.
     pub normals: Vec<Vec3>,
-    /// Texture coordinates, one a vertex, v up; zero where the file has none.
+    /// Texture coordinates, one for each vertex, v up. Zero if the file has none.
     pub uvs: Vec<Vec2>,
     pub triangles: Vec<Triangle>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Triangle {
-    /// Into [`Mesh::positions`], [`Mesh::normals`] and [`Mesh::uvs`]; counter-clockwise seen from the front.
+    /// Indices into [`Mesh::positions`], [`Mesh::normals`] and [`Mesh::uvs`], counter-clockwise seen from the front.
     pub vertices: [u32; 3],
-    /// Into the materials of the world or scene.
+    /// Index into the materials of the world or scene.
     pub material: u32,
 }
 
@@ -28,24 +28,24 @@ impl Mesh {
         Aabb::from_points(self.positions.iter().copied())
     }
 
-    /// The corners' positions.
+    /// Positions of the three corners.
     pub fn corners(&self, triangle: usize) -> [Vec3; 3] {
         self.triangles[triangle].vertices.map(|vertex| self.positions[vertex as usize])
     }
 
-    /// The unit normal of the face, on its front side; in f64, as thin triangles need.
+    /// Unit normal on the front side of the face. It is computed in f64, because thin triangles need that.
     pub fn geometric_normal(&self, triangle: usize) -> Vec3 {
         let [a, b, c] = self.corners(triangle).map(|corner| corner.as_dvec3());
         (b - a).cross(c - a).normalize().as_vec3()
     }
 
-    /// That normal, turned to the side that a ray along `direction` meets.
+    /// The same normal, or its opposite, on the side that a ray along `direction` hits.
     pub fn side_met(&self, triangle: usize, direction: Vec3) -> Vec3 {
         let normal = self.geometric_normal(triangle);
         if normal.dot(direction) < 0.0 { normal } else { -normal }
     }
 
-    /// The unit shading normal at a point of the triangle, on the side of `side`, the face's own normal there.
+    /// The unit shading normal at a point of the triangle. `side` is the face normal on the side of interest; the result is on that side too.
     pub fn shading_normal(&self, triangle: usize, barycentric: Vec3, side: Vec3) -> Vec3 {
         let [a, b, c] = self.triangles[triangle].vertices.map(|vertex| self.normals[vertex as usize]);
         let normal = a * barycentric.x + b * barycentric.y + c * barycentric.z;
@@ -62,7 +62,7 @@ impl Mesh {
         0.5 * (b - a).cross(c - a).length()
     }
 
-    /// Weights of the corners at a point of the triangle.
+    /// Barycentric coordinates of a point of the triangle.
     pub fn barycentric(&self, triangle: usize, position: Vec3) -> Vec3 {
         let [a, b, c] = self.corners(triangle);
         let normal = (b - a).cross(c - a);
@@ -72,8 +72,7 @@ impl Mesh {
     }
 }
 
-/// Whether a normal can be computed in f32, on the GPU for one: the cross product of the edges must stand out from the
-/// rounding of its terms, and its square must not underflow.
+/// Whether f32 can hold a normal: the edges' cross product must exceed the rounding of its terms, and its square must not underflow.
 pub(super) fn has_area(corners: [Vec3; 3]) -> bool {
     let [a, b, c] = corners.map(|corner| corner.as_dvec3());
     let longest = (b - a).length_squared().max((c - b).length_squared()).max((a - c).length_squared());

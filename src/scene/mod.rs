@@ -1,20 +1,19 @@
-//! Scenes. Plain validated data that the other stages only read.
+//! Scenes: validated data that the other stages only read.
 //!
 //! | file | role |
 //! |---|---|
-//! | `world.rs` | [`World`]: what the files say, in world space; [`World::flatten`] makes the [`Scene`] |
-//! | `format/` | files into a [`World`], by [`World::load`]; a new mesh format goes there |
-//! | `light/` | [`Lights`]: everything that emits, sampled for photons and for direct light; a new kind of light goes there |
-//! | `mesh.rs`, `material.rs`, `texture.rs`, `camera.rs` | the parts of both |
-//! | `unit_space.rs` | the way between world space and unit space |
-//! | `bvh.rs`, `flat_bvh.rs` | ray queries on the CPU, and a tree for shaders |
+//! | `world.rs` | [`World`]: contents of the scene files, in world space; [`World::flatten`] makes the [`Scene`] |
+//! | `format/` | [`World::load`] reads files into a [`World`]; a new mesh format goes there |
+//! | `light/` | [`Lights`]: all emitters, sampled for photons and direct light; a new kind of light goes there |
+//! | `mesh.rs`, `material.rs`, `texture.rs`, `camera.rs` | the parts of worlds and scenes |
+//! | `unit_space.rs` | transforms between world space and unit space |
+//! | `bvh.rs`, `flat_bvh.rs` | CPU ray queries, and a tree for shaders |
 //! | `specular.rs` | paths through mirrors and glass |
 //!
-//! Coordinates are right-handed, in any unit of length. Surfaces are Lambertian, mirrors or glass, and two-sided: both sides reflect with the
-//! same albedo. Emission leaves the front side only, the one from which the triangle winds counter-clockwise.
+//! Coordinates are right-handed, in any unit of length. Surfaces are Lambertian, mirrors or glass. Both sides reflect with the same albedo. Only the
+//! front emits: the side from which the triangle winds counter-clockwise.
 //!
-//! In a loaded world every index is in range, every number is finite, every albedo lies in [0, 1] and every triangle has an area. Later stages rely
-//! on that and check nothing again.
+//! In a loaded world every index is in range, every number finite, every albedo in [0, 1], and every triangle has an area. Later stages rely on it.
 
 use glam::Vec3;
 
@@ -43,37 +42,36 @@ pub use texture::ImageTexture;
 pub use unit_space::UnitSpace;
 pub use world::{Instance, World};
 
-/// What passes draw: all triangles of a [`World`] as one mesh, in unit space.
+/// All triangles of a [`World`] as one mesh in unit space. Passes draw it.
 #[derive(Clone, Debug)]
 pub struct Scene {
     pub mesh: Mesh,
     pub materials: Vec<Material>,
     pub textures: Vec<ImageTexture>,
-    /// Radiance along rays that meet no surface; black without.
+    /// Radiance along rays that hit no surface. `None` is black.
     pub environment: Option<Environment>,
-    /// `None`: framed to fit, see [`Scene::camera`].
+    /// `None`: [`Scene::camera`] makes a camera that sees the whole scene.
     pub camera: Option<Camera>,
-    /// The way back to world space.
+    /// Transform back to world space.
     pub space: UnitSpace,
 }
 
 impl Scene {
-    /// The material of a triangle.
     pub fn material(&self, triangle: usize) -> &Material {
         &self.materials[self.mesh.triangles[triangle].material as usize]
     }
 
-    /// The camera for a picture of `size`: the scene's own, or one that sees all of it.
+    /// The scene's camera, or else one that sees the whole scene in a picture of `size`.
     pub fn camera(&self, size: [u32; 2]) -> Camera {
         self.camera.unwrap_or_else(|| Camera::framing(self.mesh.bounds(), size))
     }
 
-    /// Radiance along a ray that meets no surface; the unit vector `direction` points along the ray.
+    /// Radiance along a ray that hits no surface. The unit vector `direction` points along the ray.
     pub fn miss_radiance(&self, direction: Vec3) -> Vec3 {
         self.environment.as_ref().map_or(Vec3::ZERO, |environment| environment.radiance(direction))
     }
 
-    /// Linear reflectance at a point of a triangle, by the weights of its three corners.
+    /// Linear reflectance at a point of a triangle, from its barycentric coordinates.
     pub fn albedo(&self, triangle: usize, barycentric: Vec3) -> Vec3 {
         let &Material { albedo, albedo_texture, .. } = self.material(triangle);
         let Some(texture) = albedo_texture else { return albedo };
@@ -81,13 +79,12 @@ impl Scene {
         albedo * self.textures[texture].sample_linear(a * barycentric.x + b * barycentric.y + c * barycentric.z)
     }
 
-    /// Whether anything is a mirror or glass.
+    /// Whether any surface is a mirror or glass.
     pub fn is_specular(&self) -> bool {
         self.mesh.triangles.iter().any(|triangle| self.materials[triangle.material as usize].is_specular())
     }
 
-    /// The scene without glass, if it has any: gather rays pass straight through glass. They take a mirror for a Lambertian surface that
-    /// reflects as much.
+    /// The scene without glass; `None` if it has none. Gather rays ignore glass, and treat a mirror as a Lambertian surface of its albedo.
     pub fn without_glass(&self) -> Option<Self> {
         let is_glass = |triangle: &Triangle| self.materials[triangle.material as usize].is_glass();
         self.mesh.triangles.iter().any(is_glass).then(|| {

@@ -1,28 +1,28 @@
-//! The way of light through mirrors and glass, followed from the eye and from the lights alike.
+//! Light paths through mirrors and glass. Eye rays and photons use them alike.
 //!
-//! Glass is the inside of a closed surface, behind its fronts. By Snell's law n sin θ = n' sin θ'; what is reflected is, for unpolarised light
-//! (Fresnel), the mean of ((n cos θ - n' cos θ') / (n cos θ + n' cos θ'))² and ((n' cos θ - n cos θ') / (n' cos θ + n cos θ'))², and all of
-//! it where no θ' fulfils Snell's law. A path takes one of the two ways, each with its share as probability, so that nothing is left to weigh.
+//! Glass fills a closed surface, behind its fronts. Snell's law is n sin θ = n' sin θ'. The reflectance for unpolarised light (Fresnel) is the mean of
+//! ((n cos θ - n' cos θ') / (n cos θ + n' cos θ'))² and ((n' cos θ - n cos θ') / (n' cos θ + n cos θ'))². It is 1 if no θ' satisfies Snell's law. A
+//! path takes one way at random, with its share of light as probability, so it needs no further weight.
 
 use glam::Vec3;
 
 use super::{Bvh, RAY_OFFSET, Scene, Surface};
 
-/// Mirrors and faces of glass that a path meets in a row, at most: a mirror that keeps 0.9 would return 3 % after so many.
+/// Maximum number of consecutive mirrors and glass faces on a path. A mirror of reflectance 0.9 returns 3 % after this number.
 pub const MOST_SPECULAR: u32 = 32;
 
-/// A ray that goes on from surface to surface.
+/// A ray that continues from surface to surface.
 #[derive(Clone, Copy, Debug)]
 pub struct Path {
     pub origin: Vec3,
-    /// Of unit length.
+    /// Unit vector.
     pub direction: Vec3,
-    /// The triangle that it is on.
+    /// The triangle that the origin lies on.
     pub triangle: Option<usize>,
 }
 
 impl Path {
-    /// Goes to the nearest surface and returns its triangle; `None`, and no step, where there is none.
+    /// Moves to the nearest surface and returns its triangle. Without a hit it returns `None` and does not move.
     pub fn advance(&mut self, bvh: &Bvh) -> Option<usize> {
         let hit = bvh.nearest(self.origin, self.direction, self.triangle)?;
         self.origin += hit.distance * self.direction;
@@ -30,14 +30,14 @@ impl Path {
         self.triangle
     }
 
-    /// Starts from the surface, on the side of the unit normal `side`.
+    /// Leaves the surface on the side of the unit normal `side`.
     pub fn leave(&mut self, side: Vec3, direction: Vec3) {
         self.origin += RAY_OFFSET * side;
         self.direction = direction;
     }
 
-    /// Goes on from a mirror or from glass and returns the share of light that does; `None`, and no change, on a diffuse surface.
-    /// `choice`, uniform in [0, 1), takes one of two ways; what is left of it, as uniform, serves the next surface.
+    /// Leaves a mirror or glass and returns the remaining share of the light (RGB). On a diffuse surface it returns `None` and changes nothing.
+    /// `choice`, uniform in [0, 1), selects one of two ways. Its remainder is uniform again and serves the next surface.
     pub fn scatter(&mut self, scene: &Scene, choice: &mut f32) -> Option<Vec3> {
         let Split { reflectance, reflected, refracted, kept } = self.split(scene)?;
         let reflects = *choice < reflectance;
@@ -46,7 +46,7 @@ impl Path {
         Some(kept[usize::from(!reflects)])
     }
 
-    /// Both ways on from a mirror or from glass.
+    /// Both ways from a mirror or glass: reflection and refraction.
     pub fn split(&self, scene: &Scene) -> Option<Split> {
         let (mesh, triangle, incoming) = (&scene.mesh, self.triangle?, self.direction);
         let met = mesh.side_met(triangle, incoming);
@@ -56,12 +56,12 @@ impl Path {
             Surface::Mirror => (None, [scene.albedo(triangle, barycentric), Vec3::ZERO]),
             Surface::Glass { index, filter } => {
                 let enters = mesh.geometric_normal(triangle).dot(incoming) < 0.0;
-                // Two faces make a body.
+                // A body has two faces, so each takes the square root.
                 (Some(if enters { index.recip() } else { index }), [Vec3::ONE, filter.map(f32::sqrt)])
             }
         };
         let through = |normal: Vec3| ratio.map_or(Vec3::ZERO, |ratio| incoming.refract(normal, ratio));
-        // An interpolated normal may send light to the wrong side of the face itself.
+        // An interpolated normal may send light through the face.
         let smooth = mesh.shading_normal(triangle, barycentric, met);
         let fits = |normal: Vec3| {
             normal.dot(incoming) < 0.0 && incoming.reflect(normal).dot(met) > 0.0 && through(normal).dot(met) <= 0.0
@@ -81,19 +81,18 @@ impl Path {
     }
 }
 
-/// The ways on from a mirror, of which there is one, or from glass.
+/// The ways from glass, or the one way from a mirror.
 #[derive(Clone, Copy, Debug)]
 pub struct Split {
-    /// The share that is reflected.
+    /// Share of light that is reflected.
     pub reflectance: f32,
     pub reflected: Path,
     pub refracted: Path,
-    /// What is left of the light that goes the one way and the other.
+    /// Remaining share (RGB) of the reflected light and of the refracted light.
     pub kept: [Vec3; 2],
 }
 
-/// Reflectance of unpolarised light that meets a face of glass at an angle of this cosine; `ratio` is n / n', the index that it comes from
-/// over the one behind the face.
+/// Reflectance of a glass face for unpolarised light, by the cosine of the angle of incidence. `ratio`: index before the face over index behind.
 pub fn fresnel(cosine: f32, ratio: f32) -> f32 {
     let squared_sine = ratio * ratio * (1.0 - cosine * cosine);
     if squared_sine >= 1.0 {

@@ -1,4 +1,4 @@
-//! Picture files into textures, and texels into linear reflectance.
+//! Textures from picture files, and linear reflectance from texels.
 //!
 //! [`Textures::load`] reads each file once; [`ImageTexture::sample_linear`] samples as the GPU does.
 
@@ -15,7 +15,7 @@ use crate::error::{Error, Result};
 use crate::file::{MOST_BYTES, can_hold};
 use crate::math::neighbours;
 
-/// An sRGB-encoded picture, repeated in both directions.
+/// An sRGB-encoded picture that repeats in both directions.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ImageTexture {
     pub width: u32,
@@ -24,14 +24,13 @@ pub struct ImageTexture {
     pub texels: Vec<[u8; 4]>,
 }
 
-/// OpenGL 3.3 devices of today sample up to here.
+/// Maximum texture size of current OpenGL 3.3 devices.
 const LARGEST_SIDE: u32 = 16384;
 const MOST_MEMORY: u64 = 1 << 30;
 
-/// The most texels of all textures together.
+/// Maximum number of texels of all textures together.
 const MOST_TEXELS: usize = 1 << 30;
 
-/// The textures loaded so far.
 pub struct Textures<'a> {
     pub list: Vec<ImageTexture>,
     by_file: HashMap<PathBuf, usize>,
@@ -44,7 +43,7 @@ impl<'a> Textures<'a> {
         Self { list: Vec::new(), by_file: HashMap::new(), texels: 0, reader }
     }
 
-    /// The index of the texture in `path`, a file that the statement at `named_at` asks for.
+    /// Returns the index of the texture in file `path`. `named_at` is the place of the statement that names it.
     pub fn load(&mut self, path: &Path, named_at: &str) -> Result<usize> {
         let unread = |unread: Unread| {
             let what = format!("this texture, named at {named_at}");
@@ -77,7 +76,7 @@ impl<'a> Textures<'a> {
 
 fn decode(path: &Path, bytes: &[u8]) -> Result<ImageTexture, ImageError> {
     let mut reader = ImageReader::new(Cursor::new(bytes));
-    // TGA is known by nothing else.
+    // A TGA file has no signature. Only its name tells the format.
     if let Ok(format) = ImageFormat::from_path(path) {
         reader.set_format(format);
     }
@@ -106,8 +105,8 @@ static LINEAR: LazyLock<[f32; 256]> = LazyLock::new(|| {
 });
 
 impl ImageTexture {
-    /// Linear reflectance at `uv`: texels are decoded, then interpolated, and repeat in both directions. Equals GL_LINEAR with
-    /// GL_REPEAT on an sRGB texture that holds these rows and is sampled at (u, 1 - v).
+    /// Linear reflectance at `uv`. Texels are decoded, interpolated bilinearly, and repeat. Equals GL_LINEAR with GL_REPEAT on an sRGB texture with
+    /// these rows, sampled at (u, 1 - v).
     pub fn sample_linear(&self, uv: Vec2) -> Vec3 {
         let (left, right, x) = neighbours(uv.x, self.width as usize);
         let (above, below, y) = neighbours(1.0 - uv.y, self.height as usize);
@@ -115,7 +114,7 @@ impl ImageTexture {
         row(above).lerp(row(below), y)
     }
 
-    /// Linear reflectance of the whole picture.
+    /// Mean linear reflectance of the whole picture.
     pub fn mean_linear(&self) -> Vec3 {
         let texels = (0..self.height as usize).flat_map(|y| (0..self.width as usize).map(move |x| self.texel(x, y).as_dvec3()));
         (texels.sum::<DVec3>() / self.texels.len() as f64).as_vec3()

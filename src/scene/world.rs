@@ -1,4 +1,4 @@
-//! The world: what the files say, in world space and before any flattening. [`World::flatten`] makes what passes draw.
+//! The world: contents of the scene files in world space. [`World::flatten`] makes the scene that passes draw.
 
 use std::collections::HashSet;
 
@@ -8,31 +8,31 @@ use super::mesh::has_area;
 use super::{Camera, Environment, ImageTexture, Material, Mesh, Scene, Triangle, UnitSpace};
 use crate::math::Aabb;
 
-/// A world of meshes, placed once or more.
+/// A world of meshes. Each mesh can be placed several times.
 ///
-/// There is no list of lights: emissive materials and the environment are all that emits, and [`Lights::new`](super::Lights::new) collects them
-/// from the flat scene. Point, spot and directional lights will be a list here and in [`Scene`], moved to unit space by [`World::flatten`], counted by
-/// [`World::is_dark`], and a variant of the enum in `light/mod.rs`.
+/// There is no list of lights. Only emissive materials and the environment emit, and [`Lights::new`](super::Lights::new) collects them from the flat
+/// scene. Point, spot and directional lights will be a list here and in [`Scene`]: [`World::flatten`] will move them to unit space, [`World::is_dark`]
+/// will count them, and the enum in `light/mod.rs` will get a variant.
 #[derive(Clone, Debug, Default)]
 pub struct World {
     pub meshes: Vec<Mesh>,
     pub instances: Vec<Instance>,
-    /// Of the triangles of all meshes.
+    /// The triangles of all meshes refer to these.
     pub materials: Vec<Material>,
     pub textures: Vec<ImageTexture>,
-    /// With their names; a render looks through the first. Without one the whole world is framed to fit.
+    /// Cameras with their names. A render uses the first. Without a camera it shows the whole world.
     pub cameras: Vec<(String, Camera)>,
-    /// Radiance from beyond all surfaces; black without.
+    /// Radiance from outside the scene. `None` is black.
     pub environment: Option<Environment>,
 }
 
-/// A mesh placed in the world. The default is mesh 0, where it is.
+/// A mesh placed in the world. The default places mesh 0 without a transform.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Instance {
     pub name: String,
-    /// Into [`World::meshes`].
+    /// Index into [`World::meshes`].
     pub mesh: usize,
-    /// From the mesh's space to world space. A mirror image keeps its fronts and backs.
+    /// From mesh space to world space. A mirrored instance keeps its fronts and backs.
     pub transform: DAffine3,
 }
 
@@ -43,12 +43,12 @@ impl World {
         triangles.map(|triangle| &self.materials[triangle.material as usize])
     }
 
-    /// Whether nothing emits.
+    /// Whether nothing emits light.
     pub fn is_dark(&self) -> bool {
         self.environment.as_ref().is_none_or(Environment::is_black) && !self.surfaces().any(Material::is_emissive)
     }
 
-    /// The camera for a picture of `size`: the first, or one that sees all of the world.
+    /// The first camera, or else one that sees the whole world in a picture of `size`.
     pub fn camera(&self, size: [u32; 2]) -> Camera {
         self.cameras.first().map_or_else(|| Camera::framing(self.bounds(), size), |(_, camera)| *camera)
     }
@@ -58,15 +58,14 @@ impl World {
         Aabb { min, max }
     }
 
-    /// The least and the greatest coordinates.
+    /// Minimum and maximum coordinates.
     fn extremes(&self) -> [DVec3; 2] {
         let positions = |instance: &'_ Instance| self.meshes[instance.mesh].positions.iter().map(placed(instance.transform));
         let grow = |[min, max]: [DVec3; 2], position: DVec3| [min.min(position), max.max(position)];
         self.instances.iter().flat_map(positions).fold([DVec3::INFINITY, DVec3::NEG_INFINITY], grow)
     }
 
-    /// All instances as one mesh in unit space. Positions are f64 until they are there. Triangles that are too small beside the world for 32-bit
-    /// normals are left out, and so are triangles that lie exactly on another.
+    /// Joins all instances into one mesh in unit space, in f64 up to there. It drops duplicate triangles, and those too small for normals in f32.
     pub fn flatten(&self) -> Scene {
         let space = UnitSpace::around(self.extremes());
         let mut mesh = Mesh::default();
@@ -79,7 +78,7 @@ impl World {
             mesh.uvs.extend(&source.uvs);
             mesh.triangles.extend(source.triangles.iter().map(|triangle| {
                 let [a, b, c] = triangle.vertices.map(|vertex| first + vertex);
-                // A mirror image winds the other way.
+                // A mirror image has the opposite winding.
                 Triangle { vertices: if mirrored { [a, c, b] } else { [a, b, c] }, ..*triangle }
             }));
         }
@@ -97,21 +96,21 @@ impl World {
     }
 }
 
-/// World positions.
+/// Transforms positions to world space.
 fn placed(transform: DAffine3) -> impl Fn(&Vec3) -> DVec3 {
     move |position| transform.transform_point3(position.as_dvec3())
 }
 
-/// World normals: by the inverse transpose, which is the cofactor matrix over the determinant. The cofactor matrix is finite for any transform.
+/// Transforms normals to world space by the inverse transpose: cofactor matrix over determinant. The cofactor matrix is always finite.
 fn turned(linear: DMat3) -> impl Fn(&Vec3) -> Vec3 {
     let DMat3 { x_axis: x, y_axis: y, z_axis: z } = linear;
     let cofactors = DMat3::from_cols(y.cross(z), z.cross(x), x.cross(y)) * linear.determinant().signum();
-    // Rounds nothing where nothing turns.
+    // An identity transform keeps all bits.
     move |&normal| if linear == DMat3::IDENTITY { normal } else { (cofactors * normal.as_dvec3()).normalize_or_zero().as_vec3() }
 }
 
-/// Drops triangles that lie exactly on another, however wound, as exports with two-sided faces have them: surfaces are two-sided anyway, and
-/// light would be shared between the doubles. Emissive ones all stay, for back to back they are a lamp that shines both ways.
+/// Removes triangles with the same three corners as another, in any order. Exports with two-sided faces contain such pairs. Surfaces are two-sided
+/// anyway, and the two copies would share the light. Emissive triangles all stay: two back to back are a lamp that shines both ways.
 fn drop_doubles(mesh: &mut Mesh, materials: &[Material]) {
     let Mesh { positions, triangles, .. } = mesh;
     let emissive = |triangle: &Triangle| materials[triangle.material as usize].is_emissive();

@@ -1,4 +1,4 @@
-// Prints what the Khronos validator says of a glTF file, as JSON.
+// Prints the issues that the Khronos validator finds in a glTF file, as JSON.
 const { validateBytes } = require("gltf-validator");
 
 validateBytes(new Uint8Array(require("fs").readFileSync(process.argv[2]))).then(

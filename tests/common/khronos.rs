@@ -1,4 +1,4 @@
-//! The Khronos validator of glTF, as `scripts/setup.sh --tests` installs it.
+//! The Khronos glTF validator, as installed by `scripts/setup.sh --tests`.
 
 use std::path::Path;
 use std::process::Command;
@@ -8,7 +8,7 @@ use serde_json::Value;
 use super::need::need;
 use super::tool::json;
 
-/// What the validator says of a file; `None` where it is not installed.
+/// The validator's report on a file. `None` if it is not installed.
 pub fn issues(path: &Path) -> Option<Value> {
     let packages = Path::new(env!("CARGO_TARGET_TMPDIR")).parent().unwrap().join("node/node_modules");
     let installed = packages.join("gltf-validator").is_dir() && Command::new("node").arg("--version").output().is_ok();

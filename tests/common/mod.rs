@@ -1,4 +1,4 @@
-//! What several tests share: scenes built in code, a gather on the GL side, and how far two gathers are apart.
+//! Shared by several tests: scenes built in code, a gather on the GL side, and the difference between two gathers.
 #![allow(dead_code, reason = "each test uses a part")]
 
 pub mod khronos;
@@ -25,33 +25,33 @@ use finalgather::settings::{GatherSettings, LayerSize, Pipeline, Sequence};
 use glam::{DVec3, Vec2, Vec3, Vec4, vec3};
 
 thread_local! {
-    /// Tests run on threads of their own; the one that has this is the only one with contexts, until it ends: see [`Gpu::headless`].
+    /// Each test runs on its own thread. Only the thread with this lock may have contexts, until it ends: see [`Gpu::headless`].
     static TURN: MutexGuard<'static, ()> = {
         static GPU: Mutex<()> = Mutex::new(());
         GPU.lock().unwrap_or_else(PoisonError::into_inner)
     };
 }
 
-/// A context of the test's own.
+/// A new context for the test.
 pub fn gpu() -> Gpu {
     gpu_of(Backend::Auto).unwrap_or_else(|error| panic!("{error}"))
 }
 
-/// The same by a library that may not be here.
+/// The same, from a library that may be missing.
 pub fn gpu_of(backend: Backend) -> Result<Gpu> {
-    // Softpipe's contexts leave each other alone, and have one thread each.
+    // Softpipe's contexts do not disturb each other, and have one thread each.
     if env::var_os("GALLIUM_DRIVER").is_none_or(|driver| driver != "softpipe") {
         TURN.with(|_| ());
     }
     Gpu::headless(backend, DeviceChoice::Auto)
 }
 
-/// `usual`, or `small` on Mesa's reference rasteriser, which takes about twenty times as long.
+/// Returns `usual`, or `small` on Mesa's reference rasteriser, which is about twenty times slower.
 pub fn sized<T>(gpu: &Gpu, usual: T, small: T) -> T {
     if gpu.info().renderer.contains("softpipe") { small } else { usual }
 }
 
-/// Whether shaders can write to images, as they can on every device that CI has but softpipe, which stands for devices without.
+/// Whether shaders can write to images. On CI every device can, except softpipe. It represents devices that cannot.
 pub fn writes_images(gpu: &Gpu) -> bool {
     let renderer = &gpu.info().renderer;
     if renderer.contains("softpipe") {
@@ -62,13 +62,13 @@ pub fn writes_images(gpu: &Gpu) -> bool {
     need::need("shaders that write to images", found).is_some()
 }
 
-/// A scene in the making, in coordinates of its own. Fronts of faces are the sides that wind counter-clockwise, and the sides that points lie on.
+/// A scene under construction, in its own coordinates. Fronts wind counter-clockwise. Points lie on fronts.
 pub struct Model {
     pub scene: Scene,
 }
 
 impl Model {
-    /// No surfaces, and material 0: it reflects all light.
+    /// No surfaces; material 0 reflects all light.
     pub fn new() -> Self {
         let camera = Camera { eye: vec3(0.0, 0.0, 3.0), target: Vec3::ZERO, up: Vec3::Y, fov_y_degrees: 40.0, lens: None };
         let scene = Scene {
@@ -98,7 +98,7 @@ impl Model {
         mesh.positions.len() as u32 - 1
     }
 
-    /// A planar or folded quadrilateral, counter-clockwise from the front; corners that coincide leave one triangle.
+    /// A planar or folded quadrilateral, counter-clockwise from the front. If two corners coincide, it is one triangle.
     pub fn quad(&mut self, corners: [Vec3; 4], material: u32) {
         let [a, b, c, d] = corners.map(|corner| self.vertex(corner));
         for (vertices, [p, q, r]) in
@@ -110,12 +110,12 @@ impl Model {
         }
     }
 
-    /// A parallelogram about `center`; its front is on the side of `half_u` × `half_v`.
+    /// A parallelogram about `center`. Its front is on the side of `half_u` × `half_v`.
     pub fn plate(&mut self, center: Vec3, half_u: Vec3, half_v: Vec3, material: u32) {
         self.quad([-half_u - half_v, half_u - half_v, half_u + half_v, half_v - half_u].map(|corner| center + corner), material);
     }
 
-    /// Six plates turned about the vertical through the center: a room when `inward`, else a block.
+    /// Six plates, turned about the vertical axis through the center. Fronts face inward (a room) or outward (a block).
     pub fn cuboid(&mut self, center: Vec3, half: Vec3, turn: f32, inward: bool, material: u32) {
         let (sin, cos) = turn.sin_cos();
         let axes = [half.x * vec3(cos, 0.0, -sin), half.y * Vec3::Y, half.z * vec3(sin, 0.0, cos)];
@@ -129,7 +129,7 @@ impl Model {
         }
     }
 
-    /// A sphere of `2 rings` × `rings` faces: a room when `inward`, else a ball.
+    /// A sphere of `2 rings` × `rings` faces. Fronts face inward (a room) or outward (a ball).
     pub fn sphere(&mut self, center: Vec3, radius: f32, rings: u32, inward: bool, material: u32) {
         let at = |ring: u32, segment: u32| {
             if ring == 0 || ring == rings {
@@ -149,7 +149,7 @@ impl Model {
         }
     }
 
-    /// A regular polygon of an even number of `sides` with the area of a disc; its front is on the side of `normal`.
+    /// A regular polygon with an even number of `sides` and the area of a disc. Its front is on the side of `normal`.
     pub fn disc(&mut self, center: Vec3, radius: f32, normal: Vec3, sides: u32, material: u32) {
         let step = TAU / sides as f32;
         let reach = radius * (step / step.sin()).sqrt();
@@ -187,7 +187,7 @@ impl Model {
     }
 }
 
-/// The world whose coordinates are those of `scene`.
+/// A world with the coordinates of `scene`.
 pub fn world_of(scene: Scene) -> World {
     let Scene { mesh, materials, textures, environment, camera, .. } = scene;
     World {
@@ -205,7 +205,7 @@ pub fn cornell() -> Scene {
     World::load(Path::new("scenes/cornell.toml")).unwrap().world.flatten()
 }
 
-/// A floor with 50 boxes, balls and cylinders of differing sizes on it, all facets flat, in unit space.
+/// A floor with 50 boxes, balls and cylinders of different sizes, with flat facets, in unit space.
 pub fn fifty_objects() -> Scene {
     let mut model = Model::new();
     model.plate(Vec3::ZERO, 10.0 * Vec3::Z, 10.0 * Vec3::X, 0);
@@ -222,7 +222,7 @@ pub fn fifty_objects() -> Scene {
     model.finish()
 }
 
-/// Points spread evenly over the fronts of all triangles of a scene in unit space.
+/// Points evenly distributed over the fronts of all triangles of a scene in unit space.
 pub fn points_on(scene: &Scene, count: usize) -> Vec<GatherPoint> {
     let mesh = &scene.mesh;
     let total: f32 = (0..mesh.triangles.len()).map(|triangle| mesh.area(triangle)).sum();
@@ -254,7 +254,7 @@ pub fn directions(sequence: Sequence, count: u32) -> Vec<Direction> {
     (0..count).map(|index| directions.get(index)).collect()
 }
 
-/// The gather of the GL side by the 2004 method, peeled to the last layer: rgb Σ radiance × weight, a Σ weight for each point.
+/// GL gather by the 2004 method, peeled to the last layer. For each point: rgb Σ radiance × weight, a Σ weight.
 pub fn gather(
     gpu: &Gpu,
     scene: &Scene,
@@ -278,7 +278,7 @@ pub fn gather_early(
     gather_by(Pipeline::EarlyKill, gpu, scene, photons, points, directions, layer_size).0
 }
 
-/// The same for both ends of each direction by the fused method; and the most layers of a direction.
+/// The same by the fused method, with both ends of each direction; also the maximum number of layers.
 pub fn gather_fused(
     gpu: &Gpu,
     scene: &Scene,
@@ -290,7 +290,7 @@ pub fn gather_fused(
     gather_by(Pipeline::Fused, gpu, scene, photons, points, directions, layer_size)
 }
 
-/// The same for both ends of each direction by exact rays.
+/// The same by exact rays, with both ends of each direction.
 pub fn gather_rays(
     gpu: &Gpu,
     scene: &Scene,
@@ -301,7 +301,7 @@ pub fn gather_rays(
     gather_by(Pipeline::RaycastGl, gpu, scene, photons, points, directions, 1).0
 }
 
-/// The sums that a pipeline of the GL side finds, and the most layers of a direction.
+/// The sums of a GL pipeline, and the maximum number of layers.
 fn gather_by(
     pipeline: Pipeline,
     gpu: &Gpu,
@@ -316,7 +316,7 @@ fn gather_by(
     let list = PointList::upload(gpu, points).unwrap();
     let points = list.points();
     let (bvh, grid) = (Rc::new(Bvh::new(&scene.mesh)), PhotonGrid::new(&scene.mesh, 1));
-    // Which no pipeline of the GL side asks.
+    // No GL pipeline uses it.
     let oracle = Reference::new(scene, &bvh, &grid);
     let mut gather =
         IrradianceGather::new(gpu, &settings, layer_size, scene, &bvh, Interleave::new(1, points.size(), 0)).unwrap();
@@ -326,7 +326,7 @@ fn gather_by(
     (list.in_order(gather.read()), layers)
 }
 
-/// Each direction followed by its opposite.
+/// Each direction, followed by its opposite.
 pub fn both_ends(directions: &[Direction]) -> Vec<Direction> {
     directions.iter().flat_map(|&direction| [direction, Direction { vector: -direction.vector, ..direction }]).collect()
 }
@@ -335,13 +335,13 @@ pub fn vectors(directions: &[Direction]) -> Vec<Vec3> {
     directions.iter().map(|direction| direction.vector).collect()
 }
 
-/// π Σ L w / Σ w; 0 where no direction has weight.
+/// π Σ L w / Σ w, or 0 if no direction has weight.
 pub fn irradiance(sums: &[Vec4]) -> Vec<Vec3> {
     sums.iter().map(|sum| if sum.w > 0.0 { PI * sum.truncate() / sum.w } else { Vec3::ZERO }).collect()
 }
 
-/// Form factor from a point to a polygon that lies above its horizon and winds counter-clockwise for it, by Lambert's formula:
-/// 1/2π Σ γ n·Γ over the edges, with γ the angle that an edge fills and Γ the unit normal of the plane through it and the point.
+/// Form factor from a point to a polygon above its horizon, counter-clockwise as seen from it, by Lambert's formula: 1/2π Σ γ n·Γ over the edges. γ is
+/// the angle that an edge subtends, Γ the unit normal of the plane through edge and point.
 pub fn form_factor_of_polygon(corners: &[Vec3], position: Vec3, normal: Vec3) -> f64 {
     let corners: Vec<_> = corners.iter().map(|&corner| (corner - position).as_dvec3()).collect();
     let edge = |k: usize| {
@@ -351,8 +351,8 @@ pub fn form_factor_of_polygon(corners: &[Vec3], position: Vec3, normal: Vec3) ->
     (0..corners.len()).map(edge).sum::<f64>() / (2.0 * std::f64::consts::PI)
 }
 
-/// Form factor from a point to a disc of squared radius `squared_radius` in a plane parallel to the point's own, `to_center` from it
-/// (Howell, "A catalog of radiation heat transfer configuration factors", B-13; on the axis it is sin² of the disc's half angle).
+/// Form factor from a point to a disc in a plane parallel to the point's own. The center is at `to_center` from the point (Howell, "A catalog of
+/// radiation heat transfer configuration factors", B-13). On the axis it is sin² of the disc's half angle.
 pub fn form_factor_of_disc(to_center: Vec3, squared_radius: f64, normal: Vec3) -> f64 {
     let squared_height = to_center.as_dvec3().dot(normal.as_dvec3()).powi(2);
     let squared_offset = to_center.as_dvec3().length_squared() - squared_height;
@@ -360,7 +360,7 @@ pub fn form_factor_of_disc(to_center: Vec3, squared_radius: f64, normal: Vec3) -
     0.5 * (1.0 - (sum - 2.0 * squared_radius) / (sum * sum - 4.0 * squared_offset * squared_radius).sqrt())
 }
 
-/// Form factor between parallel squares that face each other, as long as `side` times their distance (Howell, C-11, of equal sides).
+/// Form factor between parallel facing squares. `side` is relative to their distance (Howell, C-11, with equal sides).
 pub fn form_factor_of_opposed_squares(side: f64) -> f64 {
     let (squared, slant) = (side * side, side.hypot(1.0));
     let logarithm = (slant * slant / (2.0 * squared + 1.0).sqrt()).ln();
@@ -368,7 +368,7 @@ pub fn form_factor_of_opposed_squares(side: f64) -> f64 {
     2.0 / (std::f64::consts::PI * squared) * (logarithm + angles)
 }
 
-/// How far irradiances are from those of a reference, over all points and channels.
+/// Difference of irradiances from a reference, over all points and channels.
 #[derive(Clone, Copy, Debug)]
 pub struct Difference {
     /// mean |a - b| / mean b

@@ -1,10 +1,10 @@
-//! Programs and drivers that a test needs and a machine may lack.
+//! Programs and drivers that a test needs but a machine may not have.
 
 use std::env;
 use std::fmt::Display;
 use std::io::{Write, stderr};
 
-/// What was found. Where nothing was, the test fails on CI (the environment variable `CI` is set), and elsewhere stderr says which test is left out.
+/// Returns what was found. Otherwise the test fails on CI (environment variable `CI` is set); elsewhere stderr names the skipped test.
 pub fn need<T>(what: &str, found: Result<T, impl Display>) -> Option<T> {
     let problem = match found {
         Ok(found) => return Some(found),
@@ -12,7 +12,7 @@ pub fn need<T>(what: &str, found: Result<T, impl Display>) -> Option<T> {
     };
     let message = format!("NOT TESTED: {what}: {problem}; scripts/setup.sh --tests installs what tests need");
     assert!(env::var_os("CI").is_none_or(|ci| ci.is_empty()), "{message}");
-    // The test harness hides what `eprintln` writes in a test that passes.
+    // The test harness hides `eprintln` output of passing tests.
     let _ = writeln!(stderr(), "{message}");
     None
 }

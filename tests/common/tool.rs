@@ -1,4 +1,4 @@
-//! The command-line tool in a folder of the test's own: how it is run, how it ends, what it says and which files it leaves.
+//! Runs the command-line tool in a folder of the test. Gives its exit code, its output and its files.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -13,7 +13,7 @@ pub fn folder() -> TempDir {
     tempfile::tempdir().unwrap()
 }
 
-/// The tool, run in this folder.
+/// The tool, to run in this folder.
 pub fn tool(folder: impl AsRef<Path>) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_finalgather"));
     command.current_dir(folder);
@@ -51,20 +51,20 @@ pub fn stderr(output: &Output) -> String {
     text(&output.stderr)
 }
 
-/// Runs a command, which must end with code 0.
+/// Runs a command that must exit with code 0.
 pub fn success(command: &mut Command) -> Output {
     let output = command.output().unwrap_or_else(|error| panic!("{command:?}: {error}"));
     assert!(output.status.success(), "{command:?}: {:?}: {}{}", output.status, text(&output.stdout), stderr(&output));
     output
 }
 
-/// Runs a command, which must end with code 0 and write one JSON value to stdout.
+/// Runs a command that must exit with code 0 and write one JSON value to stdout.
 pub fn json(command: &mut Command) -> Value {
     let output = success(command);
     serde_json::from_slice(&output.stdout).unwrap_or_else(|error| panic!("{command:?}: {error}: {output:?}"))
 }
 
-/// Runs a command, which must end with this code and write nothing to stdout. Returns what it wrote to stderr.
+/// Runs a command that must exit with this code and write nothing to stdout. Returns its stderr.
 pub fn refusal(command: &mut Command, code: i32) -> String {
     let output = command.output().unwrap();
     assert_eq!(output.status.code(), Some(code), "{command:?}: {}", stderr(&output));
@@ -76,7 +76,7 @@ pub fn bytes(folder: impl AsRef<Path>, name: &str) -> Vec<u8> {
     fs::read(folder.as_ref().join(name)).unwrap_or_else(|error| panic!("{name}: {error}"))
 }
 
-/// The names of all that is in a folder, in order.
+/// The sorted names of all entries of a folder.
 pub fn names_in(folder: impl AsRef<Path>) -> Vec<String> {
     let mut names: Vec<_> =
         fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
@@ -84,18 +84,18 @@ pub fn names_in(folder: impl AsRef<Path>) -> Vec<String> {
     names
 }
 
-/// The whole number that follows `before` in a message.
+/// The whole number after `before` in a message.
 pub fn number_after(message: &str, before: &str) -> u64 {
     let after = message.split_once(before).map(|(_, after)| after.split(|c: char| !c.is_ascii_digit()).next().unwrap());
     after.and_then(|digits| digits.parse().ok()).unwrap_or_else(|| panic!("no number after {before:?}: {message}"))
 }
 
-/// Sends a signal, such as `TERM`, to a process of the test's own.
+/// Sends a signal, such as `TERM`, to a process that the test started.
 pub fn signal(name: &str, process: impl std::fmt::Display) -> bool {
     Command::new("sh").args(["-c", &format!("kill -{name} {process}")]).status().unwrap().success()
 }
 
-/// Looks until there is something.
+/// Polls until `look` returns something.
 pub fn wait_for<T>(what: &str, patience: Duration, mut look: impl FnMut() -> Option<T>) -> T {
     let began = Instant::now();
     loop {
@@ -107,7 +107,7 @@ pub fn wait_for<T>(what: &str, patience: Duration, mut look: impl FnMut() -> Opt
     }
 }
 
-/// How a process ends. One that does not end is killed, and the test fails.
+/// Waits for the exit status of a process. If it does not end in time, the process is killed and the test fails.
 pub fn ended(child: &mut Child, patience: Duration) -> ExitStatus {
     let began = Instant::now();
     loop {

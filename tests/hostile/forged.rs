@@ -1,4 +1,4 @@
-//! The fuzz targets' seeds, and small files that claim to be large.
+//! The seeds of the fuzz targets, and small files whose headers claim a large size.
 
 use std::fs;
 use std::path::Path;

@@ -1,4 +1,4 @@
-//! Thousands of malformed inputs. Each is read, or refused with a problem and a cure. None makes a reader panic, hang, or allocate the memory that a header
+//! Thousands of malformed inputs. Each is read, or refused with a problem and a cure. No reader panics, hangs, or allocates the memory that a header
 //! claims. Seeds and readers are those of the fuzz targets.
 
 #[path = "../common/mod.rs"]

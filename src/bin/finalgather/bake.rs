@@ -1,4 +1,4 @@
-//! `finalgather bake`: a scene to values at points of receivers.
+//! `finalgather bake`: computes values at the points of receivers.
 
 use std::path::PathBuf;
 
@@ -12,7 +12,7 @@ use finalgather::quantity::Quantity;
 use crate::args::{DeviceArgs, JobArgs, Overrides, checked, count, named};
 use crate::terminal;
 
-/// MiB for the points at a time, where nothing bounds all memory.
+/// Default memory for points at a time, in MiB.
 const MEMORY: usize = 1024;
 
 /// Bake vertices, light maps, pixels or points of a file: irradiance, openness, spherical harmonics, radiance transfer
@@ -92,14 +92,14 @@ pub struct BakeArgs {
     device: DeviceArgs,
 }
 
-/// The exit code, unless the run failed.
+/// Returns the exit code.
 pub fn run(args: BakeArgs) -> Result<u8> {
     let BakeArgs { to: receivers, order, gather_bounces, ao_distance, radiance_cache, uvs, padding, samples_per_texel, .. } =
         args;
     let keeping = args.job.keeping(&args.outputs.iter().map(PathBuf::from).collect::<Vec<_>>())?;
     let is_shard = keeping.shard.is_some();
     let outputs = if is_shard { vec![Vec::new(); receivers.len()] } else { outputs_of(&receivers, &args.outputs)? };
-    // Each once.
+    // Removes repeated quantities.
     let what = args.what.iter().enumerate().filter(|(index, quantity)| !args.what[..*index].contains(quantity));
     let what = what.map(|(_, quantity)| *quantity).collect();
     let plan = Plan { what, order, gather_bounces, ao_distance, radiance_cache, memory: MEMORY };

@@ -1,4 +1,4 @@
-//! `finalgather bench`: all ways to gather side by side, as a table or as JSON.
+//! `finalgather bench`: compares all pipelines, as a table or as JSON.
 
 use std::path::{Path, PathBuf};
 use std::thread::available_parallelism;
@@ -15,9 +15,9 @@ use crate::args::{DeviceArgs, FilesArg, count, layer_size, size};
 use crate::report;
 use crate::terminal::Terminal;
 
-/// Directions of the converged oracle, both ends of each.
+/// Directions of the converged reference. Both ends count.
 const CONVERGED: u32 = 4096;
-/// Of the table's columns; the first has names.
+/// Heads of the table's columns, after the column of names.
 const HEADS: &str = ",ends,ms/dir,ms/sample,Msamples/s,xFUSED,peel,gather,wait,idle,diff,bias,RMSE,offset";
 
 /// Measure all pipelines, and rays on the CPU, side by side: total time, time of stages, error
@@ -62,13 +62,13 @@ pub struct BenchArgs {
     device: DeviceArgs,
 }
 
-/// The exit code, unless the run failed.
+/// Returns the exit code.
 pub fn run(args: &BenchArgs) -> Result<u8> {
     let mut terminal = Terminal::new(None)?;
     let file = args.scene.clone().map_or_else(default_scene, Ok)?;
     let Loaded { world, mut settings, report } = args.files.scene(&file).load(true)?;
     report.warnings.iter().for_each(|warning| terminal.say(&format!("warning: {warning}")));
-    // A round is of few directions, and stands for the many of a render.
+    // A round has few directions. But its layers must be as large as in a render.
     settings.gather.layer_size = args.layer_size.unwrap_or(settings.gather.layer_size);
     settings.gather.layer_size = LayerSize::Texels(settings.layers());
     (settings.film.size, settings.film.interleave, settings.directions.count) = (args.size, 1, args.directions);
@@ -92,13 +92,13 @@ pub fn run(args: &BenchArgs) -> Result<u8> {
     let cores = available_parallelism().map_or(1, usize::from);
     let fused = rows.iter().find(|row| row.name == FUSED).map(|row| row.ms_per_sample);
     let others = rows.iter().filter(|row| row.name != FUSED);
-    // Of fused, by the time of a sample at every point; empty when that was not measured.
+    // Time per sample of each other pipeline, relative to fused. Empty without fused.
     let against = fused.map(|fused| others.map(|row| (row.name.clone(), (row.ms_per_sample / fused).into())).collect());
     let report = json!({
         "gl": gpu.identity(),
         "cores": cores,
         "scene": { "file": file.display().to_string(), "triangles": bench.triangle_count() },
-        // What the points, directions and photons are; further settings are the scene's.
+        // Settings that affect points, directions and photons. The others are the scene's.
         "settings": {
             "size": settings.film.size,
             "points": bench.point_count(),

@@ -1,4 +1,4 @@
-//! `finalgather compare`: how far a picture is from its reference.
+//! `finalgather compare`: the difference between a picture and its reference.
 
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -45,7 +45,7 @@ pub struct CompareArgs {
     outputs: Vec<PathBuf>,
 }
 
-/// The exit code, unless the pictures cannot be compared.
+/// Returns the exit code.
 pub fn run(args: &CompareArgs) -> Result<u8> {
     args.outputs.iter().try_for_each(|path| check_writable(path))?;
     check_kept(&args.outputs, [&args.picture, &args.reference].into_iter().chain(&args.mask).map(PathBuf::as_path))?;
@@ -54,7 +54,7 @@ pub fn run(args: &CompareArgs) -> Result<u8> {
     let mask = args.mask.as_deref().map(|path| read_mask(path, &picture)).transpose()?;
     let selection = Selection { mask: mask.as_deref(), trim: args.trim };
     let view = ViewingConditions { exposure: args.exposure, toned: [is_png(&args.picture), is_png(&args.reference)] };
-    // The options are sound, so that what is wrong is wrong with the files.
+    // The options are valid, so the files cause any error.
     let (comparison, map) = compare_as(&picture, &reference, selection, view).map_err(|error| match error {
         Error::Usage { problem, cure } => {
             let problem = format!("compared with {}: {problem}", args.reference.display());
@@ -72,7 +72,7 @@ pub fn run(args: &CompareArgs) -> Result<u8> {
     Ok(0)
 }
 
-/// A fraction that does not leave out everything.
+/// A fraction below 1.
 fn share(text: &str) -> Result<f32, String> {
     checked(text, |share| (0.0..1.0).contains(share), "not a share from 0 up to, not including, 1")
 }
@@ -119,7 +119,7 @@ fn table(comparison: &Comparison, all_pixels: usize) -> String {
     })
 }
 
-/// Six digits, of values however small.
+/// Six digits, also for small values.
 fn number(value: f64) -> String {
     if value == 0.0 || value.abs() >= 0.001 { format!("{value:.6}") } else { format!("{value:.5e}") }
 }

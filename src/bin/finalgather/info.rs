@@ -1,4 +1,4 @@
-//! `finalgather info`: which OpenGL a render would get, found by asking for it.
+//! `finalgather info`: the OpenGL that a render would get. It opens contexts to find out.
 
 use finalgather::error::{Error, Result};
 use finalgather::gpu::{self, Backend, DeviceChoice, Gpu};
@@ -14,14 +14,14 @@ pub struct InfoArgs {
     json: bool,
 }
 
-/// The exit code: 0 if a render can have a context, else the one that it would fail with.
+/// Returns exit code 0 if a render can get a context, else an error with the exit code of a render.
 pub fn run(args: &InfoArgs) -> Result<u8> {
     let probe = |name, backend| match Gpu::headless(backend, DeviceChoice::Auto) {
         Ok(gpu) => json!({ "name": name, "works": true, "gl": gpu.info() }),
         Err(error) => json!({ "name": name, "works": false, "problem": error.to_string() }),
     };
     let backends = [probe("egl", Backend::Egl), probe("osmesa", Backend::OsMesa)];
-    // Without EGL there are no devices to list, which its backend's problem says already.
+    // Without EGL there are no devices. The problem of the EGL backend already says why.
     let devices = gpu::list_devices().unwrap_or_default();
     if args.json {
         report::print_json(&json!({ "backends": backends, "devices": devices }))?;
@@ -41,7 +41,7 @@ pub fn run(args: &InfoArgs) -> Result<u8> {
     }
 }
 
-/// What a person reads of a backend: all that the driver says of itself, or why it does not work.
+/// Lines about a backend for the user: all facts from the driver, or why it does not work.
 fn lines_of(backend: &Value) -> Vec<String> {
     let name = backend["name"].as_str().unwrap_or_default();
     if let Some(problem) = backend["problem"].as_str() {

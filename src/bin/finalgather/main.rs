@@ -1,4 +1,4 @@
-//! The command-line tool: data on stdout, messages for a person on stderr, an exit code for each kind of failure.
+//! The command-line tool. Data go to stdout, messages to stderr. Each kind of failure has an exit code.
 
 use std::process::ExitCode;
 
@@ -42,7 +42,7 @@ enum ToolCommand {
 fn main() -> ExitCode {
     let command = Args::parse().command;
     let threads = match &command {
-        // It starts its own, at a lower priority than the window's.
+        // It starts its own threads, at a lower priority than the window's.
         #[cfg(feature = "window")]
         ToolCommand::View(_) => Ok(()),
         _ => start_threads(),
@@ -67,7 +67,7 @@ fn main() -> ExitCode {
     }
 }
 
-/// Threads for loops on the CPU. Rayon would start them by itself, but panic where that fails.
+/// Starts threads for CPU loops. Rayon would start them on demand, but panic on failure.
 fn start_threads() -> Result<()> {
     rayon::ThreadPoolBuilder::new().build_global().map_err(|error| {
         Error::usage(
@@ -77,7 +77,7 @@ fn start_threads() -> Result<()> {
     })
 }
 
-/// As in sysexits.h: EX_DATAERR, EX_UNAVAILABLE and EX_TEMPFAIL; 2 is clap's. `help/main.txt` lists them.
+/// From sysexits.h: EX_DATAERR, EX_UNAVAILABLE and EX_TEMPFAIL; 2 is clap's. `help/main.txt` lists them.
 fn exit_code(error: &Error) -> u8 {
     match error {
         Error::Usage { .. } => 2,

@@ -1,4 +1,4 @@
-//! `finalgather merge`: the parts of a job's shards to the results of the job.
+//! `finalgather merge`: merges the parts of a job's shards into the results of the job.
 
 use std::path::PathBuf;
 
@@ -26,7 +26,7 @@ pub struct MergeArgs {
     exposure: Option<f32>,
 }
 
-/// The exit code, unless it failed.
+/// Returns the exit code.
 pub fn run(args: &MergeArgs) -> Result<u8> {
     finalgather::job::merge(&args.parts, &args.outputs, args.exposure, &mut Terminal::new(None)?).map(|()| 0)
 }

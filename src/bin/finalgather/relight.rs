@@ -1,4 +1,4 @@
-//! `finalgather relight`: transfer × environment → light, as numbers, on the model or as a picture.
+//! `finalgather relight`: computes light from transfer and environment, as numbers, on the model or as a picture.
 
 use std::f32::consts::{FRAC_1_PI, PI};
 use std::path::{Path, PathBuf};
@@ -17,9 +17,9 @@ use rayon::prelude::*;
 use crate::args::{FilesArg, size, stops};
 
 const CURE: &str = "give the scene that it was baked of, with --to vertices";
-/// Rings over which the environment is projected.
+/// Rings of sample directions for the projection of the environment.
 const RINGS: usize = 512;
-/// Rays through a pixel, along each side.
+/// Rays along each side of a pixel.
 const SUBPIXELS: usize = 4;
 
 /// Turn baked radiance transfer into light under an environment
@@ -53,16 +53,16 @@ pub struct RelightArgs {
     exposure: f32,
 }
 
-/// What is shown, in world space but for the tree.
+/// The model, in world space except `bvh` and `unit`.
 struct Model {
     loaded: Loaded,
-    /// With vertices as bakes have them; triangles are those of the tree.
+    /// Has the vertices of a bake. Its triangles are those of the tree.
     mesh: Mesh,
     bvh: Bvh,
     unit: Scene,
 }
 
-/// The exit code, unless the run failed.
+/// Returns the exit code.
 pub fn run(args: &RelightArgs) -> Result<u8> {
     for path in &args.outputs {
         match ending(path) {
@@ -106,7 +106,7 @@ pub fn run(args: &RelightArgs) -> Result<u8> {
                 let (positions, normals) = (&model.mesh.positions, &model.mesh.normals);
                 PointValues { positions, normals, columns: &columns, surface: Some(surface) }.write(path, &options)?;
             }
-            // NumPy's file holds the columns alone.
+            // A .npy file contains only the columns.
             (None, _) => {
                 let nowhere = vec![Vec3::ZERO; irradiance.len()];
                 PointValues { positions: &nowhere, normals: &nowhere, columns: &columns, surface: None }.write(path, &options)?;
@@ -126,7 +126,7 @@ fn relit(transfer: &[Channel], environment: &Environment) -> Vec<Vec3> {
     let point = |i: usize| {
         let term = |(k, column): (usize, &Channel)| column.samples[i] * coefficients[k / 3][k % 3];
         let color = |c: usize| transfer.iter().enumerate().skip(c).step_by(3).map(term).sum::<f32>();
-        // What a series cut short leaves below nothing is nothing.
+        // A truncated series can give negative values. They become 0.
         (PI * Vec3::new(color(0), color(1), color(2))).max(Vec3::ZERO)
     };
     (0..transfer[0].samples.len()).into_par_iter().map(point).collect()
@@ -144,16 +144,16 @@ impl Model {
     fn load(request: &SceneRequest) -> Result<Self> {
         let loaded = request.load(false)?;
         let unit = loaded.world.flatten();
-        // As bakes have it.
+        // Bakes leave glass out too.
         let unit = unit.without_glass().unwrap_or(unit);
-        // Which vertices there are does not depend on the inset.
+        // The number of vertices does not depend on the inset.
         let vertices = Vertices::new(&unit.mesh, 0.0);
         let to_world = |&position: &Vec3| unit.space.to_world(position);
         let mesh = Mesh { positions: vertices.mesh().positions.iter().map(to_world).collect(), ..vertices.mesh().clone() };
         Ok(Self { bvh: Bvh::new(&unit.mesh), loaded, mesh, unit })
     }
 
-    /// What the scene's camera sees: albedo × irradiance / π, interpolated between vertices, on fronts; and the environment.
+    /// The view of the scene's camera. Front sides show albedo × irradiance / π, interpolated between vertices. Misses show the environment.
     fn picture(&self, irradiance: &[Vec3], environment: &Environment, size: [u32; 2]) -> Image {
         let [width, height] = size.map(|side| side as usize);
         let camera = self.unit.space.enter_camera(self.loaded.world.camera(size));

@@ -1,4 +1,4 @@
-//! `finalgather render`: a scene to picture files.
+//! `finalgather render`: renders a scene to picture files.
 
 use std::path::PathBuf;
 
@@ -45,7 +45,7 @@ impl RenderArgs {
     pub fn outputs(&self) -> Vec<PathBuf> {
         match self.scene.file_stem() {
             Some(stem) if self.outputs.is_empty() => {
-                // Appended, because the name may have further dots.
+                // Appended, because the name may contain more dots.
                 let mut name = stem.to_owned();
                 name.push(".png");
                 vec![name.into()]
@@ -59,7 +59,7 @@ impl RenderArgs {
     }
 }
 
-/// The exit code, unless the run failed.
+/// Returns the exit code.
 pub fn run(args: &RenderArgs) -> Result<u8> {
     let outputs = args.outputs();
     let keeping = args.job.keeping(&outputs)?;
@@ -92,7 +92,7 @@ mod tests {
         parse(line).scene().unwrap().settings(of_scene).unwrap()
     }
 
-    /// Every option overrides its own setting, and only that; under its old name too.
+    /// Every option overrides only its own setting, also under its old name.
     #[test]
     fn options_override_settings() {
         let scene = Settings::default().with(|s| (s.photons.grid_cells, s.seed) = (7, 3));
@@ -126,7 +126,7 @@ mod tests {
         assert_eq!(two, [PathBuf::from("b.png"), PathBuf::from("c.exr")]);
     }
 
-    /// As in scripts that pass further arguments on.
+    /// Scripts can append options that override earlier ones.
     #[test]
     fn the_last_of_an_option_counts() {
         assert_eq!(settings("render a.toml --seed 1 --seed 2", &Settings::default()).seed, 2);

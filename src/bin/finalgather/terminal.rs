@@ -1,8 +1,7 @@
-//! A job on a terminal: its progress, and the signals that stop it.
+//! Runs a job on a terminal: shows progress and handles signals.
 //!
-//! SIGINT, SIGTERM and SIGHUP, which a closing terminal sends, stop a job after the block in progress, and the tool exits with a code for the signal. A
-//! second SIGINT or SIGTERM ends the process at once. So does the first one while there is nothing to keep. A thread waits for the signals, so that it
-//! may take locks and print.
+//! SIGINT, SIGTERM and SIGHUP (sent by a closing terminal) stop a job after the block in progress. The exit code tells the signal. A second SIGINT or
+//! SIGTERM ends the process at once. So does the first one while there is nothing to keep. A thread waits for signals, so it may take locks and print.
 
 use std::cell::Cell;
 use std::fs;
@@ -22,25 +21,25 @@ use signal_hook::{flag, low_level};
 
 use crate::report;
 
-/// Job systems leave half a minute or more before they kill a process; a person who presses Ctrl-C waits less gladly.
+/// Job systems wait half a minute or more before they kill a process. A person who presses Ctrl-C is less patient.
 const GRACE: Duration = Duration::from_secs(10);
 
-/// Progress on stderr, if that is a terminal, in plain text, so that NO_COLOR has nothing to switch off; and signals.
+/// Signals, and progress on stderr if that is a terminal. Progress is plain text, so NO_COLOR needs no support.
 pub struct Terminal {
     bar: ProgressBar,
     signals: Arc<Caught>,
-    /// When the job first saw that it is to stop.
+    /// When the job first noticed the signal.
     noticed: Cell<Option<Instant>>,
 }
 
 #[derive(Default)]
 struct Caught {
-    /// Exit code of the signal that asked for a stop, 0 before.
+    /// Exit code of the signal that requested a stop; 0 before.
     code: AtomicU8,
     has_result: AtomicBool,
 }
 
-/// Runs a job and reports it. The exit code, unless the job failed.
+/// Runs a job, reports it and returns the exit code.
 pub fn run(job: Job, json: bool) -> Result<u8> {
     let mut terminal = Terminal::new(job.lock_path())?;
     let outcome = job.run(&mut terminal)?;
@@ -56,9 +55,9 @@ pub fn run(job: Job, json: bool) -> Result<u8> {
 }
 
 impl Terminal {
-    /// Takes the signals over for the rest of the process. A signal that ends the process removes the file `lock`.
+    /// Handles signals for the rest of the process. A signal that ends the process removes the file `lock`.
     pub fn new(lock: Option<&Path>) -> Result<Self> {
-        // The target hides the bar where stderr is not a terminal.
+        // The draw target hides the bar if stderr is not a terminal.
         let bar = ProgressBar::with_draw_target(None, ProgressDrawTarget::stderr()).with_style(style("{spinner} {msg}"));
         bar.set_message("loading");
         if !bar.is_hidden() {
@@ -71,7 +70,7 @@ impl Terminal {
         Ok(Self { bar, signals, noticed: Cell::default() })
     }
 
-    /// Takes the progress off the terminal for good.
+    /// Removes the progress bar for good.
     pub fn clear(&self) {
         self.bar.finish_and_clear();
     }
@@ -121,7 +120,7 @@ fn style(template: &str) -> ProgressStyle {
 }
 
 fn watch_signals(caught: &Arc<Caught>, bar: ProgressBar, lock: Option<PathBuf>) -> io::Result<()> {
-    // Its default action would end the process in the middle of a file; caught, the write fails like any other.
+    // The default action would end the process in the middle of a file. With a handler, the write fails like any other.
     flag::register(SIGXFSZ, Arc::default())?;
 
     let caught = Arc::clone(caught);
@@ -129,11 +128,11 @@ fn watch_signals(caught: &Arc<Caught>, bar: ProgressBar, lock: Option<PathBuf>) 
     let mut signals = Signals::new(stopping)?;
     thread::spawn(move || {
         for signal in signals.forever() {
-            // What a shell reports for a process that the signal has killed.
+            // A shell reports this code for a process killed by the signal.
             let code = u8::try_from(128 + signal).unwrap_or(u8::MAX);
             let before = caught.code.swap(code, SeqCst);
             let has_result = caught.has_result.load(SeqCst);
-            // A terminal that closes says so twice, by its shell and by the system.
+            // A closing terminal sends it twice: by the shell and by the system.
             if has_result && (before == 0 || signal == SIGHUP) {
                 continue;
             }
@@ -141,16 +140,16 @@ fn watch_signals(caught: &Arc<Caught>, bar: ProgressBar, lock: Option<PathBuf>) 
             if !has_result {
                 report::say("stopped before there was anything to write; nothing written");
             }
-            // A file that cannot be removed does no harm.
+            // A leftover file does no harm.
             let _ = lock.as_ref().map(fs::remove_file);
-            // Not process::exit: its handlers would take the GL driver down under the thread that is using it.
+            // process::exit would run exit handlers, which destroy the GL driver while another thread uses it.
             low_level::exit(code.into());
         }
     });
     Ok(())
 }
 
-/// As `nohup` asks for, where the system tells.
+/// Whether the signal is ignored, as under `nohup`, if the system tells.
 fn is_ignored(signal: i32) -> bool {
     let status = fs::read_to_string("/proc/self/status").unwrap_or_default();
     let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));

@@ -1,4 +1,4 @@
-//! Files that a scene names. Who opens a scene from elsewhere asks for what is in its folder, and for nothing else that this machine can read.
+//! Access to the files of a scene. A scene from an unknown source may read files in its own folder, and no others on this machine.
 
 use std::borrow::Cow;
 use std::cell::RefCell;
@@ -9,28 +9,28 @@ use std::{fs, io};
 use crate::error::Error;
 use crate::file::{folder_of, read_file};
 
-/// Where the files of a scene come from.
+/// Where the files of a scene may be.
 #[derive(Clone, Debug, Default)]
 pub enum Files {
-    /// From the folder of the scene file, or of the bare model, and those below it. A symbolic link counts as what it leads to.
+    /// In the folder of the scene file or bare model, and in folders below it. A symbolic link counts as its target.
     #[default]
     Folder,
-    /// From wherever the scene says.
+    /// Anywhere.
     Anywhere,
-    /// From memory, by their paths; the scene is one of them.
+    /// In memory, by path. The scene file is one of them.
     Memory(BTreeMap<PathBuf, Vec<u8>>),
 }
 
 /// Reads the files of one scene.
 pub struct Reader<'a> {
-    /// The file that was asked for, wherever it may lie.
+    /// The scene file or model. It may be anywhere.
     scene: &'a Path,
     files: &'a Files,
-    /// All that were read so far, by the paths of [`Self::find`].
+    /// All files read so far, as paths that [`Self::find`] returned.
     done: RefCell<Vec<PathBuf>>,
 }
 
-/// Why a file was not read, and the cure where a better one is known than to put it there.
+/// Why a file was not read. `cure` is `None` if the only cure is to put the file there.
 pub struct Unread {
     problem: String,
     cure: Option<String>,
@@ -41,12 +41,12 @@ impl<'a> Reader<'a> {
         Self { scene, files, done: RefCell::default() }
     }
 
-    /// The one path of a file, by whatever name it goes, if it may be read.
+    /// Returns the canonical path of a file, if the scene may read it. Different names of one file give the same path.
     pub fn find(&self, path: &Path) -> Result<PathBuf, Unread> {
         if let Files::Memory(_) = self.files {
             return Ok(path.to_owned());
         }
-        // Before the disk is asked: to look for a file is to touch it.
+        // Checked before the file system is asked, because even a look-up touches the file.
         if !self.is_inside_by_name(path).map_err(unread)? {
             return Err(self.outside());
         }
@@ -57,7 +57,7 @@ impl<'a> Reader<'a> {
         Ok(file)
     }
 
-    /// What is in a file that [`Self::find`] found: at most so many bytes.
+    /// Reads a file that [`Self::find`] returned, at most `most` bytes.
     pub fn read(&self, file: &Path, most: u64) -> Result<Cow<'_, [u8]>, Unread> {
         self.done.borrow_mut().push(file.to_owned());
         match self.files {
@@ -71,12 +71,12 @@ impl<'a> Reader<'a> {
         self.done.into_inner()
     }
 
-    /// What is in a file of this name.
+    /// Finds and reads a file.
     pub fn read_named(&self, path: &Path, most: u64) -> Result<Cow<'_, [u8]>, Unread> {
         self.read(&self.find(path)?, most)
     }
 
-    /// Whether there is such a file to read.
+    /// Whether the scene may read this file and it exists.
     pub fn has(&self, path: &Path) -> bool {
         match self.files {
             Files::Memory(files) => files.contains_key(path),
@@ -84,7 +84,7 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// Whether it may lie anywhere.
+    /// Whether the file may be anywhere.
     fn is_free(&self, path: &Path) -> bool {
         matches!(self.files, Files::Anywhere) || path == self.scene
     }
@@ -109,7 +109,7 @@ impl<'a> Reader<'a> {
 }
 
 impl Unread {
-    /// That `what` cannot be read, with this cure if none is known.
+    /// An error: `what` cannot be read. It uses `cure` if no better cure is known.
     pub fn error(self, path: &Path, line: Option<usize>, what: &str, cure: impl Into<String>) -> Error {
         Error::input(path, line, format!("cannot read {what}: {}", self.problem), self.cure.unwrap_or_else(|| cure.into()))
     }
@@ -119,7 +119,7 @@ fn unread(error: io::Error) -> Unread {
     Unread { problem: error.to_string(), cure: None }
 }
 
-/// The path from the root, with each `..` resolved by name alone.
+/// The absolute path. Each `..` removes the name before it, without a look at the file system.
 fn without_parents(path: &Path) -> io::Result<PathBuf> {
     let mut plain = PathBuf::new();
     for component in std::path::absolute(path)?.components() {

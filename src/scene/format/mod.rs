@@ -1,8 +1,7 @@
-//! Files into a [`World`]. [`World::load`] is the entry point.
+//! Reads files into a [`World`]. [`World::load`] is the entry point.
 //!
-//! A mesh format is a module here with a function `load` of the type [`MeshLoader`], listed in [`FORMATS`] by the ending of its files. It returns the
-//! whole world of the file: meshes, instances and materials, with cameras if the format has them. Other files and pictures it reads by the
-//! [`Loader`] alone, so that a scene reaches no files but its own. `polygon.rs` cuts faces of many corners.
+//! A mesh format is a module with a function `load` of type [`MeshLoader`], listed by file ending in [`FORMATS`]. It returns meshes, instances,
+//! materials, and cameras if any. Only the [`Loader`] reads further files, and keeps a scene to its own. `polygon.rs` triangulates faces.
 //!
 //! A scene file (`toml.rs`) names a model of any such format and changes parts of its world.
 
@@ -26,60 +25,60 @@ pub(super) use files::{Reader, Unread};
 /// Reads a file of one format.
 type MeshLoader = fn(&mut Loader, &Path) -> Result<World>;
 
-/// Mesh formats, by the endings of their files.
+/// Mesh formats, with the endings of their files.
 const FORMATS: [(&str, MeshLoader); 1] = [("obj", obj::load)];
 
-/// A person reads that many.
+/// A user does not read more than this.
 const MOST_WARNINGS: usize = 50;
 
-/// What was loaded.
+/// A loaded scene file or model.
 #[derive(Clone, Debug)]
 pub struct Loaded {
     pub world: World,
-    /// The defaults, overridden by the scene file.
+    /// The default settings, changed by the scene file.
     pub settings: Settings,
     pub report: LoadReport,
 }
 
-/// How loading went.
+/// Warnings and files of a load.
 #[derive(Clone, Debug, Default)]
 pub struct LoadReport {
-    /// What was mended or looks wrong, in sentences for a person (degenerate triangles skipped, unused statements).
+    /// Sentences for the user: things that were repaired or look wrong, such as skipped degenerate triangles and ignored statements.
     pub warnings: Vec<String>,
-    /// All files that were read: the scene file, and all that it names.
+    /// All files that were read: the scene file and all files that it names.
     pub files: Vec<PathBuf>,
 }
 
-/// How a world is loaded.
+/// Options for loading a world.
 #[derive(Clone, Debug, Default)]
 pub struct LoadOptions {
-    /// In the place of the scene file's own.
+    /// Replaces the environment of the scene file.
     pub environment: Option<Environment>,
-    /// Takes a world without light, for what needs none, as openness does.
+    /// Accepts a world without light. Openness, for example, needs none.
     pub unlit: bool,
     pub files: Files,
 }
 
-/// What formats read with, and where they put what all of them share.
+/// Input for all formats, and the results that they share.
 struct Loader<'a> {
     reader: &'a Reader<'a>,
-    /// All textures of the world, each read once.
+    /// All textures of the world. Each file is read once.
     textures: Textures<'a>,
     warnings: Vec<String>,
-    /// That of the options, or else the scene file's.
+    /// The environment of the options, or else of the scene file.
     environment: Option<Environment>,
 }
 
 impl World {
-    /// Reads a scene file (`.toml`) or a model (`.obj`), with everything that it names, which has to lie in its folder.
+    /// Reads a scene file (`.toml`) or a model (`.obj`), with all files that it names. These must be in its folder.
     ///
     /// # Errors
-    /// [`Error::Input`], with the place in the file: when a file cannot be read, is malformed or lies outside, or nothing emits.
+    /// [`Error::Input`], with the place in the file: when a file cannot be read, is malformed or outside the folder, or nothing emits light.
     pub fn load(path: &Path) -> Result<Loaded> {
         Self::load_with(path, LoadOptions::default())
     }
 
-    /// The same by these options.
+    /// The same with options.
     ///
     /// # Errors
     /// As [`Self::load`].
@@ -111,7 +110,7 @@ impl World {
 }
 
 impl Loader<'_> {
-    /// Warns of what every format may have, and cuts a list that is too long.
+    /// Adds the warnings that all formats share, and cuts a list that is too long.
     fn check(&mut self, world: &World) {
         self.warnings.extend(world.environment.as_ref().and_then(Environment::warning).map(str::to_owned));
         let untextured = world.meshes.iter().flat_map(|mesh| {
@@ -140,12 +139,12 @@ fn format_of(path: &Path) -> Option<MeshLoader> {
     FORMATS.iter().find(|(known, _)| ending.eq_ignore_ascii_case(known)).map(|&(_, load)| load)
 }
 
-/// The path of a file that `from` names, with either kind of slash.
+/// The path of a file that the file `from` names. It accepts both kinds of slash.
 fn beside(from: &Path, name: &str) -> PathBuf {
     from.with_file_name(name.replace('\\', "/"))
 }
 
-/// For messages: the names of materials, not all of very many.
+/// The names of materials for a message, at most 20.
 fn names(materials: &[Material]) -> String {
     let names: Vec<_> = materials.iter().take(20).map(|material| material.name.as_str()).collect();
     match materials.len() - names.len() {

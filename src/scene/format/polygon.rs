@@ -1,12 +1,12 @@
-//! Polygons into triangles, whatever their shape. [`triangulate`] is the entry point.
+//! Triangulates polygons of any shape. [`triangulate`] is the entry point.
 
 use std::collections::HashMap;
 
 use earcut::Earcut;
 use glam::{DVec2, DVec3, Vec3};
 
-/// Cuts a polygon into triangles of the same winding and gives them as indices into `corners`: a fan from the first corner
-/// where that covers the polygon or nothing could, ears otherwise. Nothing comes back from a polygon without an area.
+/// Cuts a polygon into triangles of the same winding, as indices into `corners`. It uses a fan from the first corner if the fan covers the polygon or
+/// nothing can, and ear clipping otherwise. A polygon without area gives no triangles.
 pub fn triangulate(corners: &[Vec3]) -> Vec<[usize; 3]> {
     if corners.len() == 3 {
         return vec![[0, 1, 2]];
@@ -15,8 +15,7 @@ pub fn triangulate(corners: &[Vec3]) -> Vec<[usize; 3]> {
     let doubled_area = |[a, b, c]: [usize; 3]| (flat[b] - flat[a]).perp_dot(flat[c] - flat[a]);
     let fan: Vec<_> = (2..flat.len()).map(|i| [0, i - 1, i]).collect();
     let whole: f64 = fan.iter().map(|&triangle| doubled_area(triangle)).sum();
-    // A fan triangle that is flat or turns over means a straight or reflex corner, or one that is seen from the first only
-    // through the outside.
+    // A flat or inverted fan triangle means a straight or reflex corner, or a corner that the first one sees only through the outside.
     if fan.iter().all(|&triangle| doubled_area(triangle) > whole * 1e-9) {
         return fan;
     }
@@ -29,13 +28,13 @@ pub fn triangulate(corners: &[Vec3]) -> Vec<[usize; 3]> {
     ears.as_chunks().0.iter().copied().map(wind).collect()
 }
 
-/// Of so few corners, ears take no time even from a polygon that crosses itself. From one that does they take the cube of the corners: 21 s of 3000.
+/// Up to this many corners, ear clipping is fast even if the polygon crosses itself. Beyond, such polygons take cubic time: 21 s for 3000 corners.
 const FEW: usize = 64;
 
-/// The most often that a corner is passed: a hole that is reached by an edge there and back passes it twice.
+/// Maximum number of passes through a corner. A hole that an edge joins to the outline passes it twice.
 const PASSES: u32 = 16;
 
-/// Whether edges cross, by areas beyond `rounding`, or a corner is passed again and again, so that there is no telling what is inside.
+/// Whether edges cross, by areas above `rounding`, or a corner is passed too often. Then the inside of the polygon is undefined.
 fn is_tangled(flat: &[DVec2], rounding: f64) -> bool {
     let mut passes: HashMap<[u64; 2], u32> = HashMap::new();
     for corner in flat {
@@ -52,8 +51,8 @@ fn is_tangled(flat: &[DVec2], rounding: f64) -> bool {
     (0..flat.len()).any(|i| (i + 2..flat.len()).any(|k| cross(edge(i), edge(k))))
 }
 
-/// The corners in the polygon's own plane, counter-clockwise. The plane's normal is Newell's, which also serves polygons that
-/// are not quite flat; f64 holds the products of f32 coordinates exactly, so small polygons may lie far from the origin.
+/// Projects the corners onto the polygon's plane, counter-clockwise. Newell's normal also serves polygons that are not quite flat. f64 holds products
+/// of f32 coordinates exactly, so small polygons may be far from the origin.
 fn project(corners: &[Vec3]) -> Option<Vec<DVec2>> {
     let corners: Vec<DVec3> = corners.iter().map(|corner| corner.as_dvec3()).collect();
     let next = corners.iter().cycle().skip(1);

@@ -1,20 +1,20 @@
-//! Scene files (TOML). A scene file names a model and overrides what the model says or cannot say:
+//! Scene files (TOML). A scene file names a model, and adds to it or overrides parts of it:
 //!
 //! ```toml
-//! mesh = "room.obj"            # beside this file or in folders there, as all file names here
+//! mesh = "room.obj"            # in this file's folder or below it, as all files named here
 //!
-//! [camera]                     # without it: the whole model from the front
+//! [camera]                     # default: shows the whole model from the front
 //! eye = [278, 273, -800]
 //! target = [278, 273, 0]
 //! up = [0, 1, 0]               # the default
 //! fov_y_degrees = 39.3         # 40 by default
 //! aperture = 10                # radius of a thin lens; 0, a pinhole, by default
-//! focus_distance = 900         # what is sharp; the target by default
+//! focus_distance = 900         # distance of the sharp plane; default: distance of the target
 //!
-//! [environment]                # what lies beyond the model: black without
-//! file = "sky.hdr"             # or radiance = [1, 1, 1], the same from everywhere
-//! scale = 1                    # the default, as are no
-//! turn_degrees = 0             # turns about +y, counter-clockwise from above
+//! [environment]                # light from outside the model; default: black
+//! file = "sky.hdr"             # or radiance = [1, 1, 1], the same from all directions
+//! scale = 1                    # the default
+//! turn_degrees = 0             # the default; turns about +y, counter-clockwise from above
 //!
 //! [settings]                   # any key of `Settings`
 //! directions = 1000
@@ -90,7 +90,7 @@ enum SurfaceTable {
     Glass { index: Option<f32>, filter: Option<[f32; 3]> },
 }
 
-/// The world of the model with these changes, and the settings.
+/// Returns the changed world of the model, and the settings.
 pub fn load(loader: &mut Loader, path: &Path) -> Result<(World, Settings)> {
     let reader = loader.reader;
     let cure = "name an existing TOML file, in UTF-8";
@@ -106,7 +106,7 @@ pub fn load(loader: &mut Loader, path: &Path) -> Result<(World, Settings)> {
 
     file.settings.validate().map_err(|fault| match fault {
         Error::Usage { problem, cure } => {
-            // The problem starts with the setting's name.
+            // The problem starts with the name of the setting.
             let key = problem.split_whitespace().next().unwrap_or_default().replace('-', "_");
             let named = |line: &str| line.split('=').next().is_some_and(|name| Settings::key_of(name.trim()) == key);
             let line = text.lines().position(named).map(|index| index + 1);
@@ -154,7 +154,7 @@ pub fn load(loader: &mut Loader, path: &Path) -> Result<(World, Settings)> {
         let turn = factor(table.turn_degrees, "turn_degrees", -360.0..=360.0, 0.0, "give degrees from -360 to 360")?;
         Ok(environment.scaled(scale).turned(turn))
     };
-    // A given one takes the place of the file's, which is not even read.
+    // The environment of the options replaces that of the file, which is not read.
     if loader.environment.is_none() {
         loader.environment = file.environment.map(own_environment).transpose()?;
     }

@@ -12,14 +12,14 @@ use crate::random::Distribution;
 /// All emissive triangles of a scene.
 pub struct AreaLight {
     pub triangles: Vec<Emitter>,
-    /// Of the triangles by power.
+    /// Chooses a triangle by power.
     by_power: Distribution,
-    /// Flux of all, channels added up: of radiance L, πL per unit of area.
+    /// Flux of all triangles, sum of the channels. A surface of radiance L emits πL per unit of area.
     pub power: f64,
 }
 
 pub struct Emitter {
-    /// Into [`super::super::Mesh::triangles`].
+    /// Index into [`super::super::Mesh::triangles`].
     triangle: usize,
     corners: [Vec3; 3],
     normal: Vec3,
@@ -30,13 +30,12 @@ pub struct Emitter {
 /// A point on a light.
 #[derive(Clone, Copy, Debug)]
 pub struct LightPoint {
-    /// Into [`super::super::Mesh::triangles`].
+    /// Index into [`super::super::Mesh::triangles`].
     pub triangle: usize,
     pub position: Vec3,
-    /// Unit normal of the emitting side.
+    /// Unit normal on the emitting side.
     pub normal: Vec3,
-    /// Emitted radiance over the density of such points per unit of area: the mean over many points of
-    /// f(point) × `radiance_area` is the integral of f × radiance over the lights.
+    /// Emitted radiance over point density per area. The mean of f(point) × `radiance_area` is the integral of f × radiance over the lights.
     pub radiance_area: Vec3,
 }
 
@@ -63,7 +62,7 @@ impl AreaLight {
     pub fn point(&self, pick: f32, [u, v]: [f32; 2]) -> LightPoint {
         let (slot, ..) = self.by_power.pick(pick);
         let &Emitter { triangle, corners: [a, b, c], normal, radiance_area } = &self.triangles[slot];
-        // The square folded along its diagonal, so that its neighbours stay neighbours in the triangle.
+        // Folds the square along its diagonal. Neighbours in the square stay neighbours in the triangle.
         let (u, v) = if u + v > 1.0 { (1.0 - u, 1.0 - v) } else { (u, v) };
         LightPoint { triangle, position: a + u * (b - a) + v * (c - a), normal, radiance_area }
     }
@@ -74,12 +73,12 @@ impl AreaLight {
         self.point(u, [rest, v])
     }
 
-    /// A photon from a point of the light, with a cosine distribution about the emitting normal; see [`super::Lights::emit`].
+    /// A photon from a point of the light, with a cosine distribution about the normal of the emitting side; see [`super::Lights::emit`].
     pub fn emit(&self, probability: f32, [pick, u, v, s, t]: [f32; 5]) -> (Path, Vec3) {
         let LightPoint { triangle, position, normal, radiance_area } = self.point(pick, [u, v]);
         let direction = cosine_direction(normal, s, t);
         let path = Path { origin: position + RAY_OFFSET * normal, direction, triangle: Some(triangle) };
-        // A diffuse emitter of radiance L sends out πL per unit of area.
+        // A diffuse emitter of radiance L emits πL per unit of area.
         (path, radiance_area * (consts::PI / probability))
     }
 }

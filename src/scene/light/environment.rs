@@ -1,13 +1,12 @@
-//! Light from beyond the scene: radiance by direction, the same from every point, as a lat-long picture of the whole sphere has it.
+//! Light from outside the scene. Its radiance depends on direction only, as in a lat-long picture of the whole sphere.
 //!
-//! A direction (x, y, z) is seen at u = 1/2 + atan2(x, -z) / 2π of the picture's width, from its left, and at v = acos(y) / π of its height, from
-//! its top: the top row is straight up, +y, the middle of the picture is seen along -z, and right of it lies +x. Between the centres of texels
-//! radiance is interpolated; u wraps round, and beyond the centres of the outermost rows it stays what it is there.
+//! Direction (x, y, z) is at u = 1/2 + atan2(x, -z) / 2π of the picture's width, from the left, and at v = acos(y) / π of its height, from the top. The
+//! top row is straight up (+y), the middle of the picture is -z, and +x is to its right. Radiance is interpolated between the centres of texels. u
+//! wraps round. Beyond the centres of the outermost rows radiance is constant.
 //!
-//! Rays that meet no surface bring it. A bundle's rays all have one direction, and what lies beyond is far: one look-up serves all points, so that
-//! no shader samples the picture, and without one nothing is slower. In return what is small and bright in it, as the sun is, is met by
-//! few directions, at all points at once, or by none: [`Environment::warning`] tells of such pictures. An emissive surface in its place has soft
-//! shadows at no such price.
+//! Rays that hit no surface bring this light. All rays of a bundle have one direction, so one look-up serves all points. No shader samples the picture,
+//! and a scene without one is no slower. The price: few directions, or none, hit a small bright part such as the sun, and they hit it from all points
+//! at once. [`Environment::warning`] reports such pictures. An emissive surface instead gives soft shadows without this noise.
 
 use std::f32::consts::{PI, TAU};
 use std::io::Cursor;
@@ -27,7 +26,7 @@ use crate::image::Image;
 use crate::math::{frame, neighbours};
 use crate::random::Distribution;
 
-/// The widest picture: 400 MB of texels, a thousand times as many as there are directions in most renders.
+/// Maximum width. The texels then take 400 MB, and are a thousand times as many as the directions of most renders.
 const WIDEST: usize = 8192;
 
 /// Radiance from every direction. Clones share the picture.
@@ -35,7 +34,7 @@ const WIDEST: usize = 8192;
 pub struct Environment {
     picture: Arc<Picture>,
     scale: f32,
-    /// About +y, in whole turns.
+    /// Rotation about +y, in whole turns.
     turn: f32,
 }
 
@@ -48,39 +47,39 @@ struct Picture {
     height: usize,
     /// Row by row from the top.
     texels: Vec<Vec3>,
-    /// Of rows, and in each row of texels, by the power that comes from there.
+    /// Chooses a row, and then a texel of the row, by the power from there.
     rows: Distribution,
     columns: Vec<Distribution>,
-    /// Integral of radiance over the sphere, channels added up.
+    /// Integral of radiance over the sphere, sum of the channels.
     power: f64,
     /// See [`Environment::warning`].
     warning: Option<String>,
 }
 
 impl Environment {
-    /// Bytes that it takes: its texels with their table of light samples, and as much again while it is read.
+    /// Memory in bytes: the texels with their table of light samples, and the same again during reading.
     pub fn bytes(&self) -> usize {
         self.picture.texels.len() * (2 * size_of::<Vec3>() + size_of::<f32>())
     }
 
-    /// A checksum of all that it is.
+    /// A checksum of picture, scale and turn.
     pub fn digest(&self) -> String {
         let Picture { width, height, texels, .. } = &*self.picture;
         let size = format!("{width}x{height}, scale {}, turn {}:", self.scale, self.turn);
         sha256(&[size.as_bytes(), bytemuck::cast_slice(texels)].concat())
     }
 
-    /// Reads a lat-long picture, `.hdr` (Radiance) or `.exr` (channels R, G and B).
+    /// Reads a lat-long picture: `.hdr` (Radiance) or `.exr` (channels R, G and B).
     ///
     /// # Errors
-    /// [`Error::Input`] when it cannot be read, is not twice as wide as high or too large, or has a texel that is no radiance.
+    /// [`Error::Input`] when the file cannot be read, its width is not twice its height, it is too large, or a texel is negative or not finite.
     pub fn load(path: &Path) -> Result<Self> {
         let cure = "name an existing picture that you may read";
         let unread = |error| Error::input(path, None, format!("cannot read this environment: {error}"), cure);
         Self::decode(path, &read_file(path, MOST_BYTES).map_err(unread)?)
     }
 
-    /// The same of a file's `bytes`; `path` is where they came from.
+    /// The same from `bytes` of a file. `path` is their origin.
     pub fn decode(path: &Path, bytes: &[u8]) -> Result<Self> {
         let bad = |(problem, cure): Fault| Error::input(path, None, problem, cure);
         let ending = path.extension().unwrap_or_default().to_ascii_lowercase();
@@ -95,7 +94,7 @@ impl Environment {
         Self::checked(size, texels).map_err(bad)
     }
 
-    /// Of `width` × `height` texels, row by row from the top.
+    /// An environment of `width` × `height` texels, row by row from the top.
     ///
     /// # Errors
     /// [`Error::Usage`], as [`Self::load`].
@@ -103,10 +102,10 @@ impl Environment {
         Self::checked(size, texels).map_err(|(problem, cure)| Error::usage(problem, cure))
     }
 
-    /// The same radiance from everywhere.
+    /// Constant radiance from all directions.
     ///
     /// # Errors
-    /// [`Error::Usage`] when it is none.
+    /// [`Error::Usage`] when the radiance is negative or not finite.
     pub fn constant(radiance: Vec3) -> Result<Self> {
         Self::from_texels([2, 1], vec![radiance; 2])
     }
@@ -121,17 +120,17 @@ impl Environment {
         Ok(Self { picture: Arc::new(Picture::new(width, height, texels)), scale: 1.0, turn: 0.0 })
     }
 
-    /// So many times as bright; `factor` is finite and not negative.
+    /// Multiplies the radiance by `factor`, which is finite and not negative.
     pub fn scaled(self, factor: f32) -> Self {
         Self { scale: self.scale * factor, ..self }
     }
 
-    /// Turned about +y, counter-clockwise as seen from above: by 90 degrees, what was seen along -z is seen along -x.
+    /// Turns it about +y, counter-clockwise seen from above. A turn of 90 degrees moves the light from -z to -x.
     pub fn turned(self, degrees: f32) -> Self {
         Self { turn: self.turn + degrees / 360.0, ..self }
     }
 
-    /// Radiance that comes from where the unit vector `direction` points.
+    /// Radiance that arrives from the direction to which the unit vector `direction` points.
     pub fn radiance(&self, direction: Vec3) -> Vec3 {
         let Picture { width, height, texels, .. } = &*self.picture;
         let u = 0.5 + direction.x.atan2(-direction.z) / TAU + self.turn;
@@ -146,8 +145,8 @@ impl Environment {
         self.scale * (above + y.fract() * (below - above))
     }
 
-    /// Maps a uniform point of the unit square to a unit vector that points to where light comes from, with a density that follows radiance; and
-    /// that density, per steradian. Where there is radiance, there is density; where all is black, neither means anything.
+    /// Maps a uniform point of the unit square to a unit vector towards the light and its density per steradian, which follows radiance and is positive
+    /// wherever radiance is. If all is black, both are meaningless.
     pub fn sample(&self, [u, v]: [f32; 2]) -> (Vec3, f32) {
         let Picture { width, height, rows, columns, .. } = &*self.picture;
         let (row, down, of_row) = rows.pick(v);
@@ -161,28 +160,28 @@ impl Environment {
         (Vec3::new(radius * azimuth.sin(), y, -radius * azimuth.cos()), density)
     }
 
-    /// A photon along a direction chosen by radiance, through any point of the disc across it that the scene's sphere fills; see
-    /// [`super::Lights::emit`]. The first number is not needed.
+    /// A photon from a direction chosen by radiance, through a random point of the perpendicular disc that covers the scene; as
+    /// [`super::Lights::emit`]. The first number is unused.
     pub(super) fn emit(&self, probability: f32, [_, u, v, s, t]: [f32; 5]) -> (LightPath, Vec3) {
         let (to_light, density) = self.sample([u, v]);
         let (sin, cos) = (TAU * s).sin_cos();
-        // The scene lies in the unit sphere, and the disc before it.
+        // The scene lies in the unit sphere. The disc lies before it.
         let disc = frame(to_light) * (t.sqrt() * vec3(cos, sin, 0.0));
         let path = LightPath { origin: disc + 1.1 * to_light, direction: -to_light, triangle: None };
         (path, self.radiance(to_light) * (PI / (density * probability)))
     }
 
-    /// Integral of radiance over the sphere, channels added up: 4π times the mean of their sum.
+    /// Integral of radiance over the sphere, sum of the channels: 4π times the mean of this sum.
     pub fn power(&self) -> f64 {
         self.picture.power * f64::from(self.scale)
     }
 
-    /// Whether no radiance comes from anywhere.
+    /// Whether radiance is 0 in all directions.
     pub fn is_black(&self) -> bool {
         self.power() == 0.0
     }
 
-    /// In a sentence for a person, when much of the light comes from so small a part of the sphere that shared directions make noise of it.
+    /// A warning for the user if a small part of the sphere sends much of the light. Shared directions then make much noise.
     pub fn warning(&self) -> Option<&str> {
         self.picture.warning.as_deref()
     }
@@ -194,7 +193,7 @@ impl Picture {
             let (top, bottom) = band(row, height);
             f64::from(TAU * (top - bottom)) / width as f64
         };
-        // A texel's share is the mean of what is interpolated across it, so that beside a bright one black ones have some too.
+        // The weight of a texel is the mean of the interpolated radiance on it. So a black texel beside a bright one has weight too.
         let mean = |row: usize, column: usize| {
             let mut sum = 0.0;
             for (above, weight) in [(row.saturating_sub(1), 0.125), (row, 0.75), ((row + 1).min(height - 1), 0.125)] {
@@ -218,8 +217,8 @@ impl Picture {
     }
 }
 
-/// N directions meet what fills the share s/k of the sphere some N s/k times; where that part sends the share s of the power, it alone makes an error of
-/// about √(k s / N): 10 % of 1000 directions for the numbers here.
+/// Let a part send the share s of the power from the share s/k of the sphere. About N s/k of N directions hit it. It alone causes an error of about
+/// √(ks/N): 10 % with 1000 directions and the numbers here.
 fn warning(texels: &[Vec3], width: usize, power: f64, solid_angle: impl Fn(usize) -> f64) -> Option<String> {
     const TIMES_BRIGHTER: f64 = 100.0;
     const SHARE: f64 = 0.1;
@@ -241,7 +240,7 @@ fn warning(texels: &[Vec3], width: usize, power: f64, solid_angle: impl Fn(usize
     })
 }
 
-/// Heights y of the upper and the lower border of a row on the unit sphere.
+/// Heights y of the upper and the lower border of a row, on the unit sphere.
 fn band(row: usize, height: usize) -> (f32, f32) {
     let at = |row: usize| (PI * row as f32 / height as f32).cos();
     (at(row), at(row + 1))
@@ -265,12 +264,12 @@ fn read_hdr(bytes: &[u8]) -> Result<([usize; 2], Vec<Vec3>), Fault> {
     let unreadable = |error: ImageError| (format!("not readable as Radiance RGBE: {error}"), cure);
     let decoder = HdrDecoder::new(Cursor::new(bytes)).map_err(unreadable)?;
     let size = [decoder.metadata().width as usize, decoder.metadata().height as usize];
-    // Before there is memory for what the header says.
+    // Checked before memory is allocated for the size in the header.
     check_size(size)?;
     if !can_hold(bytes, decoder.total_bytes()) {
         return Err((format!("is too short for {} x {} texels", size[0], size[1]), cure));
     }
-    // What radiances were multiplied by.
+    // The file stores radiance multiplied by this.
     let exposure = decoder.metadata().exposure.unwrap_or(1.0);
     let picture = DynamicImage::from_decoder(decoder).map_err(unreadable)?.into_rgb32f();
     Ok((size, picture.pixels().map(|pixel| Vec3::from(pixel.0) / exposure).collect()))

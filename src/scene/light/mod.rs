@@ -1,9 +1,8 @@
-//! Lights: all that emits in a scene. [`Lights`] is the entry point.
+//! Lights: all emitters of a scene. [`Lights`] is the entry point.
 //!
-//! A kind of light is a variant of `Light` and a file here. It answers `Light::power`, `Light::emit` for photons and `Light::points` for direct
-//! light; the tag takes the place of virtual functions, as in pbrt's `base/light.h`. A point, spot or directional light comes from a list in
-//! [`World`](super::World), see there, that [`Lights::new`] reads. Its [`LightPoint`] has no side, so that [`Direct`](crate::direct::Direct) has to draw
-//! a shadow map all around it.
+//! Each kind of light is a variant of `Light` (instead of virtual functions, as in pbrt's `base/light.h`) with a file here. It has `power`, `emit` for
+//! photons and `points` for direct light. Point, spot and directional lights will come from a list in [`World`](super::World) that [`Lights::new`]
+//! reads. Their points have no side, so [`Direct`](crate::direct::Direct) must then draw shadow maps in all directions.
 
 use std::f32::consts::PI;
 
@@ -20,7 +19,7 @@ pub use environment::Environment;
 
 /// A light of a scene in unit space.
 enum Light {
-    /// Radiance from beyond all surfaces.
+    /// Radiance from outside the scene.
     Environment(Environment),
     /// All emissive triangles, as one light.
     Area(AreaLight),
@@ -28,21 +27,21 @@ enum Light {
 
 /// All lights of a scene, chosen by power.
 pub struct Lights {
-    /// Those that send anything, each with its share of the power of itself and all after it.
+    /// Each light with power, and its share of the summed power of itself and all later lights.
     lights: Vec<(Light, f32)>,
 }
 
 impl Light {
-    /// Flux that it sends into the scene, channels added up.
+    /// Flux that it sends into the scene, sum of the channels.
     fn power(&self) -> f64 {
         match self {
-            // Radiance L from a solid angle Ω brings LΩ to each unit of area across it, and the unit sphere has an area of π across.
+            // Radiance L from solid angle Ω brings LΩ to each unit of area perpendicular to it. The cross-section of the unit sphere is π.
             Self::Environment(environment) => f64::from(PI) * environment.power(),
             Self::Area(area) => area.power,
         }
     }
 
-    /// As [`Lights::emit`], of a light that is chosen with this probability.
+    /// As [`Lights::emit`], for a light that is chosen with this probability.
     fn emit(&self, probability: f32, numbers: [f32; 5]) -> (Path, Vec3) {
         match self {
             Self::Environment(environment) => environment.emit(probability, numbers),
@@ -50,7 +49,7 @@ impl Light {
         }
     }
 
-    /// The points that send its direct light. An environment has none: gather rays that meet no surface bring its light.
+    /// The emissive points of its direct light. An environment has none: its light comes along gather rays that hit no surface.
     fn points(&self) -> Option<&AreaLight> {
         match self {
             Self::Environment(_) => None,
@@ -60,7 +59,7 @@ impl Light {
 }
 
 impl Lights {
-    /// `scene` is in unit space.
+    /// `scene` must be in unit space.
     pub fn new(scene: &Scene) -> Self {
         let environment = scene.environment.clone().map(Light::Environment);
         let all = environment.into_iter().chain([Light::Area(AreaLight::new(scene))]);
@@ -73,16 +72,15 @@ impl Lights {
         Self { lights }
     }
 
-    /// Whether there is no light at all.
+    /// Whether the scene has no light.
     pub fn is_dark(&self) -> bool {
         self.lights.is_empty()
     }
 
-    /// Where a photon starts, and its flux (RGB): the mean over many photons is the flux of all lights. The numbers are uniform in [0, 1); the first
-    /// of them picks the light.
+    /// Start and flux (RGB) of a photon; the mean flux is that of all lights. The numbers are uniform in [0, 1). The first selects the light.
     ///
     /// # Panics
-    /// When it is dark.
+    /// When there is no light.
     pub fn emit(&self, [mut pick, u, v, s, t]: [f32; 5]) -> (Path, Vec3) {
         let ((last, _), others) = self.lights.split_last().expect("photons come from a light");
         let mut left = 1.0;
@@ -96,18 +94,17 @@ impl Lights {
         last.emit(left, [pick, u, v, s, t])
     }
 
-    /// The points that direct light comes from.
+    /// The emissive points of direct light.
     fn points(&self) -> Option<&AreaLight> {
         self.lights.iter().find_map(|(light, _)| light.points())
     }
 
-    /// Number of emissive triangles. Without one there are no points.
+    /// Number of emissive triangles. If it is 0, there are no points.
     pub fn count(&self) -> usize {
         self.points().map_or(0, |area| area.triangles.len())
     }
 
-    /// Maps a uniform number and a uniform point of the unit square to a point on the lights, with a density proportional to
-    /// emitted power.
+    /// Maps a uniform number and a uniform point of the unit square to a point on the lights. The density is proportional to emitted power.
     ///
     /// # Panics
     /// When [`Self::count`] is 0.
@@ -115,8 +112,7 @@ impl Lights {
         self.points().expect("some light has points").point(pick, square)
     }
 
-    /// As [`Self::point`], where `u` picks the triangle and what it has left places the point: points even over the unit square are
-    /// even over the lights.
+    /// As [`Self::point`]. `u` selects the triangle, its remainder the point: an even distribution in the square is even on the lights.
     pub fn point_of_square(&self, square: [f32; 2]) -> LightPoint {
         self.points().expect("some light has points").point_of_square(square)
     }

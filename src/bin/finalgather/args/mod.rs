@@ -1,4 +1,4 @@
-//! Options that several commands share. An option that is not given is `None`, so that the scene file can decide it.
+//! Options that several commands share. A missing option is `None`. The scene file then decides.
 
 mod values;
 
@@ -17,7 +17,7 @@ use serde_json::Value;
 pub use values::{checked, count, layer_size, named, size, stops};
 use values::{name, setting};
 
-/// Where OpenGL comes from.
+/// The source of OpenGL.
 #[derive(Clone, Copy, Debug, clap::Args)]
 #[command(next_help_heading = "OpenGL")]
 pub struct DeviceArgs {
@@ -30,15 +30,15 @@ pub struct DeviceArgs {
     gl_device: DeviceChoice,
 }
 
-/// How a long job keeps its sums, and which part of it this run does.
+/// How a long job keeps its sums, and which part of the job this run does.
 #[derive(Clone, Debug, Default, clap::Args)]
 #[command(next_help_heading = "Long jobs")]
 pub struct JobArgs {
-    /// Keep the sums so far in this file, for --resume [default: the first output's name with .checkpoint, for a job longer than twice --checkpoint-every; removed at the end]
+    /// Keep the sums in this file, for --resume [default: the first output's name with .checkpoint, for a job longer than twice --checkpoint-every; removed at the end]
     #[arg(long, value_name = "FILE", conflicts_with = "shard")]
     checkpoint: Option<PathBuf>,
 
-    /// Seconds between two writes of the checkpoint, rounded up to the end of a block of directions, and more if writing takes long. 0: after every block
+    /// Seconds between two writes of the checkpoint. A write waits for the end of a block of directions, and comes less often if it takes long. 0: after every block
     #[arg(long, value_name = "SECONDS", default_value_t = 30, value_parser = |text: &str| count(text).ok().filter(|&seconds: &u64| seconds <= 86_400).ok_or("not whole seconds, 86400 at most"))]
     checkpoint_every: u64,
 
@@ -117,7 +117,7 @@ pub struct FilesArg {
 }
 
 impl FilesArg {
-    /// The scene as its file has it.
+    /// The scene without changes.
     pub fn scene(self, path: &Path) -> SceneRequest {
         SceneRequest { path: path.to_owned(), allow_outside: self.allow_outside, ..SceneRequest::default() }
     }
@@ -130,10 +130,10 @@ impl DeviceArgs {
 }
 
 impl JobArgs {
-    /// Which part of the job this run does, by what this process knows of an array job.
+    /// What this run keeps, and which part of the job it does. `auto` reads the variables of an array job.
     ///
     /// # Errors
-    /// [`Error::Usage`] when the option has no meaning here, or `outputs` are not one part.
+    /// [`Error::Usage`] when the value of --shard is wrong here, or `outputs` is not one part.
     pub fn keeping(&self, outputs: &[PathBuf]) -> Result<Keeping> {
         let shard = self.shard.as_deref().map(|text| Shard::parse(text, |name| std::env::var(name).ok())).transpose()?;
         let file = match shard {
@@ -165,7 +165,7 @@ fn part_of(shard: Shard, automatic: bool, outputs: &[PathBuf]) -> Result<PathBuf
 
 impl Overrides {
     /// # Errors
-    /// [`Error::Usage`] when a number is infinite or none: JSON, which requests are made for, has no such numbers.
+    /// [`Error::Usage`] when a number is infinite or NaN. Requests are stored as JSON, which has no such numbers.
     pub fn scene(&self, path: &Path) -> Result<SceneRequest> {
         let (stop_fraction, exposure) = (self.stop_fraction.map(f64::from), self.exposure.map(f64::from));
         for (name, value) in [("stop-fraction", stop_fraction), ("target-error", self.target_error), ("exposure", exposure)] {

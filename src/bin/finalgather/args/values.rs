@@ -1,4 +1,4 @@
-//! How values of options are read from text.
+//! Parsers for the values of options.
 
 use std::fmt::Display;
 
@@ -9,17 +9,17 @@ use serde::de::IntoDeserializer;
 use serde::de::value::Error as ValueError;
 use serde::{Deserialize, Serialize};
 
-/// Help for an option that overrides a setting, with the default of the library.
+/// Help text for an option that overrides a setting, with the library's default.
 pub fn setting<T: Display>(text: &str, default: impl Fn(Settings) -> T) -> String {
     format!("{text} [default: {}]", default(Settings::default()))
 }
 
-/// The name that a scene file uses for this value.
+/// The name of this value in scene files.
 pub fn name(value: impl Serialize) -> String {
     serde_json::to_value(value).ok().and_then(|value| value.as_str().map(str::to_owned)).unwrap_or_default()
 }
 
-/// Reads one of these names as a scene file would.
+/// Parses one of these names, in the same way as a scene file.
 pub fn named<T>(names: &'static [&'static str]) -> impl TypedValueParser<Value = T>
 where
     T: for<'de> Deserialize<'de> + Clone + Send + Sync + 'static,
@@ -27,11 +27,11 @@ where
     PossibleValuesParser::new(names).try_map(|name| -> Result<T, ValueError> { T::deserialize(name.into_deserializer()) })
 }
 
-/// A whole number: digits, grouped by `_` or not, or in the notation of floats (`1e6`).
+/// Parses a whole number: digits with optional `_` between them, or a float such as `1e6`.
 pub fn count<T: TryFrom<u64>>(text: &str) -> Result<T, String> {
-    /// 2^53, the first float whose neighbour is not 1 away. From here a float may not be the number that was meant.
+    /// 2^53, the first float without a neighbour at distance 1. Larger floats may differ from the number in the text.
     const INEXACT: f64 = 9_007_199_254_740_992.0;
-    // Only between digits.
+    // `_` may only stand between digits.
     let digits = if text.starts_with('_') || text.ends_with('_') { String::new() } else { text.replace('_', "") };
     let number = digits.parse::<u64>().ok().or_else(|| {
         let float = digits.parse::<f64>().ok()?;
@@ -45,7 +45,7 @@ pub fn count<T: TryFrom<u64>>(text: &str) -> Result<T, String> {
     T::try_from(number).map_err(|_| "too large".into())
 }
 
-/// A number that is `right`, or what is wrong with it.
+/// Parses a value that satisfies `right`. The error is `wrong`.
 pub fn checked<T: std::str::FromStr>(text: &str, right: impl Fn(&T) -> bool, wrong: &str) -> Result<T, String> {
     text.parse().ok().filter(right).ok_or_else(|| wrong.to_owned())
 }
@@ -62,7 +62,7 @@ pub fn layer_size(text: &str) -> Result<LayerSize, String> {
     }
 }
 
-/// `WxH`, or `N` for a square.
+/// Parses `WxH`, or `N` for a square.
 pub fn size(text: &str) -> Result<[u32; 2], String> {
     let (width, height) = text.split_once(['x', 'X']).unwrap_or((text, text));
     let side = |side: &str| count(side).map_err(|_| format!("{side:?} is not a number of pixels; give 640x480 or 512"));

@@ -1,8 +1,7 @@
-//! Wavefront OBJ with its material libraries (MTL), as one mesh and one instance. [`load`] is the entry point.
+//! Wavefront OBJ with its material libraries (MTL). It becomes one mesh and one instance. [`load`] is the entry point.
 //!
-//! `scan.rs` reads the statements, `mtl.rs` the libraries. Here polygons become triangles, corners with the same position, normal and texture
-//! coordinate share a vertex, and triangles without an area are left out. Shading is smooth only where the file has normals (`vn`); smoothing groups
-//! are not read.
+//! `scan.rs` reads statements, `mtl.rs` libraries. This module triangulates polygons, merges corners with equal position, normal and texture
+//! coordinate, and leaves out triangles without area. Only normals in the file (`vn`) make smooth shading. Smoothing groups are ignored.
 
 use std::collections::hash_map::Entry;
 use std::collections::{HashMap, HashSet};
@@ -40,7 +39,7 @@ pub fn load(loader: &mut Loader, path: &Path) -> Result<World> {
             continue;
         }
         let bytes = reader.read(&file, MOST_WORDS).map_err(unread)?;
-        // A name defined again means the later definition.
+        // A later definition of a name replaces the earlier one.
         for material in mtl::load(loader, &library, &bytes)? {
             match by_name.entry(material.name.clone()) {
                 Entry::Occupied(known) => materials[*known.get()] = material,
@@ -86,9 +85,9 @@ pub fn load(loader: &mut Loader, path: &Path) -> Result<World> {
     Ok(World { meshes: vec![mesh], instances, materials, ..World::default() })
 }
 
-/// The files that a `mtllib` names, each with the statement's line.
+/// The files that a `mtllib` statement names, each with the statement's line.
 fn library_files(reader: &Reader, obj: &Path, statement: &Named) -> Vec<(PathBuf, usize)> {
-    // The statement lists files, but exporters also write single names with spaces.
+    // The statement is a list of files. But some exporters write a single name with spaces.
     let whole = beside(obj, &statement.name);
     if reader.has(&whole) {
         return vec![(whole, statement.line)];
@@ -96,7 +95,7 @@ fn library_files(reader: &Reader, obj: &Path, statement: &Named) -> Vec<(PathBuf
     statement.name.split_whitespace().map(|name| (beside(obj, name), statement.line)).collect()
 }
 
-/// Adds the faces of a run, which share vertices with each other alone. Returns how many triangles have no area.
+/// Adds the faces of a run. Only faces of the same run share vertices. Returns the number of triangles without area.
 fn add_run(mesh: &mut Mesh, scan: &Scan, run: &Run, material: u32) -> usize {
     let mut shared: HashMap<[u32; 3], u32> = HashMap::new();
     let mut skipped = 0;

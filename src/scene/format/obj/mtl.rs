@@ -1,8 +1,7 @@
-//! Material libraries (MTL) into materials. [`load`] is the entry point.
+//! Reads materials from material libraries (MTL). [`load`] is the entry point.
 //!
-//! What is read: `Kd`, `Ke` and `map_Kd`; and where `illum` is 3 or 5, a mirror, or 4, 6 or 7, glass: `Ks`, the mirror's reflectance, `Ni` and `Tf`,
-//! the glass's index of refraction and filter, and `Ns`, which tells sharp from glossy. The Fresnel term of 5 is left out, that of glass is always
-//! there. Gloss and texture options are not read.
+//! Statements: `Kd`, `Ke` and `map_Kd`. `illum` 3 or 5 is a mirror, 4, 6 or 7 glass. Only these use `Ks` (mirror reflectance), `Ni` (index of
+//! refraction), `Tf` (filter) and `Ns` (sharp or glossy). Only glass has a Fresnel term, not `illum` 5. Gloss and texture options are ignored.
 
 use std::path::Path;
 
@@ -13,10 +12,10 @@ use super::{Loader, beside};
 use crate::error::{Error, Result};
 use crate::scene::{Material, Surface};
 
-/// Reflectance where a material, or the whole file, says none.
+/// Default reflectance, if a material or the whole file gives none.
 pub const GREY: Vec3 = Vec3::splat(0.5);
 
-/// The least `Ns` of mirrors and glass: a lobe cos^Ns of this exponent is half as high 3 degrees off its axis.
+/// Minimum `Ns` of mirrors and glass. A lobe cos^Ns with this exponent falls to half at 3 degrees from its axis.
 const SHARP: f32 = 500.0;
 
 pub fn load(loader: &mut Loader, path: &Path, bytes: &[u8]) -> Result<Vec<Material>> {
@@ -31,7 +30,7 @@ pub fn load(loader: &mut Loader, path: &Path, bytes: &[u8]) -> Result<Vec<Materi
     let finish = |(said, (surface, reflectance)): (Statements, (Surface, Option<Vec3>))| {
         let mut load =
             |(name, line): &(String, usize)| loader.textures.load(&beside(path, name), &format!("{}:{line}", path.display()));
-        // A texture alone is meant to show as it is.
+        // A texture without `Kd` shows its own colours.
         let unsaid = if said.texture.is_some() { Vec3::ONE } else { GREY };
         Ok(Material {
             albedo_texture: said.texture.as_ref().map(&mut load).transpose()?,
@@ -51,15 +50,15 @@ struct Scanner<'a> {
     warnings: &'a mut Vec<String>,
 }
 
-/// What is said of a material.
+/// The statements of one material.
 #[derive(Default)]
 struct Statements {
     name: String,
     diffuse: Option<Vec3>,
     emission: Vec3,
-    /// The file, and the line that names it.
+    /// The texture file, and the line that names it.
     texture: Option<(String, usize)>,
-    /// All that decides about mirrors and glass: keyword, line and the rest.
+    /// The statements about mirrors and glass: keyword, line and arguments.
     optics: Vec<(String, usize, String)>,
 }
 
@@ -84,7 +83,7 @@ impl Scanner<'_> {
         Ok(())
     }
 
-    /// What a material is, and its reflectance where that is not `Kd`. Exporters write these keywords everywhere: only what counts is checked.
+    /// Surface kind, and reflectance if that is not `Kd`. Only values in use are checked, because exporters write these keywords everywhere.
     fn surface(&mut self, statements: &[(String, usize, String)]) -> Result<(Surface, Option<Vec3>)> {
         let said = |keyword: &str| statements.iter().rev().find(|statement| statement.0 == keyword);
         let number = |keyword: &str| said(keyword).map(|(_, _, text)| text.trim().parse().unwrap_or(f32::NAN));
@@ -155,7 +154,7 @@ impl Scanner<'_> {
     }
 }
 
-/// The file name, spaces and all, behind options such as `-clamp on` and `-s 1 1 1`.
+/// Skips options such as `-clamp on` and `-s 1 1 1`. The rest is the file name, with its spaces.
 fn skip_options(text: &str) -> &str {
     let mut rest = text.trim();
     while rest.starts_with('-') {
@@ -168,7 +167,7 @@ fn skip_options(text: &str) -> &str {
         };
         for argument in 0..most {
             let (word, after) = split_word(rest);
-            // Of the three numbers, only the first is compulsory.
+            // Of the three numbers, only the first is required.
             if argument > 0 && word.parse::<f32>().is_err() {
                 break;
             }

@@ -1,4 +1,4 @@
-//! The statements of an OBJ, each error with its line. [`Scan::new`] is the entry point.
+//! The statements of an OBJ file. Each error names its line. [`Scan::new`] is the entry point.
 
 use std::collections::HashMap;
 use std::ops::Range;
@@ -8,39 +8,38 @@ use glam::{DVec3, Vec2, Vec3};
 
 use crate::error::{Error, Result};
 
-/// The fourth power of a triangle's edge, which the length of its normal needs, stays finite in f32 up to here.
+/// Maximum coordinate. The length of a triangle's normal needs the fourth power of an edge, which must stay finite in f32.
 const FARTHEST: f32 = 1e9;
 
-/// Whether a polygon crosses itself takes the square of its corners in time.
+/// The test for a self-crossing polygon takes quadratic time in its corners.
 const MOST_CORNERS: usize = 5000;
 
-/// What an OBJ says.
+/// Contents of an OBJ file.
 pub struct Scan<'a> {
     path: &'a Path,
     line: usize,
-    /// From index 1 on, as OBJ counts. Index 0 is zero, and means "none" for texture coordinates and normals.
+    /// Numbered from 1, as in OBJ. Entry 0 is zero, and means "none" for texture coordinates and normals.
     pub positions: Vec<Vec3>,
     pub uvs: Vec<Vec2>,
     pub normals: Vec<Vec3>,
-    /// Of all faces: indices of position, texture coordinate and normal.
+    /// Corners of all faces: indices of position, texture coordinate and normal.
     pub corners: Vec<[u32; 3]>,
     pub runs: Vec<Run>,
-    /// The `mtllib` statements.
     pub libraries: Vec<Named>,
-    /// The `usemtl` statements, the first of each material.
+    /// The first `usemtl` statement of each material.
     pub materials: Vec<Named>,
-    /// Into the materials, by name.
+    /// Index into the materials, by name.
     by_name: HashMap<String, usize>,
-    /// The greatest index used of `v`, `vt` and `vn`, and the line of its use: a face may come before its vertices.
+    /// The largest index used of `v`, `vt` and `vn`, and its line. A face may come before its vertices.
     farthest: [(usize, usize); 3],
 }
 
-/// Consecutive faces of one material.
+/// Consecutive faces with one material.
 #[derive(Default)]
 pub struct Run {
-    /// Into [`Scan::materials`]; none before the first `usemtl`.
+    /// Index into [`Scan::materials`]; `None` before the first `usemtl`.
     pub material: Option<usize>,
-    /// Into [`Scan::corners`].
+    /// Ranges of [`Scan::corners`].
     pub faces: Vec<Range<usize>>,
 }
 
@@ -50,7 +49,7 @@ pub struct Named {
     pub line: usize,
 }
 
-/// The kinds of indices, in the order of a corner's.
+/// The kinds of indices, in the order in which a corner has them.
 const STATEMENTS: [&str; 3] = ["v", "vt", "vn"];
 const POSITION: usize = 0;
 
@@ -73,7 +72,7 @@ impl<'a> Scan<'a> {
             by_name: HashMap::new(),
             farthest: [(0, 0); 3],
         };
-        // Names and comments in another encoding than UTF-8 must not keep the geometry from loading.
+        // Names and comments may have another encoding than UTF-8. The geometry loads anyway.
         let text = String::from_utf8_lossy(bytes);
         for (line, statement) in (1..).zip(text.trim_start_matches('\u{feff}').lines()) {
             scan.line = line;
@@ -164,12 +163,12 @@ impl<'a> Scan<'a> {
         Ok(())
     }
 
-    /// How many of a kind there are so far.
+    /// Number of statements of this kind so far.
     fn count(&self, kind: usize) -> usize {
         [self.positions.len(), self.uvs.len(), self.normals.len()][kind] - 1
     }
 
-    /// Counts from 1; 0 means that the corner has none of this kind.
+    /// The index of a corner, from 1. It is 0 if the corner has none of this kind.
     fn index(&mut self, kind: usize, corner: &str, part: Option<&str>) -> Result<u32> {
         let Some(part) = part.filter(|part| !part.is_empty()) else { return Ok(0) };
         let Ok(index) = part.parse::<i64>() else { return self.malformed(corner) };
@@ -185,11 +184,11 @@ impl<'a> Scan<'a> {
             _ => count + 1 - index.unsigned_abs() as usize,
         };
         self.farthest[kind] = self.farthest[kind].max((absolute, self.line));
-        // What does not fit is beyond the vertices, and refused for that.
+        // An index that does not fit into u32 is above the count, and `new` refuses it.
         Ok(absolute as u32)
     }
 
-    /// The first `count` numbers of `text`, finite ones; the others of the three are 0.
+    /// The first `count` numbers of `text`, which must be finite. The rest of the three are 0.
     fn numbers(&self, keyword: &str, text: &str, count: usize) -> Result<[f32; 3]> {
         let values = self.numbers_or_nan(keyword, text, count)?;
         match values.iter().find(|value| !value.is_finite()) {
@@ -222,14 +221,14 @@ impl<'a> Scan<'a> {
     }
 }
 
-/// The first word and the rest, both trimmed.
+/// The first word and the rest of the text, both trimmed.
 pub fn split_word(text: &str) -> (&str, &str) {
     let text = text.trim();
     let (word, rest) = text.split_once(char::is_whitespace).unwrap_or((text, ""));
     (word, rest.trim_start())
 }
 
-/// For numbers only: a name may contain `#`.
+/// Removes a comment. Only for numbers, because a name may contain `#`.
 pub fn uncomment(text: &str) -> &str {
     text.split_once('#').map_or(text, |(before, _)| before)
 }
