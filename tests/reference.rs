@@ -17,8 +17,8 @@ fn agrees(name: &str, side: u32, directions: u32, left_out: Option<Range<usize>>
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let reference = Image::read(&root.join(format!("tests/reference/{name}_{side}.exr"))).unwrap();
     let Loaded { world, mut settings, .. } = World::load(&root.join(format!("scenes/{name}.toml"))).unwrap();
-    settings.size = [side; 2];
-    assert_eq!(settings.directions, directions, "the scene file's own count");
+    settings.film.size = [side; 2];
+    assert_eq!(settings.directions.count, directions, "the scene file's own count");
     let gpu = common::gpu();
     let mut render = Render::new(&gpu, &world, &settings).unwrap();
     while !render.is_done() {
