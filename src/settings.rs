@@ -3,8 +3,8 @@
 use std::fmt::{self, Display, Formatter};
 use std::ops::Range;
 
-use serde::de::{self, Unexpected, Visitor};
-use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
 
 use crate::error::Error;
 
@@ -160,7 +160,8 @@ pub enum PointSource {
 }
 
 /// Side of the square depth layers.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(try_from = "Value", into = "Value")]
 pub enum LayerSize {
     /// The side grows with the number of directions, see [`GatherSettings::layers`].
     #[default]
@@ -168,53 +169,31 @@ pub enum LayerSize {
     Texels(u32),
 }
 
+impl TryFrom<Value> for LayerSize {
+    type Error = String;
+
+    fn try_from(value: Value) -> Result<Self, String> {
+        match value.as_u64().and_then(|side| side.try_into().ok()) {
+            Some(side) => Ok(Self::Texels(side)),
+            None if value == "auto" => Ok(Self::Auto),
+            None => Err(format!("{value} is no layer size: give a number of texels, or \"auto\"")),
+        }
+    }
+}
+
+impl From<LayerSize> for Value {
+    fn from(size: LayerSize) -> Self {
+        match size {
+            LayerSize::Auto => "auto".into(),
+            LayerSize::Texels(side) => side.into(),
+        }
+    }
+}
+
+/// As settings spell it.
 impl Display for LayerSize {
     fn fmt(&self, f: &mut Formatter) -> fmt::Result {
-        match self {
-            Self::Auto => f.pad("auto"),
-            Self::Texels(side) => Display::fmt(side, f),
-        }
-    }
-}
-
-impl Serialize for LayerSize {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        match *self {
-            Self::Auto => serializer.serialize_str("auto"),
-            Self::Texels(side) => serializer.serialize_u32(side),
-        }
-    }
-}
-
-impl<'de> Deserialize<'de> for LayerSize {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        struct Size;
-
-        impl Visitor<'_> for Size {
-            type Value = LayerSize;
-
-            fn expecting(&self, f: &mut Formatter) -> fmt::Result {
-                f.write_str("a number of texels, or \"auto\"")
-            }
-
-            fn visit_i64<E: de::Error>(self, side: i64) -> Result<LayerSize, E> {
-                let texels = u32::try_from(side).map(LayerSize::Texels);
-                texels.map_err(|_| E::invalid_value(Unexpected::Signed(side), &self))
-            }
-
-            fn visit_u64<E: de::Error>(self, side: u64) -> Result<LayerSize, E> {
-                self.visit_i64(side.try_into().unwrap_or(i64::MAX))
-            }
-
-            fn visit_str<E: de::Error>(self, text: &str) -> Result<LayerSize, E> {
-                match text {
-                    "auto" => Ok(LayerSize::Auto),
-                    _ => Err(E::invalid_value(Unexpected::Str(text), &self)),
-                }
-            }
-        }
-
-        deserializer.deserialize_any(Size)
+        self.serialize(f)
     }
 }
 
@@ -236,16 +215,10 @@ pub enum Pipeline {
     RaycastGl,
 }
 
-impl Pipeline {
-    /// The name in settings.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Kill => "kill",
-            Self::EarlyKill => "early-kill",
-            Self::Fused => "fused",
-            Self::Raycast => "raycast",
-            Self::RaycastGl => "raycast-gl",
-        }
+/// The name in settings.
+impl Display for Pipeline {
+    fn fmt(&self, f: &mut Formatter) -> fmt::Result {
+        self.serialize(f)
     }
 }
 

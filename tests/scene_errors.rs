@@ -171,7 +171,7 @@ fn scene_files() {
         (b"mesh = 'm.obj'\n[settings]\nseed = 1\ndirections = 0", "s.toml:4", "directions is 0"),
         (b"mesh = 'm.obj'\n[settings]\nseed = 1\ntarget_error = 2", "s.toml:4", "target-error is 2"),
         (b"mesh = 'm.obj'\n[settings]\nseed = 1\nuntil = 2", "s.toml:4", "target-error is 2"),
-        (b"mesh = 'm.obj'\n[settings]\nphoton_depth = 1\nbounces = 1", "s.toml:4", "duplicate field `photon_depth`"),
+        (b"mesh = 'm.obj'\n[settings]\nphoton_depth = 1\nbounces = 1", "s.toml:2", "duplicate field `photon_depth`"),
         (b"mesh = 'm.obj'\n[settings]\nlayer_size = 0", "s.toml:3", "layer-size is 0"),
         (b"mesh = 'm.obj'\n[settings]\nsize = [512, 0]", "s.toml:3", "size (height) is 0"),
         (b"mesh = 'm.obj'\n[settings]\nstop_fraction = nan", "s.toml:3", "stop-fraction is NaN"),

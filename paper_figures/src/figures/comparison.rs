@@ -171,7 +171,7 @@ impl Figure for PictureComparison {
             panels(&self.panels),
             self.triangles,
             self.points,
-            self.pipeline.name(),
+            self.pipeline,
         ))
     }
 }

@@ -61,7 +61,7 @@ impl Figure for PathTracing {
                 at(directions, start.elapsed().as_secs_f64(), picture)
             };
             let pictures = parameters.directions.iter().map(gathered).collect::<Result<_>>()?;
-            runs.push(Run { name: pipeline.name().to_owned(), pictures });
+            runs.push(Run { name: pipeline.to_string(), pictures });
         }
 
         let scene = pictures.scene_in_unit_space();

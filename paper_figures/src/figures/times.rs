@@ -95,7 +95,7 @@ impl Figure for Times {
                 points = statistics.gather.points;
                 let ends = if pipeline == Pipeline::Fused { 1.0 } else { 0.5 };
                 let samples = ends * f64::from(points) * f64::from(directions);
-                let pipeline = pipeline.name().to_owned();
+                let pipeline = pipeline.to_string();
                 let stages = Stages::of(&statistics);
                 eprintln!("  {} by {pipeline}: {total:.1} s, gather {:.1} s", declared.name, stages.gather);
                 settings.directions.count = directions.div_ceil(PARTS);
