@@ -28,7 +28,7 @@ pub struct Plan {
     pub ao_distance: Option<f32>,
     pub radiance_cache: RadianceCache,
     /// MiB on the GL side for points and their sums at a time. The sum of a point does not depend on it.
-    #[serde(skip)]
+    #[serde(skip, default = "memory")]
     pub memory: usize,
 }
 
@@ -44,7 +44,14 @@ pub enum RadianceCache {
     Vertices,
 }
 
+fn memory() -> usize {
+    Plan::MEMORY
+}
+
 impl Plan {
+    /// The default of [`Self::memory`], in MiB.
+    pub const MEMORY: usize = 1024;
+
     /// # Errors
     /// [`Error::Usage`] when a number is out of range.
     pub fn validate(&self) -> Result<()> {

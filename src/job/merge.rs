@@ -38,6 +38,7 @@ pub fn merge(parts: &[PathBuf], outputs: &[String], exposure: Option<f32>, watch
             picture.write(&request, merge.job(), exposure.unwrap_or(settings.display.exposure), (settings.directions.count, true))
         }
         Some("bake") => {
+            first.check_version(path)?;
             let (mut request, own) = request_of(path, &first)?;
             let Work::Bake(bake) = request.work.clone() else { return Err(unknown(path)) };
             request.outputs = outputs_of(&bake.receivers, outputs)?;

@@ -149,7 +149,7 @@ impl Job {
             (_, true) => Ending::AlreadyFinished,
             _ => Ending::Finished,
         };
-        let kept = if ended { checkpoint.stop(|| task.save()) } else { Ok(false) };
+        let mut kept = if ended { checkpoint.stop(|| task.save()) } else { Ok(false) };
         let writing = Instant::now();
         let writes = !already && !is_shard && task.has_values();
         let unwritten = if writes { task.write(watch) } else { Vec::new() };
@@ -169,8 +169,11 @@ impl Job {
             if already {
                 watch.say(&format!("{paths}: finished by an earlier run, and left as it was"));
             }
-        } else if checkpoint.stop(|| task.save())? {
-            watch.say(&format!("what was gathered is kept in {path}; --resume writes it"));
+        } else {
+            kept = checkpoint.stop(|| task.save());
+            if matches!(kept, Ok(true)) {
+                watch.say(&format!("what was gathered is kept in {path}; --resume writes it"));
+            }
         }
         all_written(failure.into_iter().chain(unwritten).chain(kept.err()), watch)?;
 

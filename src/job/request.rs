@@ -110,10 +110,24 @@ impl JobRequest {
         [&self.scene.path].into_iter().chain(&self.scene.environment).chain(points).map(PathBuf::as_path)
     }
 
+    /// Checks that the picture, or each receiver, has files that can be written.
     pub(super) fn check_outputs(&self) -> Result<()> {
+        let wanted = if let Work::Bake(bake) = &self.work { bake.receivers.len() } else { 1 };
+        if self.outputs.len() != wanted || self.outputs.iter().any(Vec::is_empty) {
+            let problem = format!("{} lists of files for {wanted} results, or an empty list", self.outputs.len());
+            return Err(Error::usage(problem, "give one file or more for the picture, or for each receiver"));
+        }
         let Work::Bake(bake) = &self.work else {
             return self.outputs.iter().flatten().try_for_each(|path| check_writable(path));
         };
+        let twice = bake
+            .receivers
+            .iter()
+            .enumerate()
+            .find(|(index, kind)| bake.receivers[..*index].iter().any(|other| other.name() == kind.name()));
+        if let Some((_, kind)) = twice {
+            return Err(Error::usage(format!("{} is asked for twice", kind.name()), "give each receiver once"));
+        }
         let mut files =
             bake.receivers.iter().zip(&self.outputs).flat_map(|(kind, paths)| paths.iter().map(move |path| (kind, path)));
         files.try_for_each(|(kind, path)| kind.check_writable(path, &bake.plan.what))

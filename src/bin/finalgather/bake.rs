@@ -10,10 +10,7 @@ use finalgather::points::{LightMapOptions, Resolution, UvSource};
 use finalgather::quantity::Quantity;
 
 use crate::args::{DeviceArgs, JobArgs, Overrides, checked, count, named};
-use crate::terminal;
-
-/// Default memory for points at a time, in MiB.
-const MEMORY: usize = 1024;
+use crate::{report, terminal};
 
 /// Bake vertices, light maps, pixels or points of a file: irradiance, openness, spherical harmonics, radiance transfer
 ///
@@ -53,9 +50,9 @@ pub struct BakeArgs {
     #[arg(long, alias = "rough", default_value = "photons", value_parser = named::<RadianceCache>(&["photons", "gathered"]))]
     radiance_cache: RadianceCache,
 
-    /// How many surfaces may reflect light on its way to a point. For prt and for --radiance-cache gathered; photons have --photon-depth
-    #[arg(long, alias = "bounces", value_name = "N", default_value_t = 2, value_parser = count::<u32>)]
-    gather_bounces: u32,
+    /// How many surfaces may reflect light on its way to a point. For prt and for --radiance-cache gathered; photons have --photon-depth [default: 2]
+    #[arg(long, alias = "bounces", value_name = "N", value_parser = count::<u32>)]
+    gather_bounces: Option<u32>,
 
     /// Side of the light map in texels
     #[arg(long, value_name = "N", default_value_t = 512, value_parser = count::<u32>, conflicts_with = "texels_per_unit", help_heading = "Light map")]
@@ -96,13 +93,22 @@ pub struct BakeArgs {
 pub fn run(args: BakeArgs) -> Result<u8> {
     let BakeArgs { to: receivers, order, gather_bounces, ao_distance, radiance_cache, uvs, padding, samples_per_texel, .. } =
         args;
-    let keeping = args.job.keeping(&args.outputs.iter().map(PathBuf::from).collect::<Vec<_>>())?;
+    // The part of a shard may have the name of a receiver before it, as a result has.
+    let path = |output: &String| match output.split_once(':') {
+        Some((name, path)) if receivers.iter().any(|receiver| receiver.name() == name) => path.into(),
+        _ => PathBuf::from(output),
+    };
+    let keeping = args.job.keeping(&args.outputs.iter().map(path).collect::<Vec<_>>())?;
     let is_shard = keeping.shard.is_some();
     let outputs = if is_shard { vec![Vec::new(); receivers.len()] } else { outputs_of(&receivers, &args.outputs)? };
     // Removes repeated quantities.
     let what = args.what.iter().enumerate().filter(|(index, quantity)| !args.what[..*index].contains(quantity));
     let what = what.map(|(_, quantity)| *quantity).collect();
-    let plan = Plan { what, order, gather_bounces, ao_distance, radiance_cache, memory: MEMORY };
+    if gather_bounces.is_some() && radiance_cache == RadianceCache::Photons && !args.what.contains(&Quantity::Prt) {
+        report::say("warning: --gather-bounces has no effect here; the depth of photons is --photon-depth");
+    }
+    let gather_bounces = gather_bounces.unwrap_or(2);
+    let plan = Plan { what, order, gather_bounces, ao_distance, radiance_cache, memory: Plan::MEMORY };
     let resolution = args.texels_per_unit.map_or(Resolution::Pixels(args.resolution), Resolution::TexelsPerUnit);
     let light_map = LightMapOptions { resolution, uvs, padding, samples_per_texel };
     let (scene, device) = (args.overrides.scene(&args.scene)?, args.device.request());

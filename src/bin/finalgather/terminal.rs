@@ -138,7 +138,7 @@ fn watch_signals(caught: &Arc<Caught>, bar: ProgressBar, lock: Option<PathBuf>) 
             }
             bar.finish_and_clear();
             if !has_result {
-                report::say("stopped before there was anything to write; nothing written");
+                report::say("stopped before there was a result");
             }
             // A leftover file does no harm.
             let _ = lock.as_ref().map(fs::remove_file);

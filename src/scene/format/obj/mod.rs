@@ -1,15 +1,15 @@
 //! Wavefront OBJ with its material libraries (MTL). It becomes one mesh and one instance. [`load`] is the entry point.
 //!
-//! `scan.rs` reads statements, `mtl.rs` libraries. This module triangulates polygons, merges corners with equal position, normal and texture
+//! `scan.rs` checks statements, tobj reads them, and `mtl.rs` reads libraries. This module triangulates polygons, merges corners with equal position, normal and texture
 //! coordinate, and leaves out triangles without area. Only normals in the file (`vn`) make smooth shading. Smoothing groups are ignored.
 
 use std::collections::hash_map::Entry;
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 
-use self::scan::{Named, Run, Scan};
+use self::scan::{Named, scan};
 use super::polygon::triangulate;
 use super::{Loader, Reader, Unread, beside, names};
 use crate::error::{Error, Result};
@@ -24,7 +24,7 @@ pub fn load(loader: &mut Loader, path: &Path) -> Result<World> {
     let cure = "name an existing OBJ file that you may read";
     let reader = loader.reader;
     let bytes = reader.read_named(path, MOST_BYTES).map_err(|unread| unread.error(path, None, "this model", cure))?;
-    let scan = Scan::new(path, &bytes)?;
+    let scan = scan(path, &bytes)?;
     drop(bytes);
     let mut materials: Vec<Material> = Vec::new();
     let mut by_name: HashMap<String, usize> = HashMap::new();
@@ -57,18 +57,19 @@ pub fn load(loader: &mut Loader, path: &Path) -> Result<World> {
         return Err(Error::input(path, Some(unknown.line), problem, cure));
     }
 
+    // tobj needs the names of the materials alone. The materials are read already.
+    let (models, _) =
+        tobj::load_obj_buf(&mut scan.text.as_bytes(), &tobj::LoadOptions::default(), |_| Ok((Vec::new(), by_name.clone())))
+            .map_err(|error| Error::input(path, None, format!("this is not a valid OBJ: {error}"), "export the model again"))?;
     let mut mesh = Mesh::default();
     let mut skipped = 0;
-    for run in scan.runs.iter().filter(|run| !run.faces.is_empty()) {
-        let material = run.material.map_or_else(
-            || {
-                let (name, albedo, surface) = ("default".into(), mtl::GREY, Surface::Diffuse);
-                materials.push(Material { name, albedo, emission: Vec3::ZERO, albedo_texture: None, surface });
-                materials.len() - 1
-            },
-            |used| by_name[&scan.materials[used].name],
-        );
-        skipped += add_run(&mut mesh, &scan, run, material as u32);
+    for model in models.iter().map(|model| &model.mesh).filter(|model| !model.indices.is_empty()) {
+        let material = model.material_id.unwrap_or_else(|| {
+            let (name, albedo, surface) = ("default".into(), mtl::GREY, Surface::Diffuse);
+            materials.push(Material { name, albedo, emission: Vec3::ZERO, albedo_texture: None, surface });
+            materials.len() - 1
+        });
+        skipped += add_model(&mut mesh, model, material as u32);
     }
     let total = skipped + mesh.triangles.len();
     match skipped {
@@ -95,28 +96,35 @@ fn library_files(reader: &Reader, obj: &Path, statement: &Named) -> Vec<(PathBuf
     statement.name.split_whitespace().map(|name| (beside(obj, name), statement.line)).collect()
 }
 
-/// Adds the faces of a run. Only faces of the same run share vertices. Returns the number of triangles without area.
-fn add_run(mesh: &mut Mesh, scan: &Scan, run: &Run, material: u32) -> usize {
+/// Adds the faces of a model of tobj, which all have the same material. Only faces of the same model share vertices. Returns the number of
+/// triangles without area.
+fn add_model(mesh: &mut Mesh, model: &tobj::Mesh, material: u32) -> usize {
+    let vec3 = |values: &[f32], index: u32| Vec3::from_slice(&values[3 * index as usize..]);
     let mut shared: HashMap<[u32; 3], u32> = HashMap::new();
     let mut skipped = 0;
-    for face in &run.faces {
-        let face = &scan.corners[face.clone()];
-        let positions: Vec<Vec3> = face.iter().map(|&[position, ..]| scan.positions[position as usize]).collect();
-        let triangles = triangulate(&positions);
+    let mut first = 0;
+    // tobj gives no arities if all faces are triangles.
+    let triangles = vec![3; model.indices.len() / 3];
+    for &arity in if model.face_arities.is_empty() { &triangles } else { &model.face_arities } {
+        let face = first..first + arity as usize;
+        first = face.end;
+        let corners: Vec<Vec3> = model.indices[face.clone()].iter().map(|&index| vec3(&model.positions, index)).collect();
+        let triangles = triangulate(&corners);
         if triangles.is_empty() {
-            skipped += face.len() - 2;
+            skipped += corners.len() - 2;
         }
         for triangle in triangles {
-            if !has_area(triangle.map(|corner| positions[corner])) {
+            if !has_area(triangle.map(|corner| corners[corner])) {
                 skipped += 1;
                 continue;
             }
             let vertices = triangle.map(|corner| {
-                let [position, uv, normal] = face[corner];
-                *shared.entry(face[corner]).or_insert_with(|| {
-                    mesh.positions.push(scan.positions[position as usize]);
-                    mesh.uvs.push(scan.uvs[uv as usize]);
-                    mesh.normals.push(scan.normals[normal as usize]);
+                let at = face.start + corner;
+                let key = [model.indices[at], model.texcoord_indices[at], model.normal_indices[at]];
+                *shared.entry(key).or_insert_with(|| {
+                    mesh.positions.push(vec3(&model.positions, key[0]));
+                    mesh.uvs.push(Vec2::from_slice(&model.texcoords[2 * key[1] as usize..]));
+                    mesh.normals.push(vec3(&model.normals, key[2]));
                     mesh.positions.len() as u32 - 1
                 })
             });
