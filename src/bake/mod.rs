@@ -1,8 +1,8 @@
 //! Bakes: integrals over the hemispheres of points. Points can be vertices, texels, pixels or points of a file.
 //!
 //! [`Bake::new`] takes the points of all receivers in order. [`Bake::step`] gathers along a few more directions. [`Bake::columns`] gives a value for
-//! each point. In a step, [`schedule`] selects points and directions, [`vertex_cache`] holds earlier results at the scene's vertices (for bounces
-//! without photons and for [`Quantity::Prt`]), [`hits`] finds hits, passes over them ([`integrals`]) add up, and [`accumulation`] keeps the sums.
+//! each point. In a step, `schedule` selects points and directions, `vertex_cache` holds earlier results at the scene's vertices (for bounces
+//! without photons and for [`Quantity::Prt`](crate::quantity::Quantity::Prt)), `hits` finds hits, passes over them (`integrals`) add up, and `accumulation` keeps the sums.
 //!
 //! Block sums merge exactly. So machines can share a bake ([`Bake::only`], [`Merge`]), and a bake can go on later ([`Bake::save`], [`Bake::resume`]).
 
