@@ -50,12 +50,11 @@ shaders! {
     STORE_SORT: "fullscreen", "store_sort";
 }
 
-const GATHER: &str = include_str!("../glsl/gather.frag");
-
 /// Most directions that a shader takes at once, as its define says.
 pub const BATCH: usize = 8;
 /// Outputs of four floats that a shader has at most: OpenGL 3.3 promises no more.
 const TARGETS: usize = 8;
+const GATHER: &str = include_str!("../glsl/gather.frag");
 
 /// How `glsl/gather.frag` finds a hit: by the file of that name in `glsl/finder/`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
