@@ -49,12 +49,11 @@ shaders! {
     STORE_SORT: "fullscreen", "store_sort";
 }
 
-const GATHER: &str = include_str!("../glsl/gather.frag");
-
 /// Most directions in one batch of a shader: its define `BATCH`.
 pub const BATCH: usize = 8;
 /// Most outputs of a shader, of four floats each: OpenGL 3.3 promises no more.
 const TARGETS: usize = 8;
+const GATHER: &str = include_str!("../glsl/gather.frag");
 
 /// The hit finder that `glsl/gather.frag` includes: the file of that name in `glsl/finder/`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
