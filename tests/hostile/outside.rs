@@ -7,8 +7,10 @@ use std::process::Command;
 use std::sync::mpsc;
 use std::thread;
 
+use finalgather::blocks::Part;
 use finalgather::error::Error;
 use finalgather::scene::{Files, LoadOptions, World};
+use serde_json::{Value, json};
 
 use super::PATIENCE;
 use super::common::tool;
@@ -130,6 +132,40 @@ fn refusal(folder: &Path, arguments: &str, code: i32) -> String {
     let names = tool::names_in(folder);
     assert!(!names.iter().any(|name| name.starts_with("out") || name.contains("finalgather")), "{arguments} left {names:?}");
     said
+}
+
+/// The checksum of a part proves nothing about what it says.
+#[test]
+fn parts_of_bakes_are_sound_or_refused() {
+    let folder = neighbours();
+    let path = |name: &str| folder.path().join(name);
+    fs::write(path("s.toml"), "mesh = 'm.obj'\n[settings]\nsize = [8, 8]\ndirections = 8\nphotons = 100\n").unwrap();
+    let bake = "bake s.toml --to camera --what ao --layer-size 16 --shard 1/1 -o sound.part";
+    tool::success(tool::tool(&folder).args(bake.split(' ')));
+    let sound = Part::read(&path("sound.part")).unwrap();
+    type Change = fn(&mut Value, &mut Value);
+    let changes: [Change; 10] = [
+        |job, _| job["plan"] = json!(7),
+        |job, _| job["plan"]["order"] = json!(100),
+        |job, _| job["settings"]["size"] = json!([4_294_967_295_u32, 4_294_967_295_u32]),
+        |job, _| job["settings"]["directions"] = json!(0),
+        |job, _| job["version"] = json!("0.0.0"),
+        |_, state| state["points"] = json!(4_294_967_295_u32),
+        |_, state| state["memory"] = json!(-1),
+        |_, state| state["request"] = Value::Null,
+        |_, state| state["request"]["scene"]["path"] = json!("none.obj"),
+        |_, state| state["request"]["work"] = json!("render"),
+    ];
+    for (i, change) in changes.into_iter().enumerate() {
+        let (mut job, mut state) = (sound.job.clone(), sound.state.clone());
+        change(&mut job, &mut state);
+        let mut part = Part::new(job, state);
+        sound.names().for_each(|name| part.put(name, sound.get(name).unwrap()));
+        part.write(&path("false.part")).unwrap();
+        let said = refusal(folder.path(), "merge false.part -o out.npy", 65);
+        assert!(said.contains("false.part") || said.contains("none.obj"), "change {i}: {said}");
+    }
+    tool::success(tool::tool(&folder).args("merge sound.part -o out.npy".split(' ')));
 }
 
 #[test]
