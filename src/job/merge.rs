@@ -16,6 +16,9 @@ use crate::render::RenderMerge;
 /// [`Error::Input`] when a part is damaged, of another job or repeated; [`Error::Usage`] when directions are missing; [`Error::Output`] when a file
 /// cannot be written.
 pub fn merge(parts: &[PathBuf], outputs: &[String], exposure: Option<f32>, watch: &mut dyn Watch) -> Result<()> {
+    if let Some(stops) = exposure.filter(|stops| !(-64.0..=64.0).contains(stops)) {
+        return Err(Error::usage(format!("exposure is {stops}"), "give stops from -64 to 64"));
+    }
     let path = parts.first().ok_or_else(|| Error::usage("no parts to merge", "name those of all shards"))?;
     let first = Part::read(path)?;
     // Reads one part at a time, because there may be many.

@@ -275,6 +275,7 @@ impl ReceiverValues {
 /// # Errors
 /// [`Error::Usage`] when a file belongs to no receiver, or a receiver has no file.
 pub fn outputs_of(receivers: &[ReceiverKind], outputs: &[String]) -> Result<Vec<Vec<PathBuf>>> {
+    check_kinds(receivers)?;
     let mut files = vec![Vec::new(); receivers.len()];
     for output in outputs {
         let refused = |problem: String, cure: String| Err(Error::usage(format!("-o {output}{problem}"), cure));
@@ -304,6 +305,16 @@ pub fn outputs_of(receivers: &[ReceiverKind], outputs: &[String]) -> Result<Vec<
             let problem = format!("no file is named for {}", receiver.name());
             Err(Error::usage(problem, "name one with -o, or leave the receiver out"))
         }
+    }
+}
+
+/// # Errors
+/// [`Error::Usage`] when a kind of receiver is there twice: files could not tell which is meant.
+pub(super) fn check_kinds(receivers: &[ReceiverKind]) -> Result<()> {
+    let before = |index: usize, kind: &ReceiverKind| receivers[..index].iter().any(|other| other.name() == kind.name());
+    match receivers.iter().enumerate().find(|&(index, kind)| before(index, kind)) {
+        None => Ok(()),
+        Some((_, kind)) => Err(Error::usage(format!("{} is asked for twice", kind.name()), "bake one after the other")),
     }
 }
 

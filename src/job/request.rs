@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 
 use super::outputs::metadata;
+use super::receiver::check_kinds;
 use super::{ReceiverKind, Watch};
 use crate::bake::{Plan, blocks_of as blocks_of_bake};
 use crate::blocks::Blocks;
@@ -120,14 +121,7 @@ impl JobRequest {
         let Work::Bake(bake) = &self.work else {
             return self.outputs.iter().flatten().try_for_each(|path| check_writable(path));
         };
-        let twice = bake
-            .receivers
-            .iter()
-            .enumerate()
-            .find(|(index, kind)| bake.receivers[..*index].iter().any(|other| other.name() == kind.name()));
-        if let Some((_, kind)) = twice {
-            return Err(Error::usage(format!("{} is asked for twice", kind.name()), "give each receiver once"));
-        }
+        check_kinds(&bake.receivers)?;
         let mut files =
             bake.receivers.iter().zip(&self.outputs).flat_map(|(kind, paths)| paths.iter().map(move |path| (kind, path)));
         files.try_for_each(|(kind, path)| kind.check_writable(path, &bake.plan.what))
