@@ -115,11 +115,6 @@ impl Geometry {
         ]
     }
 
-    /// Whether any surface has an albedo texture.
-    pub fn is_textured(&self) -> bool {
-        self.textures.len() > 1
-    }
-
     /// `count` instances of all triangles, drawn without textures.
     pub fn instances(&self, count: u32) -> Shape<'_> {
         Shape::Instances(&self.vertices, count)

@@ -367,7 +367,7 @@ impl Render {
         let caustics = self.caustics(index, &g_buffer);
         self.statistics.seconds.caustics += start.elapsed().as_secs_f64();
 
-        self.passes.gather.begin(points);
+        self.passes.gather.begin(|| g_buffer.pixels());
         self.statistics.gather.points = g_buffer.count;
         self.statistics.gather.cut += u64::from(g_buffer.cut);
         let mut left: Vec<u32> = directions.rev().collect();

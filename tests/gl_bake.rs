@@ -7,6 +7,7 @@ use std::f32::consts::PI;
 use common::{Model, directions, gather_fused, gpu, irradiance, points_on, sized};
 use finalgather::Environment;
 use finalgather::bake::{Bake, Plan, RadianceCache};
+use finalgather::geometry::Geometry;
 use finalgather::gpu::Gpu;
 use finalgather::harmonics::{basis, cosine_lobe};
 use finalgather::image::Channel;
@@ -32,9 +33,15 @@ fn settings(directions: u32) -> Settings {
     Settings::default().with(|s| (s.directions.count, s.photons.count, s.direct.light_samples) = (directions, 100_000, 16))
 }
 
-fn bake(gpu: &Gpu, world: &World, points: &[GatherPoint], settings: &Settings, plan: &Plan) -> (Vec<Channel>, Vec<f32>) {
+/// A bake of a world that has not begun.
+fn begin(gpu: &Gpu, world: &World, points: &[GatherPoint], settings: &Settings, plan: &Plan) -> Bake {
     let prepared = Prepared::without_glass(world).unwrap();
-    let mut bake = Bake::new(gpu, prepared, points.to_vec(), settings, plan).unwrap();
+    let geometry = Geometry::upload(gpu, &prepared.scene).unwrap();
+    Bake::new(gpu, prepared, geometry, points.to_vec(), settings, plan).unwrap()
+}
+
+fn bake(gpu: &Gpu, world: &World, points: &[GatherPoint], settings: &Settings, plan: &Plan) -> (Vec<Channel>, Vec<f32>) {
+    let mut bake = begin(gpu, world, points, settings, plan);
     assert!(bake.columns().is_none(), "values before the first direction");
     while !bake.is_done() {
         bake.step().unwrap();
@@ -350,12 +357,10 @@ fn rounds_change_nothing() {
     let points = cornell_points(&world, sized(&gpu, 600_000, 300_000));
     let settings = settings(sized(&gpu, 16, 8));
     let plan = Plan { what: vec![Quantity::Ao], ..PLAN };
-    let prepared = Prepared::without_glass(&world).unwrap();
-    let small = Bake::new(&gpu, prepared, points.clone(), &settings, &Plan { memory: 64, ..plan.clone() }).unwrap();
+    let small = begin(&gpu, &world, &points, &settings, &Plan { memory: 64, ..plan.clone() });
     assert!(small.statistics().rounds > 1, "one round");
     // Nor does it where there turns out to be more.
-    let prepared = Prepared::without_glass(&world).unwrap();
-    let mut fitted = Bake::new(&gpu, prepared, points.clone(), &settings, &Plan { memory: 8, ..plan.clone() }).unwrap();
+    let mut fitted = begin(&gpu, &world, &points, &settings, &Plan { memory: 8, ..plan.clone() });
     let before = fitted.statistics().rounds;
     fitted.fit(4096).unwrap();
     while !fitted.is_done() {

@@ -91,11 +91,18 @@ pub struct Bake {
 }
 
 impl Bake {
-    /// `points` are in the unit space of `prepared`.
+    /// `geometry` is uploaded from the scene of `prepared`, and `points` are in its unit space.
     ///
     /// # Errors
     /// [`Error::Usage`] when a setting is out of range or not for bakes, or there are no points; [`Error::Gl`] when the device fails.
-    pub fn new(gpu: &Gpu, prepared: Prepared, points: Vec<GatherPoint>, settings: &Settings, plan: &Plan) -> Result<Self> {
+    pub fn new(
+        gpu: &Gpu,
+        prepared: Prepared,
+        geometry: Geometry,
+        points: Vec<GatherPoint>,
+        settings: &Settings,
+        plan: &Plan,
+    ) -> Result<Self> {
         settings.validate()?;
         plan.validate()?;
         if settings.directions.target_error > 0.0 {
@@ -104,7 +111,6 @@ impl Bake {
         if points.is_empty() {
             return Err(Error::usage("there are no points to bake", "give a scene or a file that has some"));
         }
-        let geometry = Geometry::upload(gpu, &prepared.scene)?;
         let start = Instant::now();
         let traced = || Photons::new(gpu, [&prepared, &prepared], (&settings.photons, settings.seed), || false);
         let photons = plan.needs_photons().then(traced).transpose()?;
@@ -293,7 +299,7 @@ impl Bake {
         let mut wanted = self.plan.wanted(round.last);
         // Without photons, surfaces are black until the first stage is complete.
         wanted.radiance &= radiance || self.photons.is_some();
-        let integrals = Integrals::new(&self.gpu, wanted, self.geometry.is_textured(), radiance, transfer)?;
+        let integrals = Integrals::new(&self.gpu, wanted, self.prepared.scene.is_textured(), radiance, transfer)?;
         let points = if round.set == PointSet::Vertices { self.cache.points() } else { &self.points };
         let block = BlockSums::new(&self.gpu, number, integrals, &points[round.points.clone()])?;
         let direct = self.direct_light(round, &block)?;

@@ -69,7 +69,7 @@ impl IrradianceGather {
             pipeline => {
                 // The finder comes last: it adapts to the memory that is left.
                 let sums = Accumulator::new(gpu, interleave.sums_size())?;
-                let radiance = HitRadiance { vertex_cache: false, textured: !scene.textures.is_empty() };
+                let radiance = HitRadiance { vertex_cache: false, textured: scene.is_textured() };
                 let pass = GatherPass::new(gpu, shader_of(pipeline), Consumer::Irradiance(radiance))?;
                 Method::Shader { finder: hit_finder(gpu, settings, layers, scene, bvh, interleave.tile())?, pass, sums }
             }
@@ -98,12 +98,12 @@ impl IrradianceGather {
         }
     }
 
-    /// Clears the sums, for these points.
-    pub fn begin(&mut self, points: Points) {
+    /// Clears the sums. `points` are all points, row by row from the bottom; only the oracle asks for them.
+    pub fn begin(&mut self, points: impl FnOnce() -> Vec<Option<GatherPoint>>) {
         match &mut self.method {
             Method::Shader { sums, .. } => sums.clear(),
             Method::Oracle { points: places, sums } => {
-                *places = points.read();
+                *places = points();
                 *sums = vec![Vec4::ZERO; places.len()];
             }
         }

@@ -84,11 +84,12 @@ impl<'a> Task<'a> {
             Work::Bake(bake) => {
                 watch.stage("placing points");
                 let prepared = Prepared::without_glass(world)?;
-                let camera = || see(gpu, &prepared.scene, settings.film.size);
+                let geometry = Geometry::upload(gpu, &prepared.scene)?;
+                let camera = || see(gpu, &prepared.scene, &geometry, settings.film.size);
                 let (receivers, points) = place(bake, &prepared.scene, settings, &camera, watch)?;
                 placing = start.elapsed().as_secs_f64();
                 watch.stage("tracing photons");
-                Gather::Bake(Box::new(Bake::new(gpu, prepared, points, settings, &bake.plan)?), receivers)
+                Gather::Bake(Box::new(Bake::new(gpu, prepared, geometry, points, settings, &bake.plan)?), receivers)
             }
         };
         if let Some(shard) = shard {
@@ -263,9 +264,8 @@ pub(super) fn place(
 }
 
 /// The receiver of the scene's camera, by rasterisation.
-fn see(gpu: &Gpu, scene: &Scene, size: [u32; 2]) -> Result<Receiver> {
-    let geometry = Geometry::upload(gpu, scene)?;
-    let visible = CameraPoints::new(gpu, size)?.see(&geometry, &scene.camera(size), Vec2::splat(0.5));
+fn see(gpu: &Gpu, scene: &Scene, geometry: &Geometry, size: [u32; 2]) -> Result<Receiver> {
+    let visible = CameraPoints::new(gpu, size)?.see(geometry, &scene.camera(size), Vec2::splat(0.5));
     Receiver::of_camera(&visible, size, &scene.space)
 }
 

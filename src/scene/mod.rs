@@ -79,6 +79,11 @@ impl Scene {
         albedo * self.textures[texture].sample_linear(a * barycentric.x + b * barycentric.y + c * barycentric.z)
     }
 
+    /// Whether there are albedo textures.
+    pub fn is_textured(&self) -> bool {
+        !self.textures.is_empty()
+    }
+
     /// Whether any surface is a mirror or glass.
     pub fn is_specular(&self) -> bool {
         self.mesh.triangles.iter().any(|triangle| self.materials[triangle.material as usize].is_specular())
