@@ -15,7 +15,7 @@ uniform float near;
 
 layout(location = 0) out vec4 position_out;
 layout(location = 1) out vec4 normal_out;
-layout(location = 2) out vec4 albedo_out;
+layout(location = 2) out vec4 albedo_out;       // w: entry of the table of triangles
 layout(location = 3) out vec4 emission_out;     // w: distance along the view axis
 
 void main()
@@ -32,7 +32,7 @@ void main()
     position_out = vec4(surface_position, code.x);
     normal_out = vec4(shading, code.y);
     vec3 texel = texture(albedo_texture, texture_coordinates(surface, surface_position)).rgb;
-    albedo_out = vec4(plain_albedo(surface) * texel, 1.0);
+    albedo_out = vec4(plain_albedo(surface) * texel, float(surface_triangle));
     // 1 at the near plane, falling with distance: a float is then as precise at the far end of a terrain as in a room within it.
     gl_FragDepth = near * gl_FragCoord.w;
     emission_out = vec4(front ? emission(surface) : vec3(0.0), -dot(forward, to_eye));

@@ -3,16 +3,13 @@
 
 use std::ops::Range;
 
-use bytemuck::{Pod, cast_slice};
+use bytemuck::cast_slice;
 use glam::{DVec3, DVec4, Mat4, Vec3};
 
 use crate::error::{Error, Result};
 use crate::gpu::{Blend, DepthTest, Draw, Filter, Format, Gpu, Program, Shape, Target, Texture, Uniform, VertexArray, Wrap};
 use crate::math::dominant_axis;
 use crate::scene::{ImageTexture, Material, Mesh, Scene};
-
-/// Texels in a row of a table. OpenGL 3.3 promises at least this texture width. An entry has four texels.
-const TABLE_WIDTH: usize = 1024;
 
 /// All data of the scene's surfaces that shaders read, in unit space.
 pub struct Geometry {
@@ -26,6 +23,8 @@ pub struct Geometry {
     batches: Vec<Batch>,
     /// All vertex positions. Bundles fit their projections to them.
     pub positions: Vec<Vec3>,
+    /// The triangle of each entry of the table, by its index in the scene's mesh.
+    pub order: Vec<usize>,
 }
 
 /// Triangles that share an albedo texture.
@@ -89,12 +88,13 @@ impl Geometry {
         let attributes: [(i32, &[u8]); 2] = [(3, cast_slice(&positions)), (3, cast_slice(&normals))];
         Ok(Self {
             vertices: VertexArray::new(gpu, &attributes)?,
-            triangles: upload_table(gpu, Format::Rgba32F, table)?,
-            materials: upload_table(gpu, Format::Rgba32F, materials)?,
+            triangles: Texture::table(gpu, Format::Rgba32F, table)?,
+            materials: Texture::table(gpu, Format::Rgba32F, materials)?,
             textures,
             texels,
             batches,
             positions: mesh.positions.clone(),
+            order,
         })
     }
 
@@ -180,13 +180,6 @@ fn texture_planes(mesh: &Mesh, triangle: usize) -> [[f32; 4]; 2] {
     let [second, third] = corner_weights(mesh.corners(triangle).map(|corner| corner.as_dvec3()));
     let [ta, tb, tc] = mesh.triangles[triangle].vertices.map(|vertex| mesh.uvs[vertex as usize].as_dvec2());
     [0, 1].map(|k| (second * (tb[k] - ta[k]) + third * (tc[k] - ta[k]) + DVec4::W * ta[k]).as_vec4().to_array())
-}
-
-/// Uploads a list of texels of four 32-bit numbers as a texture, row by row.
-pub(crate) fn upload_table<T: Pod + Default>(gpu: &Gpu, format: Format, mut texels: Vec<[T; 4]>) -> Result<Texture> {
-    let rows = texels.len().div_ceil(TABLE_WIDTH).max(1);
-    texels.resize(rows * TABLE_WIDTH, [T::default(); 4]);
-    Texture::from_texels(gpu, format, [TABLE_WIDTH as u32, rows as u32], Filter::Nearest, Wrap::Clamp, &texels)
 }
 
 /// All textures in one, and the first row of each. Each begins a new row, which wastes least when narrow: the width grows only as device limits need.

@@ -7,9 +7,10 @@ use std::rc::Rc;
 
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
-use crate::photon::{PhotonCounts, PhotonGrid, PhotonTexture, PhotonTracer};
+use crate::geometry::triangle_order;
+use crate::photon::{PhotonAtlas, PhotonCounts, PhotonGrid, PhotonStore, PhotonTexture, PhotonTracer};
 use crate::scene::{Bvh, Lights, Scene, World};
-use crate::settings::PhotonSettings;
+use crate::settings::{PhotonMapKind, PhotonSettings};
 
 /// A scene in unit space, with its ray tree and its lights.
 pub struct Prepared {
@@ -40,7 +41,8 @@ impl Prepared {
         Ok([all, gathered])
     }
 
-    fn of(scene: Scene) -> Self {
+    /// `scene` is in unit space.
+    pub fn of(scene: Scene) -> Self {
         Self { bvh: Rc::new(Bvh::new(&scene.mesh)), lights: Lights::new(&scene), scene }
     }
 
@@ -59,9 +61,31 @@ fn rest_of(scene: &Scene) -> Result<Option<Scene>> {
     Ok(rest)
 }
 
+/// The flux of photons, on surfaces or in a grid.
+pub enum FluxMap {
+    Atlas(Box<PhotonAtlas>),
+    Grid(PhotonGrid),
+}
+
+impl FluxMap {
+    pub fn store(&self) -> &dyn PhotonStore {
+        match self {
+            Self::Atlas(atlas) => &**atlas,
+            Self::Grid(grid) => grid,
+        }
+    }
+
+    fn store_mut(&mut self) -> &mut dyn PhotonStore {
+        match self {
+            Self::Atlas(atlas) => &mut **atlas,
+            Self::Grid(grid) => grid,
+        }
+    }
+}
+
 /// The current photon map. A long render uses several maps in turn, each with fresh photons.
 pub struct Photons {
-    pub grid: PhotonGrid,
+    pub map: FluxMap,
     pub texture: PhotonTexture,
     /// Sum over all maps so far.
     pub counts: PhotonCounts,
@@ -89,16 +113,30 @@ impl Photons {
                 "enlarge the lights, or leave out what lies far away",
             ));
         }
-        let mut grid = PhotonGrid::new(&all.scene.mesh, settings.grid_cells);
-        let counts = all.photons(settings, seed).trace(settings.numbers(0), &mut grid);
-        grid.add_area(&gathered.scene.mesh, &gathered.bvh, seed);
+        let mut map = match settings.map {
+            PhotonMapKind::Surface => {
+                let Prepared { scene, bvh, .. } = all;
+                let arrivals = |groups: &[u32], count| all.photons(settings, seed).arrivals(settings.count, groups, count);
+                let kept = (all.scene.mesh.triangles.len() != gathered.scene.mesh.triangles.len()).then(|| scene.not_glass());
+                FluxMap::Atlas(Box::new(PhotonAtlas::new(&scene.mesh, bvh, kept, arrivals)))
+            }
+            PhotonMapKind::Grid => FluxMap::Grid(PhotonGrid::new(&all.scene.mesh, settings.grid_cells)),
+        };
+        let counts = all.photons(settings, seed).trace(settings.numbers(0), map.store_mut());
+        if let FluxMap::Grid(grid) = &mut map {
+            grid.add_area(&gathered.scene.mesh, &gathered.bvh, seed);
+        }
+        let upload = || match &map {
+            FluxMap::Atlas(atlas) => PhotonTexture::of_atlas(gpu, atlas, &triangle_order(&gathered.scene)),
+            FluxMap::Grid(grid) => PhotonTexture::upload(gpu, grid),
+        };
         let texture = loop {
-            match PhotonTexture::upload(gpu, &grid) {
+            match upload() {
                 Err(error) if gpu.goes_on(&error) && make_room() => {}
                 uploaded => break uploaded?,
             }
         };
-        Ok(Self { texture, grid, counts, number: 0, settings: *settings, seed })
+        Ok(Self { texture, map, counts, number: 0, settings: *settings, seed })
     }
 
     /// Replaces the map by the one with this number, unless it is that one already.
@@ -109,9 +147,13 @@ impl Photons {
         if number != self.number {
             // If the upload fails, the map has no valid number, so the next call traces again.
             self.number = u64::MAX;
-            self.grid.clear_flux();
-            let counts = all.photons(&self.settings, self.seed).trace(self.settings.numbers(number), &mut self.grid);
-            self.texture = PhotonTexture::upload(gpu, &self.grid)?;
+            let store = self.map.store_mut();
+            store.clear_flux();
+            let counts = all.photons(&self.settings, self.seed).trace(self.settings.numbers(number), store);
+            match &self.map {
+                FluxMap::Atlas(atlas) => self.texture.renew(gpu, atlas)?,
+                FluxMap::Grid(grid) => self.texture = PhotonTexture::upload(gpu, grid)?,
+            }
             self.counts += counts;
             self.number = number;
         }

@@ -1,6 +1,6 @@
 //! The oracle: the sums of a gather, computed with exact rays on the CPU.
 //!
-//! The GL side finds hits in rasterised layers, the oracle with rays. [`Reference::gather`] takes the same points, directions and photon grid
+//! The GL side finds hits in rasterised layers, the oracle with rays. [`Reference::gather`] takes the same points, directions and photon map
 //! and shares no other code with the GL side, so the difference between the two is the error of the layers alone.
 //! It sums L(x, d) w and w over the directions d, with w = max(n·d, 0). L is albedo × E_photons / π at the nearest surface along d, or the miss
 //! radiance of the environment. It casts one ray for each point and direction of positive weight, in parallel over points.
@@ -10,8 +10,7 @@ use std::f64::consts::PI;
 use glam::{DVec4, Vec3, Vec4};
 use rayon::prelude::*;
 
-use crate::math::dominant_axis;
-use crate::photon::PhotonGrid;
+use crate::photon::PhotonStore;
 use crate::points::GatherPoint;
 use crate::scene::{Bvh, Hit, RAY_OFFSET, Scene};
 
@@ -20,13 +19,13 @@ use crate::scene::{Bvh, Hit, RAY_OFFSET, Scene};
 pub struct Reference<'a> {
     scene: &'a Scene,
     bvh: &'a Bvh,
-    grid: &'a PhotonGrid,
+    photons: &'a dyn PhotonStore,
 }
 
 impl<'a> Reference<'a> {
-    /// `scene` is in unit space; `bvh` and `grid` belong to its mesh.
-    pub fn new(scene: &'a Scene, bvh: &'a Bvh, grid: &'a PhotonGrid) -> Self {
-        Self { scene, bvh, grid }
+    /// `scene` is in unit space; `bvh` and `photons` belong to its mesh.
+    pub fn new(scene: &'a Scene, bvh: &'a Bvh, photons: &'a dyn PhotonStore) -> Self {
+        Self { scene, bvh, photons }
     }
 
     /// The sums over unit `directions` at each point. rgb: Σ radiance × weight; a: Σ weight.
@@ -63,9 +62,7 @@ impl<'a> Reference<'a> {
     fn radiosity(&self, point: &GatherPoint, direction: Vec3, hit: Hit) -> Vec3 {
         let position = point.position + hit.distance * direction;
         let mesh = &self.scene.mesh;
-        let met = mesh.side_met(hit.triangle, direction);
-        let axis = dominant_axis(met);
         let albedo = self.scene.albedo(hit.triangle, mesh.barycentric(hit.triangle, position));
-        albedo * self.grid.irradiance(position, axis, met[axis] > 0.0)
+        albedo * self.photons.irradiance_of_hit(mesh, hit.triangle, position, direction)
     }
 }

@@ -350,7 +350,7 @@ impl Render {
             }
         };
         let points = self.passes.source.points(&g_buffer);
-        let photon_map = self.passes.photon_map.see(&self.photons.texture, points);
+        let photon_map = self.passes.photon_map.see(&self.photons, &self.all.scene, points, &g_buffer);
         self.statistics.seconds.visible_points += self.finish("finding visible points", start)?;
 
         // Each block takes its share of one sequence of light samples, so that all blocks together cover the lights evenly.
@@ -404,7 +404,7 @@ impl Render {
         let directions: Vec<Direction> = numbers.iter().map(turned).collect();
         let points = self.passes.source.points(&block.g_buffer).only(subset);
         let Prepared { scene, bvh, .. } = &*self.gathered;
-        let oracle = Reference::new(scene, bvh, &self.photons.grid);
+        let oracle = Reference::new(scene, bvh, self.photons.map.store());
         let (geometry, photons) = (&*self.gathered_geometry, &self.photons.texture);
         let layers = self.passes.gather.add(GatherInputs { scene, geometry, photons, oracle, points }, &directions)?;
         self.statistics.seconds.gather += self.finish("final gathering", start)?;
@@ -465,10 +465,10 @@ impl Passes {
         };
         let direct = Direct::new(gpu, settings.direct.shadow_size, settings.seed)?;
         let direct_sums = Accumulator::new(gpu, points)?;
-        let photon_map = PhotonMap::new(gpu, points)?;
+        let photon_map = PhotonMap::new(gpu, settings.photons.map, points)?;
         let interleave = Interleave::new(settings.film.interleave, points, settings.seed);
         // The gather comes last: it adapts to the memory that is left.
-        let gather = IrradianceGather::new(gpu, &settings.gather, settings.layers(), &gathered.scene, &gathered.bvh, interleave)?;
+        let gather = IrradianceGather::new(gpu, settings, &gathered.scene, &gathered.bvh, interleave)?;
         Ok(Self { source, direct, direct_sums, photon_map, interleave, gather, shown: None })
     }
 }

@@ -125,7 +125,9 @@ settings! {
         photons => count: u64 = 1_000_000,
         /// Maximum number of surfaces that store one photon.
         photon_depth | "bounces" => depth: u32 = 64,
-        /// Number of photon grid cells along the longest side of the scene.
+        /// Where photons leave their light, for gather rays to see.
+        photon_map => map: PhotonMapKind = PhotonMapKind::Surface,
+        /// Number of photon grid cells along the longest side of the scene. Only for the grid.
         grid_cells => grid_cells: u32 = 32,
     }
 
@@ -157,6 +159,17 @@ pub enum PointSource {
     Camera,
     /// CPU rays, through mirrors, glass and the camera's lens, to the first diffuse surface.
     Traced,
+}
+
+/// Where photons leave their light.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum PhotonMapKind {
+    /// On the surfaces that they meet. Sides, rooms and hidden surfaces stay apart.
+    #[default]
+    Surface,
+    /// In cells of space, as in the poster. Surfaces in one cell mix.
+    Grid,
 }
 
 /// Side of the square depth layers.

@@ -6,6 +6,7 @@ use std::sync::LazyLock;
 
 use crate::gpu::{ShaderSource, replace_shader_text};
 use crate::harmonics::MAX_ORDER;
+use crate::settings::PhotonMapKind;
 
 macro_rules! includes {
     ($($name:literal)*) => { &[$(($name, include_str!(concat!("../glsl/", $name)))),*] };
@@ -15,7 +16,7 @@ const INCLUDES: &[(&str, &str)] = includes![
     "consumer/harmonics.glsl" "consumer/hemisphere.glsl" "consumer/irradiance.glsl" "consumer/record.glsl"
     "finder/layers.glsl" "finder/rays.glsl" "finder/stored.glsl"
     "include/albedo.glsl" "include/bvh.glsl" "include/harmonics.glsl" "include/hits.glsl" "include/layer.glsl" "include/layer_store.glsl"
-    "include/octahedral.glsl" "include/packed_surface.glsl" "include/photon_grid.glsl" "include/points.glsl" "include/radiance.glsl"
+    "include/octahedral.glsl" "include/packed_surface.glsl" "include/photon_atlas.glsl" "include/photon_grid.glsl" "include/points.glsl" "include/radiance.glsl"
     "include/surface.glsl" "include/vertex_cache.glsl"
 ];
 
@@ -78,10 +79,26 @@ pub enum Consumer {
 /// The source of a hit's radiance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct HitRadiance {
-    /// Whether it is the vertex cache, not the photon map.
-    pub vertex_cache: bool,
+    pub source: RadianceSource,
     /// Whether the scene has albedo textures.
     pub textured: bool,
+}
+
+/// What holds the irradiance of surfaces.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum RadianceSource {
+    PhotonAtlas,
+    PhotonGrid,
+    VertexCache,
+}
+
+impl From<PhotonMapKind> for RadianceSource {
+    fn from(kind: PhotonMapKind) -> Self {
+        match kind {
+            PhotonMapKind::Surface => Self::PhotonAtlas,
+            PhotonMapKind::Grid => Self::PhotonGrid,
+        }
+    }
 }
 
 /// One of the passes that together write all spherical harmonics coefficients of `order` bands.
@@ -114,8 +131,9 @@ impl HarmonicsPass {
 
 impl Consumer {
     fn all() -> Vec<Self> {
-        let radiance = [(false, false), (false, true), (true, false), (true, true)]
-            .map(|(vertex_cache, textured)| HitRadiance { vertex_cache, textured });
+        let sources = [RadianceSource::PhotonAtlas, RadianceSource::PhotonGrid, RadianceSource::VertexCache];
+        let radiance: Vec<_> =
+            sources.into_iter().flat_map(|source| [false, true].map(|textured| HitRadiance { source, textured })).collect();
         let mut all = vec![Self::Record, Self::Hemisphere(None)];
         all.extend(radiance.iter().flat_map(|&radiance| [Self::Irradiance(radiance), Self::Hemisphere(Some(radiance))]));
         for pass in (1..=MAX_ORDER).flat_map(HarmonicsPass::all) {
@@ -131,13 +149,14 @@ impl Consumer {
             Self::Hemisphere(radiance) => ("hemisphere", radiance, None),
             Self::IncidentHarmonics(radiance, pass) => ("harmonics", Some(radiance), Some(pass)),
             Self::TransferHarmonics(textured, pass) => {
-                ("harmonics", textured.map(|textured| HitRadiance { vertex_cache: true, textured }), Some(pass))
+                ("harmonics", textured.map(|textured| HitRadiance { source: RadianceSource::VertexCache, textured }), Some(pass))
             }
             Self::Record => ("record", None, None),
         };
         let flags = [
             (radiance.is_some(), "RADIANCE"),
-            (radiance.is_some_and(|radiance| radiance.vertex_cache), "VERTEX_CACHE"),
+            (radiance.is_some_and(|radiance| radiance.source == RadianceSource::VertexCache), "VERTEX_CACHE"),
+            (radiance.is_some_and(|radiance| radiance.source == RadianceSource::PhotonGrid), "PHOTON_GRID"),
             (radiance.is_some_and(|radiance| radiance.textured), "TEXTURED"),
             (matches!(self, Self::TransferHarmonics(..)), "TRANSFER"),
         ];

@@ -16,7 +16,7 @@ use crate::image::Channel;
 use crate::photon::PhotonTexture;
 use crate::points::{Accumulator, GatherPoint, PointList, Points};
 use crate::quantity::Quantity;
-use crate::shaders::{Consumer, Finder, HarmonicsPass, HitRadiance};
+use crate::shaders::{Consumer, Finder, HarmonicsPass, HitRadiance, RadianceSource};
 
 /// Number of outputs of `glsl/consumer/hemisphere.glsl`: reflected, sky, open, counts.
 const HEMISPHERE: usize = 4;
@@ -100,9 +100,9 @@ pub struct Values {
 }
 
 impl Integrals {
-    /// `gathered`: radiance comes from the vertex cache. `textured`: the scene has albedo textures. `transfer`: hits have transfer.
-    pub fn new(gpu: &Gpu, wanted: Wanted, textured: bool, gathered: bool, transfer: bool) -> Result<Self> {
-        let radiance = HitRadiance { vertex_cache: gathered, textured };
+    /// `source`: where radiance comes from. `textured`: the scene has albedo textures. `transfer`: hits have transfer.
+    pub fn new(gpu: &Gpu, wanted: Wanted, textured: bool, source: RadianceSource, transfer: bool) -> Result<Self> {
+        let radiance = HitRadiance { source, textured };
         let pass = |consumer, outputs, reads_transfer| {
             Ok(IntegralPass { pass: GatherPass::new(gpu, Finder::Stored, consumer)?, outputs, reads_transfer })
         };
@@ -124,7 +124,7 @@ impl Integrals {
     pub fn add(&self, tile: &Tile, inputs: &IntegralInputs) {
         let own = [("open_distance", Uniform::Float(inputs.open_distance))];
         let radiance = match inputs.radiance {
-            SurfaceRadiance::Photons(photons) => photons.uniforms().to_vec(),
+            SurfaceRadiance::Photons(photons) => photons.uniforms(),
             SurfaceRadiance::Cached(cached) => cached.uniforms().to_vec(),
             SurfaceRadiance::Black => Vec::new(),
         };

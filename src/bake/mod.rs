@@ -41,6 +41,7 @@ use crate::points::{Accumulator, GatherPoint};
 use crate::prepared::{Photons, Prepared};
 use crate::scene::Scene;
 use crate::settings::{DIRECTIONS_PER_PHOTON_MAP, Settings};
+use crate::shaders::RadianceSource;
 
 pub use merge::Merge;
 pub use plan::{Plan, RadianceCache, blocks_of, vertex_inset};
@@ -299,7 +300,8 @@ impl Bake {
         let mut wanted = self.plan.wanted(round.last);
         // Without photons, surfaces are black until the first stage is complete.
         wanted.radiance &= radiance || self.photons.is_some();
-        let integrals = Integrals::new(&self.gpu, wanted, self.prepared.scene.is_textured(), radiance, transfer)?;
+        let source = if radiance { RadianceSource::VertexCache } else { self.settings.photons.map.into() };
+        let integrals = Integrals::new(&self.gpu, wanted, self.prepared.scene.is_textured(), source, transfer)?;
         let points = if round.set == PointSet::Vertices { self.cache.points() } else { &self.points };
         let block = BlockSums::new(&self.gpu, number, integrals, &points[round.points.clone()])?;
         let direct = self.direct_light(round, &block)?;

@@ -11,7 +11,7 @@ use super::hits::VertexHits;
 use super::integrals::Values;
 use super::plan::Plan;
 use crate::error::Result;
-use crate::geometry::{corner_weights, triangle_order, upload_table};
+use crate::geometry::{corner_weights, triangle_order};
 use crate::gpu::{Format, Gpu, Texture, Uniform};
 use crate::image::Channel;
 use crate::points::{GatherPoint, Vertices};
@@ -51,7 +51,7 @@ impl VertexCache {
             [DVec4::new(a, b, c, 0.0), second, third, DVec4::ZERO].map(|texel| texel.as_vec4().to_array())
         };
         let triangles = triangle_order(scene).into_iter().flat_map(texels).collect();
-        let triangles = Rc::new(upload_table(gpu, Format::Rgba32F, triangles)?);
+        let triangles = Rc::new(Texture::table(gpu, Format::Rgba32F, triangles)?);
         Ok(Self { vertices: Some((vertices, triangles)), ..Self::default() })
     }
 
@@ -93,7 +93,7 @@ impl CachedValues {
         for (k, column) in columns.iter().enumerate() {
             column.samples.iter().enumerate().for_each(|(vertex, &sample)| values[vertex * texels + k / 4][k % 4] = sample);
         }
-        Ok(Self { triangles: triangles.clone(), values: upload_table(gpu, Format::Rgba32F, values)?, texels })
+        Ok(Self { triangles: triangles.clone(), values: Texture::table(gpu, Format::Rgba32F, values)?, texels })
     }
 
     pub fn uniforms(&self) -> [(&'static str, Uniform<'_>); 3] {

@@ -9,9 +9,9 @@ use crate::error::Result;
 use crate::gather::{GatherInputs, IrradianceGather};
 use crate::math::cosine_direction;
 use crate::points::{GatherPoint, Interleave};
+use crate::prepared::Prepared;
 use crate::random::{Random, Recurrence};
-use crate::reference::Reference;
-use crate::settings::{GatherSettings, Pipeline};
+use crate::settings::Pipeline;
 
 /// A named way to gather.
 pub struct Contestant {
@@ -55,9 +55,10 @@ impl Contestant {
         let Some(pipeline) = self.pipeline else {
             return Ok(Entrant::CosineRays { sums: vec![Vec4::ZERO; bench.pixels.len()], seed, taken: 0 });
         };
-        let settings = GatherSettings { pipeline, ..bench.settings.gather };
+        let settings = bench.settings.with(|s| s.gather.pipeline = pipeline);
+        let Prepared { scene, bvh, .. } = &bench.prepared;
         let all = Interleave::new(1, bench.points().size(), 0);
-        Ok(Entrant::Shared(IrradianceGather::new(&bench.gpu, &settings, bench.settings.layers(), &bench.scene, &bench.bvh, all)?))
+        Ok(Entrant::Shared(IrradianceGather::new(&bench.gpu, &settings, scene, bvh, all)?))
     }
 }
 
@@ -99,8 +100,8 @@ impl Entrant {
 
     /// Gathers along `directions`. Returns the most layers of a direction; 0 when the contestant peels none.
     pub fn gather(&mut self, bench: &Bench, directions: &[Direction]) -> Result<u32> {
-        let Bench { scene, geometry, photons, .. } = bench;
-        let oracle = Reference::new(scene, &bench.bvh, &bench.grid);
+        let (scene, photons) = (&bench.prepared.scene, &bench.photons.texture);
+        let (geometry, oracle) = (&bench.geometry, bench.oracle());
         match self {
             Self::Shared(gather) => {
                 gather.add(GatherInputs { scene, geometry, photons, oracle, points: bench.points() }, directions)

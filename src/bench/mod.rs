@@ -11,7 +11,6 @@
 mod contestant;
 mod deviation;
 
-use std::rc::Rc;
 use std::time::Instant;
 
 use glam::{DVec3, Vec2, Vec3, Vec4};
@@ -24,10 +23,10 @@ use crate::direction::{Direction, Directions};
 use crate::error::{Error, Result};
 use crate::geometry::Geometry;
 use crate::gpu::{Gpu, StageClock};
-use crate::photon::{PhotonGrid, PhotonTexture, PhotonTracer};
 use crate::points::{CameraPoints, GBuffer, GatherPoint, PointList, Points};
+use crate::prepared::{Photons, Prepared};
 use crate::reference::Reference;
-use crate::scene::{Bvh, Lights, Scene};
+use crate::scene::Scene;
 use crate::settings::Settings;
 use contestant::Entrant;
 
@@ -35,11 +34,8 @@ use contestant::Entrant;
 pub struct Bench {
     gpu: Gpu,
     settings: Settings,
-    /// In unit space.
-    scene: Scene,
-    bvh: Rc<Bvh>,
-    grid: PhotonGrid,
-    photons: PhotonTexture,
+    prepared: Prepared,
+    photons: Photons,
     geometry: Geometry,
     source: PointOrigin,
     /// The points in texel order; `None`: a texel without a point.
@@ -145,19 +141,14 @@ impl Bench {
         if pixels.iter().flatten().next().is_none() {
             return Err(Error::usage("there is no point to gather at: the camera sees no surface", "turn the camera"));
         }
-        let lights = Lights::new(&scene);
-        if lights.is_dark() {
+        let prepared = Prepared::of(scene);
+        if prepared.lights.is_dark() {
             return Err(Error::usage("the scene has no light that is large enough beside it", "enlarge the lights"));
         }
-        let bvh = Rc::new(Bvh::new(&scene.mesh));
-        let mut grid = PhotonGrid::new(&scene.mesh, settings.photons.grid_cells);
-        PhotonTracer::new(&scene, &bvh, &lights, settings.seed, settings.photons.depth)
-            .trace(settings.photons.numbers(0), &mut grid);
-        grid.add_area(&scene.mesh, &bvh, settings.seed);
-        let photons = PhotonTexture::upload(gpu, &grid)?;
+        let photons = Photons::new(gpu, [&prepared, &prepared], (&settings.photons, settings.seed), || false)?;
         gpu.finish();
         gpu.check("preparing a bench")?;
-        Ok(Self { gpu: gpu.clone(), settings: *settings, scene, bvh, grid, photons, geometry, source, pixels })
+        Ok(Self { gpu: gpu.clone(), settings: *settings, prepared, photons, geometry, source, pixels })
     }
 
     /// Number of gather points.
@@ -166,7 +157,7 @@ impl Bench {
     }
 
     pub fn triangle_count(&self) -> usize {
-        self.scene.mesh.triangles.len()
+        self.prepared.scene.mesh.triangles.len()
     }
 
     fn points(&self) -> Points<'_> {
@@ -244,6 +235,11 @@ impl Bench {
         self.by_rays(&self.spread(usize::MAX), &self.other_directions(directions))
     }
 
+    /// Exact rays in the scene, which see its photon map.
+    fn oracle(&self) -> Reference<'_> {
+        Reference::new(&self.prepared.scene, &self.prepared.bvh, self.photons.map.store())
+    }
+
     fn other_directions(&self, count: u32) -> Vec<Vec3> {
         let others = Directions::new(self.settings.directions.sequence, !self.settings.seed);
         both_ends(&(0..count).map(|index| others.get(index).vector).collect::<Vec<_>>())
@@ -251,7 +247,7 @@ impl Bench {
 
     fn by_rays(&self, places: &[usize], directions: &[Vec3]) -> Vec<DVec3> {
         let points: Vec<_> = places.iter().filter_map(|&place| self.pixels[place]).collect();
-        let sums = Reference::new(&self.scene, &self.bvh, &self.grid).gather(&points, directions);
+        let sums = self.oracle().gather(&points, directions);
         sums.into_iter().map(irradiance).collect()
     }
 

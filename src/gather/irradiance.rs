@@ -17,7 +17,7 @@ use crate::photon::PhotonTexture;
 use crate::points::{Accumulator, GatherPoint, Interleave, Points};
 use crate::reference::Reference;
 use crate::scene::{Bvh, Scene};
-use crate::settings::{GatherSettings, Pipeline};
+use crate::settings::{Pipeline, Settings};
 use crate::shaders::{Consumer, HitRadiance};
 
 /// Inputs of [`IrradianceGather::add`].
@@ -52,26 +52,25 @@ enum Method {
 }
 
 impl IrradianceGather {
-    /// Uses the settings' pipeline, point textures of `interleave`, [`GatherSettings::layers`]. `scene` is in unit space, `bvh` of its mesh.
+    /// Uses the settings' pipeline, its photon map, and point textures of `interleave`. `scene` is in unit space, `bvh` of its mesh.
     ///
     /// # Errors
     /// When a size is beyond the device's limits.
     pub fn new(
         gpu: &Gpu,
-        settings: &GatherSettings,
-        layers: u32,
+        settings: &Settings,
         scene: &Scene,
         bvh: &Rc<Bvh>,
         interleave: Interleave,
     ) -> Result<Self> {
-        let method = match settings.pipeline {
+        let method = match settings.gather.pipeline {
             Pipeline::Raycast => Method::Oracle { points: Vec::new(), sums: Vec::new() },
             pipeline => {
                 // The finder comes last: it adapts to the memory that is left.
                 let sums = Accumulator::new(gpu, interleave.sums_size())?;
-                let radiance = HitRadiance { vertex_cache: false, textured: scene.is_textured() };
+                let radiance = HitRadiance { source: settings.photons.map.into(), textured: scene.is_textured() };
                 let pass = GatherPass::new(gpu, shader_of(pipeline), Consumer::Irradiance(radiance))?;
-                Method::Shader { finder: hit_finder(gpu, settings, layers, scene, bvh, interleave.tile())?, pass, sums }
+                Method::Shader { finder: hit_finder(gpu, &settings.gather, settings.layers(), scene, bvh, interleave.tile())?, pass, sums }
             }
         };
         Ok(Self { interleave, method })

@@ -10,7 +10,7 @@ use glam::{DVec3, Vec3, Vec4};
 use super::{Found, HitFinder};
 use crate::direction::Direction;
 use crate::error::Result;
-use crate::geometry::{Geometry, corner_weights, triangle_order, upload_table};
+use crate::geometry::{Geometry, corner_weights, triangle_order};
 use crate::gpu::{Format, Gpu, Texture, Uniform};
 use crate::points::Points;
 use crate::scene::{FlatBvh, Scene};
@@ -40,8 +40,8 @@ impl RayFinder {
         let order = std::mem::take(&mut tree.triangles);
         let triangles = order.into_iter().flat_map(|index| texels(corners[index as usize], index)).collect();
         Ok(Self {
-            nodes: upload_table(gpu, Format::Rgba32Ui, nodes)?,
-            triangles: upload_table(gpu, Format::Rgba32F, triangles)?,
+            nodes: Texture::table(gpu, Format::Rgba32Ui, nodes)?,
+            triangles: Texture::table(gpu, Format::Rgba32F, triangles)?,
             tree,
             directions: Vec::new(),
         })

@@ -82,6 +82,9 @@ impl Texture {
         Self::new(gpu, glow::TEXTURE_2D_ARRAY, format, [width, height, count], Filter::Nearest, Wrap::Clamp, None)
     }
 
+    /// Texels in a row of a table. OpenGL 3.3 promises at least this texture width.
+    const TABLE_WIDTH: usize = 1024;
+
     /// A 2D texture of `texels`, first row at t = 0. Fails as [`Self::empty`].
     pub fn from_texels<T: Pod>(
         gpu: &Gpu,
@@ -92,6 +95,13 @@ impl Texture {
         texels: &[T],
     ) -> Result<Self> {
         Self::new(gpu, glow::TEXTURE_2D, format, [width, height, 1], filter, wrap, Some(bytemuck::cast_slice(texels)))
+    }
+
+    /// A list of texels as a 2D texture, [`Self::TABLE_WIDTH`] in a row, padded with zeros. Fails as [`Self::empty`].
+    pub fn table<T: Pod>(gpu: &Gpu, format: Format, mut texels: Vec<T>) -> Result<Self> {
+        let rows = texels.len().div_ceil(Self::TABLE_WIDTH).max(1);
+        texels.resize(rows * Self::TABLE_WIDTH, T::zeroed());
+        Self::from_texels(gpu, format, [Self::TABLE_WIDTH as u32, rows as u32], Filter::Nearest, Wrap::Clamp, &texels)
     }
 
     /// An array of one 2D texture of `texels`, with nearest filtering. Fails as [`Self::empty`].

@@ -9,7 +9,9 @@
 use glam::{IVec3, UVec3, Vec3, Vec4};
 use rayon::prelude::*;
 
-use crate::math::{Aabb, cosine_direction, dominant_axis};
+use super::clip::{area, slice};
+use super::store::PhotonStore;
+use crate::math::{cosine_direction, dominant_axis};
 use crate::random::Random;
 use crate::scene::{Bvh, Mesh, RAY_OFFSET};
 
@@ -54,13 +56,6 @@ impl PhotonGrid {
         triangles * (size_of::<Vec<CellArea>>() + 2 * 4 * size_of::<CellArea>())
     }
 
-    /// The bin of the side that a ray along `direction` hits at `position` on a triangle.
-    pub fn index_of_hit(&self, mesh: &Mesh, triangle: usize, position: Vec3, direction: Vec3) -> usize {
-        let side = mesh.side_met(triangle, direction);
-        let cell = ((position - self.origin) / self.cell_size).as_uvec3();
-        self.index_of(cell, dominant_axis(side), side)
-    }
-
     /// `axis` is that of the triangle's geometric normal, as in the shaders.
     fn index_of(&self, cell: UVec3, axis: usize, side: Vec3) -> usize {
         let bin = 2 * axis + usize::from(side[axis] <= 0.0);
@@ -83,20 +78,6 @@ impl PhotonGrid {
             sums += weight * Vec4::from(self.sums[self.index_of(first.as_uvec3() + step, axis, side)]);
         }
         if sums.w > 0.0 { sums.truncate() / sums.w } else { Vec3::ZERO }
-    }
-
-    /// Adds the flux of a photon to bin `index`.
-    pub fn add_flux(&mut self, index: usize, flux: Vec3) {
-        for (sum, flux) in self.sums[index].iter_mut().zip(flux.to_array()) {
-            *sum += flux;
-        }
-    }
-
-    /// Removes the flux and keeps the area, for new photons.
-    pub fn clear_flux(&mut self) {
-        for sums in &mut self.sums {
-            sums[..3].fill(0.0);
-        }
     }
 
     /// Adds the area of `mesh` that light reaches. Call it once, after flux was added.
@@ -137,33 +118,6 @@ impl PhotonGrid {
         self.settle();
     }
 
-    /// Moves flux in cells without area to the nearest cell with area. A surface on the border of two cells has its area in one of them, but
-    /// rounding puts some of its photons into the other. Readers near such a cell would divide by almost no area. Does nothing before area is added.
-    pub(super) fn settle(&mut self) {
-        let size = self.cells.as_ivec3();
-        for bin in 0..BINS {
-            let first = bin * self.cells.element_product() as usize;
-            let index = |cell: IVec3| first + ((cell.z * size.y + cell.y) * size.x + cell.x) as usize;
-            // Nearest cells first; of these, those across the surface before those along it.
-            let mut steps: Vec<IVec3> = (0..27).map(|step| IVec3::new(step % 3, step / 3 % 3, step / 9) - 1).collect();
-            steps.sort_by_key(|step| (step.length_squared(), step[bin / 2] == 0));
-            for at in 0..size.element_product() {
-                let cell = IVec3::new(at % size.x, at / size.x % size.y, at / (size.x * size.y));
-                let [red, green, blue, area] = self.sums[index(cell)];
-                if area > 0.0 || !self.is_lit(index(cell)) {
-                    continue;
-                }
-                let mut near = steps.iter().map(|&step| cell + step);
-                let has_area =
-                    |near: &IVec3| near.cmpge(IVec3::ZERO).all() && near.cmplt(size).all() && self.sums[index(*near)][3] > 0.0;
-                if let Some(near) = near.find(has_area) {
-                    self.sums[index(cell)] = [0.0; 4];
-                    self.add_flux(index(near), Vec3::new(red, green, blue));
-                }
-            }
-        }
-    }
-
     fn is_lit(&self, index: usize) -> bool {
         self.sums[index][..3].iter().any(|&flux| flux > 0.0)
     }
@@ -194,57 +148,65 @@ impl PhotonGrid {
     }
 }
 
+impl PhotonStore for PhotonGrid {
+    fn index_of_hit(&self, mesh: &Mesh, triangle: usize, position: Vec3, direction: Vec3) -> usize {
+        let side = mesh.side_met(triangle, direction);
+        let cell = ((position - self.origin) / self.cell_size).as_uvec3();
+        self.index_of(cell, dominant_axis(side), side)
+    }
+
+    fn add_flux(&mut self, index: usize, flux: Vec3) {
+        for (sum, flux) in self.sums[index].iter_mut().zip(flux.to_array()) {
+            *sum += flux;
+        }
+    }
+
+    /// Moves flux in cells without area to the nearest cell with area. A surface on the border of two cells has its area in one of them, but
+    /// rounding puts some of its photons into the other. Readers near such a cell would divide by almost no area. Does nothing before area is added.
+    fn settle(&mut self) {
+        let size = self.cells.as_ivec3();
+        for bin in 0..BINS {
+            let first = bin * self.cells.element_product() as usize;
+            let index = |cell: IVec3| first + ((cell.z * size.y + cell.y) * size.x + cell.x) as usize;
+            // Nearest cells first; of these, those across the surface before those along it.
+            let mut steps: Vec<IVec3> = (0..27).map(|step| IVec3::new(step % 3, step / 3 % 3, step / 9) - 1).collect();
+            steps.sort_by_key(|step| (step.length_squared(), step[bin / 2] == 0));
+            for at in 0..size.element_product() {
+                let cell = IVec3::new(at % size.x, at / size.x % size.y, at / (size.x * size.y));
+                let [red, green, blue, area] = self.sums[index(cell)];
+                if area > 0.0 || !self.is_lit(index(cell)) {
+                    continue;
+                }
+                let mut near = steps.iter().map(|&step| cell + step);
+                let has_area =
+                    |near: &IVec3| near.cmpge(IVec3::ZERO).all() && near.cmplt(size).all() && self.sums[index(*near)][3] > 0.0;
+                if let Some(near) = near.find(has_area) {
+                    self.sums[index(cell)] = [0.0; 4];
+                    self.add_flux(index(near), Vec3::new(red, green, blue));
+                }
+            }
+        }
+    }
+
+    fn clear_flux(&mut self) {
+        for sums in &mut self.sums {
+            sums[..3].fill(0.0);
+        }
+    }
+
+    fn irradiance_of_hit(&self, mesh: &Mesh, triangle: usize, position: Vec3, direction: Vec3) -> Vec3 {
+        let side = mesh.side_met(triangle, direction);
+        let axis = dominant_axis(side);
+        self.irradiance(position, axis, side[axis] > 0.0)
+    }
+}
+
 /// One side of a triangle's part in one cell.
 struct CellArea {
     index: usize,
     area: f32,
     /// See [`PhotonGrid::probe`].
     probes: [u32; 2],
-}
-
-/// Cuts a convex polygon into slabs of unit thickness along `axis`. Each slab gets `cell` with its own coordinate along the axis.
-fn slice(cell: UVec3, polygon: Vec<Vec3>, axis: usize) -> Vec<(UVec3, Vec<Vec3>)> {
-    let bounds = Aabb::from_points(polygon.iter().copied());
-    let [first, last] = [bounds.min, bounds.max].map(|corner| corner[axis].max(0.0) as u32);
-    let mut slabs = Vec::new();
-    let mut rest = polygon;
-    for slab in first..=last {
-        let mut cell = cell;
-        cell[axis] = slab;
-        let (below, above) =
-            if slab == last { (std::mem::take(&mut rest), Vec::new()) } else { split(&rest, axis, (slab + 1) as f32) };
-        rest = above;
-        if below.len() >= 3 {
-            slabs.push((cell, below));
-        }
-    }
-    slabs
-}
-
-/// The parts of a convex polygon below and above a plane across `axis`.
-fn split(polygon: &[Vec3], axis: usize, plane: f32) -> (Vec<Vec3>, Vec<Vec3>) {
-    let (mut below, mut above) = (Vec::new(), Vec::new());
-    for (i, &a) in polygon.iter().enumerate() {
-        let b = polygon[(i + 1) % polygon.len()];
-        let (to_a, to_b) = (a[axis] - plane, b[axis] - plane);
-        if to_a <= 0.0 {
-            below.push(a);
-        }
-        if to_a >= 0.0 {
-            above.push(a);
-        }
-        if to_a * to_b < 0.0 {
-            let crossing = a + (b - a) * (to_a / (to_a - to_b));
-            below.push(crossing);
-            above.push(crossing);
-        }
-    }
-    (below, above)
-}
-
-fn area(polygon: &[Vec3]) -> f32 {
-    let fan = polygon[1..].windows(2).map(|pair| (pair[0] - polygon[0]).cross(pair[1] - polygon[0]));
-    0.5 * fan.sum::<Vec3>().length()
 }
 
 /// A uniformly distributed random point of a convex polygon.

@@ -6,12 +6,17 @@
 //!
 //! Source: Jensen 1996, "Global illumination using photon maps". The grid follows Hachisuka 2004, "Final gathering on GPU".
 
+mod atlas;
 mod caustics;
+mod clip;
 mod grid;
+mod store;
 mod texture;
 mod trace;
 
+pub use atlas::PhotonAtlas;
 pub use caustics::{CausticMap, CausticPhoton};
 pub use grid::PhotonGrid;
+pub use store::PhotonStore;
 pub use texture::PhotonTexture;
 pub use trace::{PhotonCounts, PhotonTracer};

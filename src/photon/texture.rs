@@ -1,13 +1,30 @@
-//! The photon grid on the GL side. Mirrors `glsl/include/photon_grid.glsl`.
+//! The photon map on the GL side. Mirrors `glsl/include/photon_atlas.glsl` and `glsl/include/photon_grid.glsl`.
 
 use glam::Vec3;
 
+use super::atlas::{AtlasTables, PhotonAtlas};
 use super::grid::{BINS, PhotonGrid};
 use crate::error::Result;
 use crate::gpu::{Format, Gpu, Texture, Uniform};
+use crate::settings::PhotonMapKind;
+
+/// A grid or an atlas in textures.
+pub enum PhotonTexture {
+    Atlas(AtlasTextures),
+    Grid(GridTexture),
+}
+
+/// The tables of an atlas.
+pub struct AtlasTextures {
+    triangles: Texture,
+    charts: Texture,
+    pages: Texture,
+    cells: Texture,
+    irradiance: Texture,
+}
 
 /// A grid as a 3D texture. The six bins are tiles, three along x and two along y.
-pub struct PhotonTexture {
+pub struct GridTexture {
     texture: Texture,
     origin: Vec3,
     cells: Vec3,
@@ -29,7 +46,41 @@ impl PhotonTexture {
         }
         let size = [3 * width, 2 * height, depth].map(|side| side as u32);
         let texture = Texture::from_texels_3d(gpu, Format::Rgba32F, size, &texels)?;
-        Ok(Self { texture, origin: grid.origin, cells: grid.cells.as_vec3(), density: 1.0 / grid.cell_size })
+        let (origin, cells, density) = (grid.origin, grid.cells.as_vec3(), 1.0 / grid.cell_size);
+        Ok(Self::Grid(GridTexture { texture, origin, cells, density }))
+    }
+
+    /// `order`: the triangles of the gathered mesh in the order of the shaders' table, see [`crate::geometry::Geometry::order`].
+    ///
+    /// # Errors
+    /// [`crate::Error::Usage`] if the atlas exceeds the device's limits.
+    pub fn of_atlas(gpu: &Gpu, atlas: &PhotonAtlas, order: &[usize]) -> Result<Self> {
+        let AtlasTables { triangles, charts, pages, cells, irradiance } = atlas.tables(order);
+        Ok(Self::Atlas(AtlasTextures {
+            triangles: Texture::table(gpu, Format::R32Ui, triangles)?,
+            charts: Texture::table(gpu, Format::Rgba32F, charts)?,
+            pages: Texture::table(gpu, Format::R32Ui, pages)?,
+            cells: Texture::table(gpu, Format::R32Ui, cells)?,
+            irradiance: Texture::table(gpu, Format::Rgba32F, irradiance)?,
+        }))
+    }
+
+    /// Replaces the irradiance of an atlas, after new photons. The surfaces stay.
+    ///
+    /// # Errors
+    /// When the device has no memory left.
+    pub fn renew(&mut self, gpu: &Gpu, atlas: &PhotonAtlas) -> Result<()> {
+        if let Self::Atlas(textures) = self {
+            textures.irradiance = Texture::table(gpu, Format::Rgba32F, atlas.irradiance_table())?;
+        }
+        Ok(())
+    }
+
+    pub fn kind(&self) -> PhotonMapKind {
+        match self {
+            Self::Atlas(_) => PhotonMapKind::Surface,
+            Self::Grid(_) => PhotonMapKind::Grid,
+        }
     }
 
     /// Bytes that [`Self::upload`] takes of a grid: the texture, and its texels meanwhile.
@@ -38,12 +89,21 @@ impl PhotonTexture {
     }
 
     /// The uniforms that the shaders read.
-    pub fn uniforms(&self) -> [(&'static str, Uniform<'_>); 4] {
-        [
-            ("photon_grid", Uniform::Texture(&self.texture)),
-            ("grid_origin", Uniform::Vec3(self.origin)),
-            ("grid_cells", Uniform::Vec3(self.cells)),
-            ("grid_density", Uniform::Float(self.density)),
-        ]
+    pub fn uniforms(&self) -> Vec<(&'static str, Uniform<'_>)> {
+        match self {
+            Self::Atlas(AtlasTextures { triangles, charts, pages, cells, irradiance }) => vec![
+                ("atlas_triangles", Uniform::Texture(triangles)),
+                ("atlas_charts", Uniform::Texture(charts)),
+                ("atlas_pages", Uniform::Texture(pages)),
+                ("atlas_cells", Uniform::Texture(cells)),
+                ("atlas_irradiance", Uniform::Texture(irradiance)),
+            ],
+            Self::Grid(GridTexture { texture, origin, cells, density }) => vec![
+                ("photon_grid", Uniform::Texture(texture)),
+                ("grid_origin", Uniform::Vec3(*origin)),
+                ("grid_cells", Uniform::Vec3(*cells)),
+                ("grid_density", Uniform::Float(*density)),
+            ],
+        }
     }
 }

@@ -13,7 +13,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use super::caustics::CausticPhoton;
-use super::grid::PhotonGrid;
+use super::store::PhotonStore;
 use crate::math::cosine_direction;
 use crate::random::{Random, Recurrence};
 use crate::scene::{Bvh, Lights, MOST_SPECULAR, Path, Scene, Surface};
@@ -22,6 +22,8 @@ use crate::scene::{Bvh, Lights, MOST_SPECULAR, Path, Scene, Surface};
 const ROUND: u64 = 1 << 18;
 /// Number of photons of one task.
 const CHUNK: u64 = 1 << 12;
+/// Number of photons that [`PhotonTracer::arrivals`] traces at most.
+const PILOTS: u64 = 1 << 16;
 
 /// Traces photons through one scene.
 pub struct PhotonTracer<'a> {
@@ -32,6 +34,9 @@ pub struct PhotonTracer<'a> {
     seed: u64,
     depth: u32,
 }
+
+/// The place of a stored hit: of the triangle that a path has just met.
+type HitIndex<'a> = dyn Fn(usize, &Path) -> usize + Sync + 'a;
 
 /// How a photon's path ends.
 enum PhotonEnd {
@@ -70,40 +75,56 @@ impl<'a> PhotonTracer<'a> {
         Self { scene, bvh, lights, starts: Recurrence::new(seed), seed, depth }
     }
 
-    /// Emits the photons with these numbers, which share the whole power of lights and environment, and adds their flux at surfaces to `grid`.
+    /// Emits the photons with these numbers, which share the whole power of lights and environment, and adds their flux at surfaces to `store`.
     /// Other numbers give other photons. All together they sample the lights evenly.
-    pub fn trace(&self, photons: Range<u64>, grid: &mut PhotonGrid) -> PhotonCounts {
-        let emitted = photons.end - photons.start;
+    pub fn trace(&self, photons: Range<u64>, store: &mut dyn PhotonStore) -> PhotonCounts {
         let mut counts = PhotonCounts::default();
+        let share = 1.0 / (photons.end - photons.start) as f32;
         for round in photons.clone().step_by(ROUND as usize) {
-            let end = (round + ROUND).min(photons.end);
-            let chunks: Vec<u64> = (round..end).step_by(CHUNK as usize).collect();
-            // Traced in parallel, summed in the order of photons.
-            let traced: Vec<(PhotonCounts, Vec<(usize, Vec3)>)> = chunks
-                .into_par_iter()
-                .map(|chunk| {
-                    let (mut counts, mut hits) = (PhotonCounts::default(), Vec::new());
-                    for photon in chunk..(chunk + CHUNK).min(end) {
-                        match self.trace_one(photon, 1.0 / emitted as f32, grid, &mut hits) {
-                            PhotonEnd::Absorbed => counts.absorbed += 1,
-                            PhotonEnd::Escaped => counts.escaped += 1,
-                            PhotonEnd::Cut => counts.cut += 1,
-                        }
-                        counts.emitted += 1;
-                    }
-                    counts.stored = hits.len() as u64;
-                    (counts, hits)
-                })
-                .collect();
-            for (of_chunk, hits) in traced {
-                counts += of_chunk;
-                for (index, flux) in hits {
-                    grid.add_flux(index, flux);
-                }
-            }
+            let (of_round, hits) = {
+                let mesh = &self.scene.mesh;
+                let index = |triangle, path: &Path| store.index_of_hit(mesh, triangle, path.origin, path.direction);
+                self.hits(round..(round + ROUND).min(photons.end), share, &index)
+            };
+            counts += of_round;
+            hits.into_iter().for_each(|(index, flux)| store.add_flux(index, flux));
         }
-        grid.settle();
+        store.settle();
         counts
+    }
+
+    /// How many of `photons` photons each group of triangles stores, estimated from a few of them. `groups`: the group of each triangle.
+    pub fn arrivals(&self, photons: u64, groups: &[u32], count: usize) -> Vec<f32> {
+        let pilots = photons.min(PILOTS);
+        let (_, hits) = self.hits(0..pilots, 1.0, &|triangle, _| groups[triangle] as usize);
+        let mut arrivals = vec![0.0; count];
+        hits.into_iter().for_each(|(group, _)| arrivals[group] += photons as f32 / pilots as f32);
+        arrivals
+    }
+
+    /// Traces photons, each with this share of the power. Returns the `index` and flux of all stored hits, in the order of photons.
+    fn hits(&self, photons: Range<u64>, share: f32, index: &HitIndex) -> (PhotonCounts, Vec<(usize, Vec3)>) {
+        let trace = |chunk: u64| {
+            let (mut counts, mut hits) = (PhotonCounts::default(), Vec::new());
+            for photon in chunk..(chunk + CHUNK).min(photons.end) {
+                match self.trace_one(photon, share, index, &mut hits) {
+                    PhotonEnd::Absorbed => counts.absorbed += 1,
+                    PhotonEnd::Escaped => counts.escaped += 1,
+                    PhotonEnd::Cut => counts.cut += 1,
+                }
+                counts.emitted += 1;
+            }
+            counts.stored = hits.len() as u64;
+            (counts, hits)
+        };
+        let chunks: Vec<u64> = photons.clone().step_by(CHUNK as usize).collect();
+        let traced: Vec<_> = chunks.into_par_iter().map(trace).collect();
+        let (mut counts, mut all) = (PhotonCounts::default(), Vec::new());
+        for (of_chunk, hits) in traced {
+            counts += of_chunk;
+            all.extend(hits);
+        }
+        (counts, all)
     }
 
     /// Traces photons as [`Self::trace`] does, and returns those that reach a diffuse surface by mirrors and glass alone.
@@ -130,7 +151,7 @@ impl<'a> PhotonTracer<'a> {
         (path, share * flux, Random::new(self.seed, photon))
     }
 
-    fn trace_one(&self, photon: u64, share: f32, grid: &PhotonGrid, hits: &mut Vec<(usize, Vec3)>) -> PhotonEnd {
+    fn trace_one(&self, photon: u64, share: f32, index: &HitIndex, hits: &mut Vec<(usize, Vec3)>) -> PhotonEnd {
         let (mut path, mut flux, mut random) = self.emit(photon, share);
         let mesh = &self.scene.mesh;
         // Numbers of diffuse surfaces so far, and of mirrors and glass since the last of them.
@@ -140,7 +161,7 @@ impl<'a> PhotonTracer<'a> {
             let surface = self.scene.material(triangle).surface;
             // Light of a lamp that mirrors reflect is a caustic. Gather rays must not count it again.
             if surface == Surface::Diffuse || surface == Surface::Mirror && diffuse > 0 {
-                hits.push((grid.index_of_hit(mesh, triangle, path.origin, path.direction), flux));
+                hits.push((index(triangle, &path), flux));
             }
             let side = mesh.side_met(triangle, path.direction);
             let kept = match surface {

@@ -23,7 +23,7 @@ pub struct GBuffer {
     pub position: Vec<Vec4>,
     /// xyz: unit shading normal on the visible side, zero where there is no point; w as in [`Points`].
     pub normal: Vec<Vec4>,
-    /// rgb: albedo times the transmittance of mirrors and glass before the point.
+    /// rgb: albedo times the transmittance of mirrors and glass before the point; a: its triangle in the scene's mesh, counted from 1.
     pub albedo: Vec<Vec4>,
     /// rgb: emitted radiance, of the environment if the pixel sees no surface; a: distance of the first surface along the view axis, or 0.
     pub emission: Vec<Vec4>,
@@ -66,11 +66,14 @@ impl CameraPoints {
             uniforms: &uniforms,
         });
         let normal: Vec<Vec4> = self.target.color(1).read();
+        let mut albedo: Vec<Vec4> = self.target.color(2).read();
+        let seen = albedo.iter_mut().zip(&normal).filter(|(_, normal)| normal.truncate() != Vec3::ZERO);
+        seen.for_each(|(albedo, _)| albedo.w = (geometry.order[albedo.w as usize] + 1) as f32);
         let count = normal.iter().filter(|normal| normal.truncate() != Vec3::ZERO).count() as u32;
         GBuffer {
             position: self.target.color(0).read(),
             normal,
-            albedo: self.target.color(2).read(),
+            albedo,
             emission: self.target.color(3).read(),
             count,
             cut: 0,

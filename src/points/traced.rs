@@ -88,7 +88,7 @@ impl EyeRays<'_> {
             seen.position = path.origin.extend(code.x);
             let Some(share) = path.scatter(self.scene, &mut choice) else {
                 seen.normal = mesh.shading_normal(triangle, barycentric, side).extend(code.y);
-                seen.albedo = (throughput * self.scene.albedo(triangle, barycentric)).extend(1.0);
+                seen.albedo = (throughput * self.scene.albedo(triangle, barycentric)).extend((triangle + 1) as f32);
                 break;
             };
             throughput *= share;

@@ -2,12 +2,14 @@
 
 use std::time::Duration;
 
-use glam::{Vec3, Vec3A};
+use glam::{UVec2, Vec3, Vec3A};
 use obvhs::BvhBuildParams;
 use obvhs::cwbvh::{CwBvh, builder::build_cwbvh_from_tris};
 use obvhs::ray::{Ray, RayHit};
+use obvhs::traverse;
 
 use super::Mesh;
+use crate::math::Aabb;
 
 /// A ray starts this far from its surface, in unit space. Coordinates there are at most 1, and half a unit in the last place is 3e-8. Rasterised
 /// positions have an error of some tens of these, ray casts of a few more. Details of a picture are larger: the scene's radius is 1e6 times this.
@@ -61,6 +63,16 @@ impl Bvh {
             intersect(&self.triangles[leaf], ray)
         });
         found.then(|| Hit { triangle: self.tree.primitive_indices[hit.primitive_id as usize] as usize, distance: hit.t / SCALE })
+    }
+
+    /// Calls `visit` for each triangle whose bounding box may overlap `bounds`, in an order that depends on the mesh alone.
+    pub fn overlapping(&self, bounds: &Aabb, mut visit: impl FnMut(usize)) {
+        let bounds = obvhs::aabb::Aabb::new(SCALE * Vec3A::from(bounds.min), SCALE * Vec3A::from(bounds.max));
+        let mut state = self.tree.new_traversal(Vec3A::ONE);
+        let mut node;
+        traverse!(self.tree, node, state, node.intersect_aabb(&bounds, state.oct_inv4), {
+            visit(self.tree.primitive_indices[state.primitive_id as usize] as usize);
+        });
     }
 }
 

@@ -89,6 +89,12 @@ impl Scene {
         self.mesh.triangles.iter().any(|triangle| self.materials[triangle.material as usize].is_specular())
     }
 
+    /// The indices of the triangles that are no glass. [`Self::without_glass`] keeps them in this order.
+    pub fn not_glass(&self) -> Vec<u32> {
+        let is_glass = |triangle: usize| self.material(triangle).is_glass();
+        (0..self.mesh.triangles.len()).filter(|&triangle| !is_glass(triangle)).map(|triangle| triangle as u32).collect()
+    }
+
     /// The scene without glass; `None` if it has none. Gather rays ignore glass, and treat a mirror as a Lambertian surface of its albedo.
     pub fn without_glass(&self) -> Option<Self> {
         let is_glass = |triangle: &Triangle| self.materials[triangle.material as usize].is_glass();

@@ -311,7 +311,9 @@ fn gather_by(
     directions: &[Direction],
     layer_size: u32,
 ) -> (Vec<Vec4>, u32) {
-    let settings = GatherSettings { pipeline, layer_size: LayerSize::Texels(layer_size), stop_fraction: 0.0 };
+    let mut settings = Settings::default();
+    settings.gather = GatherSettings { pipeline, layer_size: LayerSize::Texels(layer_size), stop_fraction: 0.0 };
+    settings.photons.map = photons.kind();
     let geometry = &Geometry::upload(gpu, scene).unwrap();
     let list = PointList::upload(gpu, points).unwrap();
     let points = list.points();
@@ -319,7 +321,7 @@ fn gather_by(
     // No GL pipeline uses it.
     let oracle = Reference::new(scene, &bvh, &grid);
     let mut gather =
-        IrradianceGather::new(gpu, &settings, layer_size, scene, &bvh, Interleave::new(1, points.size(), 0)).unwrap();
+        IrradianceGather::new(gpu, &settings, scene, &bvh, Interleave::new(1, points.size(), 0)).unwrap();
     gather.begin(|| points.read());
     let layers = gather.add(GatherInputs { scene, geometry, photons, oracle, points }, directions).unwrap();
     gpu.check("gathering").unwrap();

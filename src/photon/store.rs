@@ -1,0 +1,23 @@
+//! Where photons leave their flux: the interface of the grid and the atlas.
+
+use glam::Vec3;
+
+use crate::scene::Mesh;
+
+/// Sums the flux of photons at surfaces, and estimates irradiance from it. Lengths are in unit space.
+pub trait PhotonStore: Sync {
+    /// The sum to which a photon adds that meets a triangle of the traced mesh at `position`, along the unit vector `direction`.
+    fn index_of_hit(&self, mesh: &Mesh, triangle: usize, position: Vec3, direction: Vec3) -> usize;
+
+    /// Adds the flux of a photon to the sum `index`.
+    fn add_flux(&mut self, index: usize, flux: Vec3);
+
+    /// Called after the last photon of a map.
+    fn settle(&mut self) {}
+
+    /// Removes the flux, for new photons. What is known of the surfaces stays.
+    fn clear_flux(&mut self);
+
+    /// Irradiance at a hit of a triangle of the gathered mesh, on the side that a ray along the unit vector `direction` meets.
+    fn irradiance_of_hit(&self, mesh: &Mesh, triangle: usize, position: Vec3, direction: Vec3) -> Vec3;
+}
