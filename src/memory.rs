@@ -9,10 +9,10 @@ use crate::direct::Direct;
 use crate::film::{Film, FilmSum};
 use crate::gather::LayerStore;
 use crate::geometry::Geometry;
-use crate::photon::{PhotonGrid, PhotonTexture};
+use crate::photon::{PhotonAtlas, PhotonGrid, PhotonTexture};
 use crate::points::{Accumulator, CameraPoints, GBuffer, GatherPoint, PointTextures};
 use crate::scene::{Environment, Scene, Triangle};
-use crate::settings::{Pipeline, PointSource, Settings};
+use crate::settings::{PhotonMapKind, Pipeline, PointSource, Settings};
 
 /// Bytes of program and driver. Measured with llvmpipe: the peak of a render of 64 pixels, less the bytes of the types, was 94 MiB.
 const DRIVER: usize = 96 << 20;
@@ -28,8 +28,14 @@ pub fn common(scene: &Scene, settings: &Settings) -> usize {
     let texels: usize = scene.textures.iter().map(|texture| size_of_val(&texture.texels[..])).sum();
     let surfaces = scenes * (TRIANGLE * scene.mesh.triangles.len() + Geometry::bytes(scene)) + (1 + scenes) * texels;
     let environment = scene.environment.as_ref().map_or(0, Environment::bytes);
-    let photons = PhotonGrid::bytes(settings.photons.grid_cells) + PhotonTexture::bytes(settings.photons.grid_cells);
-    let photons = photons + PhotonGrid::area_bytes(scene.mesh.triangles.len());
+    let triangles = scene.mesh.triangles.len();
+    let photons = match settings.photons.map {
+        PhotonMapKind::Surface => PhotonAtlas::bytes(triangles),
+        PhotonMapKind::Grid => {
+            let cells = settings.photons.grid_cells;
+            PhotonGrid::bytes(cells) + PhotonTexture::bytes(cells) + PhotonGrid::area_bytes(triangles)
+        }
+    };
     DRIVER + surfaces + environment + photons + Direct::bytes(settings.direct.shadow_size) + LayerStore::bytes(settings.layers())
 }
 

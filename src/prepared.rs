@@ -6,8 +6,8 @@
 use std::rc::Rc;
 
 use crate::error::{Error, Result};
-use crate::gpu::Gpu;
 use crate::geometry::triangle_order;
+use crate::gpu::Gpu;
 use crate::photon::{PhotonAtlas, PhotonCounts, PhotonGrid, PhotonStore, PhotonTexture, PhotonTracer};
 use crate::scene::{Bvh, Lights, Scene, World};
 use crate::settings::{PhotonMapKind, PhotonSettings};

@@ -12,11 +12,10 @@ use finalgather::gpu::Gpu;
 use finalgather::harmonics::{basis, cosine_lobe};
 use finalgather::image::Channel;
 use finalgather::math::cosine_direction;
-use finalgather::photon::PhotonTexture;
 use finalgather::points::{GatherPoint, Vertices};
-use finalgather::prepared::Prepared;
+use finalgather::prepared::{Photons, Prepared};
 use finalgather::quantity::Quantity;
-use finalgather::scene::{Bvh, RAY_OFFSET, World};
+use finalgather::scene::{RAY_OFFSET, World};
 use finalgather::settings::{LayerSize, Pipeline, Sequence, Settings};
 use glam::{Vec3, vec3};
 
@@ -148,15 +147,9 @@ fn irradiance_is_that_of_the_gather() {
     let settings = settings(along);
     let plan = Plan { what: vec![Quantity::Irradiance], ..PLAN };
     let baked = bake(&gpu, &world, &points, &settings, &plan).0;
-    let unit = Prepared::without_glass(&world).unwrap().scene;
-    let bvh = Bvh::new(&unit.mesh);
-    let mut grid = finalgather::photon::PhotonGrid::new(&unit.mesh, settings.photons.grid_cells);
-    let lights = finalgather::scene::Lights::new(&unit);
-    finalgather::photon::PhotonTracer::new(&unit, &bvh, &lights, settings.seed, settings.photons.depth)
-        .trace(0..settings.photons.count, &mut grid);
-    grid.add_area(&unit.mesh, &bvh, settings.seed);
-    let photons = PhotonTexture::upload(&gpu, &grid).unwrap();
-    let sums = gather_fused(&gpu, &unit, &photons, &points, &directions(Sequence::R2, along), settings.layers()).0;
+    let prepared = Prepared::without_glass(&world).unwrap();
+    let photons = Photons::new(&gpu, [&prepared, &prepared], (&settings.photons, settings.seed), || false).unwrap().texture;
+    let sums = gather_fused(&gpu, &prepared.scene, &photons, &points, &directions(Sequence::R2, along), settings.layers()).0;
     for (i, expected) in irradiance(&sums).iter().enumerate() {
         let found = Vec3::from(["R", "G", "B"].map(|c| column(&baked, &format!("IrradianceIndirect.{c}"))[i]));
         // Order of summation.

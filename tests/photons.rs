@@ -6,7 +6,7 @@ use std::f32::consts::PI;
 
 use common::{Model, form_factor_of_opposed_squares, form_factor_of_polygon, points_on};
 use finalgather::Environment;
-use finalgather::photon::{PhotonCounts, PhotonGrid, PhotonTracer};
+use finalgather::photon::{PhotonCounts, PhotonGrid, PhotonStore, PhotonTracer};
 use finalgather::random::Recurrence;
 use finalgather::scene::{Bvh, Lights, Scene};
 use glam::{DVec3, IVec3, Vec3, Vec4, dvec3, vec3};

@@ -56,13 +56,7 @@ impl IrradianceGather {
     ///
     /// # Errors
     /// When a size is beyond the device's limits.
-    pub fn new(
-        gpu: &Gpu,
-        settings: &Settings,
-        scene: &Scene,
-        bvh: &Rc<Bvh>,
-        interleave: Interleave,
-    ) -> Result<Self> {
+    pub fn new(gpu: &Gpu, settings: &Settings, scene: &Scene, bvh: &Rc<Bvh>, interleave: Interleave) -> Result<Self> {
         let method = match settings.gather.pipeline {
             Pipeline::Raycast => Method::Oracle { points: Vec::new(), sums: Vec::new() },
             pipeline => {
@@ -70,7 +64,11 @@ impl IrradianceGather {
                 let sums = Accumulator::new(gpu, interleave.sums_size())?;
                 let radiance = HitRadiance { source: settings.photons.map.into(), textured: scene.is_textured() };
                 let pass = GatherPass::new(gpu, shader_of(pipeline), Consumer::Irradiance(radiance))?;
-                Method::Shader { finder: hit_finder(gpu, &settings.gather, settings.layers(), scene, bvh, interleave.tile())?, pass, sums }
+                Method::Shader {
+                    finder: hit_finder(gpu, &settings.gather, settings.layers(), scene, bvh, interleave.tile())?,
+                    pass,
+                    sums,
+                }
             }
         };
         Ok(Self { interleave, method })

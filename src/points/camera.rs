@@ -70,14 +70,7 @@ impl CameraPoints {
         let seen = albedo.iter_mut().zip(&normal).filter(|(_, normal)| normal.truncate() != Vec3::ZERO);
         seen.for_each(|(albedo, _)| albedo.w = (geometry.order[albedo.w as usize] + 1) as f32);
         let count = normal.iter().filter(|normal| normal.truncate() != Vec3::ZERO).count() as u32;
-        GBuffer {
-            position: self.target.color(0).read(),
-            normal,
-            albedo,
-            emission: self.target.color(3).read(),
-            count,
-            cut: 0,
-        }
+        GBuffer { position: self.target.color(0).read(), normal, albedo, emission: self.target.color(3).read(), count, cut: 0 }
     }
 
     /// The points of the last G-buffer, which is `g_buffer`, as gather points.

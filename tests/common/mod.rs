@@ -21,7 +21,7 @@ use finalgather::points::{GatherPoint, Interleave, PointList};
 use finalgather::random::Random;
 use finalgather::reference::Reference;
 use finalgather::scene::{Bvh, Camera, Instance, Lights, Material, Mesh, Scene, Surface, Triangle, UnitSpace, World};
-use finalgather::settings::{GatherSettings, LayerSize, Pipeline, Sequence};
+use finalgather::settings::{GatherSettings, LayerSize, Pipeline, Sequence, Settings};
 use glam::{DVec3, Vec2, Vec3, Vec4, vec3};
 
 thread_local! {
@@ -320,8 +320,7 @@ fn gather_by(
     let (bvh, grid) = (Rc::new(Bvh::new(&scene.mesh)), PhotonGrid::new(&scene.mesh, 1));
     // No GL pipeline uses it.
     let oracle = Reference::new(scene, &bvh, &grid);
-    let mut gather =
-        IrradianceGather::new(gpu, &settings, scene, &bvh, Interleave::new(1, points.size(), 0)).unwrap();
+    let mut gather = IrradianceGather::new(gpu, &settings, scene, &bvh, Interleave::new(1, points.size(), 0)).unwrap();
     gather.begin(|| points.read());
     let layers = gather.add(GatherInputs { scene, geometry, photons, oracle, points }, directions).unwrap();
     gpu.check("gathering").unwrap();

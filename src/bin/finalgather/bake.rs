@@ -8,8 +8,10 @@ use finalgather::harmonics::MAX_ORDER;
 use finalgather::job::{BakeRequest, Job, JobRequest, ReceiverKind, Work, outputs_of};
 use finalgather::points::{LightMapOptions, Resolution, UvSource};
 use finalgather::quantity::Quantity;
+use finalgather::settings::PhotonMapKind;
+use serde::Deserialize;
 
-use crate::args::{DeviceArgs, JobArgs, Overrides, checked, count, named};
+use crate::args::{DeviceArgs, JobArgs, Overrides, checked, choose_photon_map, count, named};
 use crate::{report, terminal};
 
 /// Bake vertices, light maps, pixels or points of a file: irradiance, openness, spherical harmonics, radiance transfer
@@ -46,9 +48,10 @@ pub struct BakeArgs {
     #[arg(long, value_name = "LENGTH")]
     ao_distance: Option<f32>,
 
-    /// Where the light of surfaces comes from. photons: the photon map. gathered: earlier gathers at the vertices of the scene, one for each of --gather-bounces
-    #[arg(long, alias = "rough", default_value = "photons", value_parser = named::<RadianceCache>(&["photons", "gathered"]))]
-    radiance_cache: RadianceCache,
+    /// Where the light of surfaces comes from. photons: the photon map, on surfaces unless the scene file has photon_map = "grid". surface, grid: that photon map. gathered: earlier gathers at
+    /// the vertices of the scene, one for each of --gather-bounces
+    #[arg(long, alias = "rough", default_value = "photons", value_parser = named::<RadianceChoice>(&["photons", "surface", "grid", "gathered"]))]
+    radiance_cache: RadianceChoice,
 
     /// How many surfaces may reflect light on its way to a point. For prt and for --radiance-cache gathered; photons have --photon-depth [default: 2]
     #[arg(long, alias = "bounces", value_name = "N", value_parser = count::<u32>)]
@@ -89,6 +92,16 @@ pub struct BakeArgs {
     device: DeviceArgs,
 }
 
+/// The values of --radiance-cache.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+enum RadianceChoice {
+    Photons,
+    Surface,
+    Grid,
+    Gathered,
+}
+
 /// Returns the exit code.
 pub fn run(args: BakeArgs) -> Result<u8> {
     let BakeArgs { to: receivers, order, gather_bounces, ao_distance, radiance_cache, uvs, padding, samples_per_texel, .. } =
@@ -104,6 +117,12 @@ pub fn run(args: BakeArgs) -> Result<u8> {
     // Removes repeated quantities.
     let what = args.what.iter().enumerate().filter(|(index, quantity)| !args.what[..*index].contains(quantity));
     let what = what.map(|(_, quantity)| *quantity).collect();
+    let (radiance_cache, map) = match radiance_cache {
+        RadianceChoice::Photons => (RadianceCache::Photons, None),
+        RadianceChoice::Surface => (RadianceCache::Photons, Some(PhotonMapKind::Surface)),
+        RadianceChoice::Grid => (RadianceCache::Photons, Some(PhotonMapKind::Grid)),
+        RadianceChoice::Gathered => (RadianceCache::Vertices, None),
+    };
     if gather_bounces.is_some() && radiance_cache == RadianceCache::Photons && !args.what.contains(&Quantity::Prt) {
         report::say("warning: --gather-bounces has no effect here; the depth of photons is --photon-depth");
     }
@@ -111,7 +130,7 @@ pub fn run(args: BakeArgs) -> Result<u8> {
     let plan = Plan { what, order, gather_bounces, ao_distance, radiance_cache, memory: Plan::MEMORY };
     let resolution = args.texels_per_unit.map_or(Resolution::Pixels(args.resolution), Resolution::TexelsPerUnit);
     let light_map = LightMapOptions { resolution, uvs, padding, samples_per_texel };
-    let (scene, device) = (args.overrides.scene(&args.scene)?, args.device.request());
+    let (scene, device) = (choose_photon_map(args.overrides.scene(&args.scene)?, map), args.device.request());
     let work = Work::Bake(BakeRequest { receivers, plan, light_map });
     let request = JobRequest { scene, work, outputs, memory: args.memory, device };
     terminal::run(Job::new(request, &keeping)?, args.json)

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use finalgather::error::Result;
 use finalgather::job::{Job, JobRequest, SceneRequest, Work};
 
-use crate::args::{DeviceArgs, JobArgs, Overrides, count};
+use crate::args::{DeviceArgs, JobArgs, Overrides, PhotonMapArg, count};
 use crate::terminal;
 
 /// Render a scene to picture files
@@ -34,6 +34,9 @@ pub struct RenderArgs {
     overrides: Overrides,
 
     #[command(flatten)]
+    photon_map: PhotonMapArg,
+
+    #[command(flatten)]
     job: JobArgs,
 
     #[command(flatten)]
@@ -55,7 +58,7 @@ impl RenderArgs {
     }
 
     pub fn scene(&self) -> Result<SceneRequest> {
-        self.overrides.scene(&self.scene)
+        Ok(self.photon_map.choose(self.overrides.scene(&self.scene)?))
     }
 }
 
@@ -72,8 +75,8 @@ pub fn run(args: &RenderArgs) -> Result<u8> {
 mod tests {
     use clap::Parser;
     use finalgather::settings::{
-        DirectionSettings, DisplaySettings, Estimator, FilmSettings, GatherSettings, LayerSize, PhotonSettings, Pipeline,
-        PointSource, Sequence, Settings,
+        DirectionSettings, DisplaySettings, Estimator, FilmSettings, GatherSettings, LayerSize, PhotonMapKind, PhotonSettings,
+        Pipeline, PointSource, Sequence, Settings,
     };
 
     use super::*;
@@ -99,7 +102,7 @@ mod tests {
         assert_eq!(settings("render a.toml", &scene), scene);
         let all = "render a.toml --size 3x4 --directions 5 --layer-size 6 --points traced --pipeline raycast-gl --photons 1e2 \
                    --photon-depth 8 --estimator plain --sequence sobol --interleave 4 --seed 9 --stop-fraction 0.5 --target-error 0.25 \
-                   --exposure -1.5";
+                   --exposure -1.5 --photon-map grid";
         let expected = Settings {
             seed: 9,
             film: FilmSettings { size: [3, 4], points: PointSource::Traced, interleave: 4 },
@@ -110,12 +113,12 @@ mod tests {
                 target_error: 0.25,
             },
             gather: GatherSettings { pipeline: Pipeline::RaycastGl, layer_size: LayerSize::Texels(6), stop_fraction: 0.5 },
-            photons: PhotonSettings { count: 100, depth: 8, ..scene.photons },
+            photons: PhotonSettings { count: 100, depth: 8, map: PhotonMapKind::Grid, ..scene.photons },
             display: DisplaySettings { exposure: -1.5 },
             ..scene
         };
         assert_eq!(settings(all, &scene), expected);
-        let old = all.replace("photon-depth", "bounces").replace("target-error", "until");
+        let old = all.replace("photon-depth", "bounces").replace("target-error", "until").replace("photon-map", "rough");
         assert_eq!(settings(&old, &scene), expected);
     }
 

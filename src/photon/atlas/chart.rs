@@ -74,14 +74,20 @@ impl Charts {
             let run = runs[run_of[triangle as usize][corner] as usize];
             let own = run.iter().find(|side| side.triangle == triangle && side.corner as usize == corner);
             let reach = if run.len() > MOST_AT_EDGE { &[] } else { run };
-            reach.iter().filter(move |side| side.triangle != triangle).map(move |side| {
-                (side.triangle, own.is_some_and(|own| own.reversed != side.reversed))
-            })
+            reach
+                .iter()
+                .filter(move |side| side.triangle != triangle)
+                .map(move |side| (side.triangle, own.is_some_and(|own| own.reversed != side.reversed)))
         };
 
         let count = mesh.triangles.len();
-        let mut charts =
-            Self { of: vec![u32::MAX; count], turned: vec![false; count], rim: vec![0; count], triangles: Vec::new(), planes: Vec::new() };
+        let mut charts = Self {
+            of: vec![u32::MAX; count],
+            turned: vec![false; count],
+            rim: vec![0; count],
+            triangles: Vec::new(),
+            planes: Vec::new(),
+        };
         for seed in 0..count {
             if charts.of[seed] != u32::MAX {
                 continue;
@@ -118,7 +124,8 @@ impl Charts {
         }
         for triangle in 0..count {
             for corner in 0..3 {
-                let inner = neighbours(triangle as u32, corner).any(|(other, _)| charts.of[other as usize] == charts.of[triangle]);
+                let inner =
+                    neighbours(triangle as u32, corner).any(|(other, _)| charts.of[other as usize] == charts.of[triangle]);
                 charts.rim[triangle] |= u8::from(!inner) << corner;
             }
         }

@@ -99,11 +99,24 @@ impl PhotonAtlas {
         2 * piece as usize + usize::from(front == (code & 1 == 1))
     }
 
+    /// Area of each piece in unit space. Seams have none.
+    pub fn areas(&self) -> &[f32] {
+        &self.pieces.areas
+    }
+
     /// Total flux on all surfaces, and how much of it lies on seams.
     pub fn total_flux(&self) -> [Vec3; 2] {
         let sum = |indices: &mut dyn Iterator<Item = usize>| indices.map(|i| self.flux[i].as_dvec3()).sum::<DVec3>().as_vec3();
         let seams = self.pieces.seams.iter().flat_map(|&(seam, _)| [2 * seam as usize, 2 * seam as usize + 1]);
         [sum(&mut (0..self.flux.len())), sum(&mut { seams })]
+    }
+
+    /// Bytes that an atlas and its textures take at most: that many pages and cells, and the charts of so many triangles.
+    pub fn bytes(triangles: usize) -> usize {
+        const PIECE: usize =
+            size_of::<f32>() + 2 * (2 * size_of::<Vec3>() + 2 * size_of::<Vec4>()) + 2 * size_of::<([u32; 2], f32)>();
+        let pages = MOST_PAGES as usize * (PIECE + 4 * size_of::<u32>());
+        pages + 2 * Pieces::MOST_CELLS * size_of::<u32>() + triangles * (6 * size_of::<u32>() + size_of::<ChartMap>())
     }
 
     /// Bytes that the atlas takes on the CPU.

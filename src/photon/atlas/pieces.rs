@@ -14,8 +14,7 @@ use super::chart::Charts;
 use super::contact::Contact;
 use crate::scene::Mesh;
 
-/// Cells of all pages together, at most; and along a page.
-const MOST_CELLS: usize = 1 << 21;
+/// Binary logarithms of the fewest and most cells along a side of a divided page.
 const SHIFTS: [u32; 2] = [3, 8];
 /// A page whose pieces have less than this share of its cells is cut into too many parts to tell apart. It stays one piece.
 const LEAST: f32 = 0.25;
@@ -79,6 +78,9 @@ pub fn cell_of(place: Vec2, page: UVec2, shift: u32) -> UVec2 {
 }
 
 impl Pieces {
+    /// Most cells of all divided pages, unless there are so many that the fewest cells of each exceed it.
+    pub const MOST_CELLS: usize = 1 << 21;
+
     pub fn new(mesh: &Mesh, charts: &Charts, pages: &[ChartPages], contacts: &[Contact]) -> Self {
         let place = |chart: usize, corner: Vec3| {
             let plane = &charts.planes[chart];
@@ -104,7 +106,7 @@ impl Pieces {
         triangles.sort_unstable();
         let crossings: Vec<&[(u32, u32)]> =
             crossings.chunk_by(|a, b| a.0 == b.0).filter(|crossings| page_areas[crossings[0].0 as usize] > 0.0).collect();
-        let fits = |&shift: &u32| crossings.len() << (2 * shift) <= MOST_CELLS;
+        let fits = |&shift: &u32| crossings.len() << (2 * shift) <= Self::MOST_CELLS;
         let shift = (SHIFTS[0]..=SHIFTS[1]).rev().find(fits).unwrap_or(SHIFTS[0]);
         let divided: Vec<DividedPage> = crossings
             .into_par_iter()
@@ -138,7 +140,11 @@ impl Pieces {
     /// Bytes of the tables.
     pub fn size(&self) -> usize {
         let seams: usize = self.seams.iter().map(|(_, beside)| size_of_val(&beside[..])).sum();
-        size_of_val(&self.pages[..]) + size_of_val(&self.cells[..]) + size_of_val(&self.areas[..]) + seams + size_of_val(&self.borders[..])
+        size_of_val(&self.pages[..])
+            + size_of_val(&self.cells[..])
+            + size_of_val(&self.areas[..])
+            + seams
+            + size_of_val(&self.borders[..])
     }
 
     fn push_divided(&mut self, divided: DividedPage, area: f32, shift: u32) {

@@ -10,7 +10,7 @@ use finalgather::blocks::Shard;
 use finalgather::error::{Error, Result};
 use finalgather::gpu::{Backend, DeviceChoice};
 use finalgather::job::{DeviceRequest, Keeping, SceneRequest};
-use finalgather::settings::{Estimator, LayerSize, Pipeline, PointSource, Sequence};
+use finalgather::settings::{Estimator, LayerSize, PhotonMapKind, Pipeline, PointSource, Sequence};
 use serde::Serialize;
 use serde_json::Value;
 
@@ -106,6 +106,27 @@ pub struct Overrides {
     #[command(flatten)]
     #[serde(skip)]
     files: FilesArg,
+}
+
+/// The photon map of a picture. Bakes choose it by --radiance-cache.
+#[derive(Clone, Copy, Debug, clap::Args)]
+#[command(next_help_heading = "Settings")]
+pub struct PhotonMapArg {
+    #[arg(long, alias = "rough", value_parser = named::<PhotonMapKind>(&["surface", "grid"]), help = setting("Where photons leave the light that gather rays see. surface: on the surfaces that they meet. grid: in cells of space, as in 2004", |s| name(s.photons.map)))]
+    photon_map: Option<PhotonMapKind>,
+}
+
+impl PhotonMapArg {
+    /// The scene with this map.
+    pub fn choose(self, scene: SceneRequest) -> SceneRequest {
+        choose_photon_map(scene, self.photon_map)
+    }
+}
+
+/// The scene with this photon map, or with its own.
+pub fn choose_photon_map(mut scene: SceneRequest, kind: Option<PhotonMapKind>) -> SceneRequest {
+    scene.settings.extend(kind.map(|kind| ("photon_map".to_owned(), name(kind).into())));
+    scene
 }
 
 /// Which files a scene may read.

@@ -18,7 +18,7 @@ use signal_hook::low_level;
 use tempfile::TempDir;
 use winit::event_loop::EventLoop;
 
-use crate::args::{DeviceArgs, Overrides, checked, count, size};
+use crate::args::{DeviceArgs, Overrides, PhotonMapArg, checked, count, size};
 use crate::report;
 use app::App;
 use window::{Window, WindowSummary};
@@ -70,6 +70,9 @@ pub struct ViewArgs {
     overrides: Overrides,
 
     #[command(flatten)]
+    photon_map: PhotonMapArg,
+
+    #[command(flatten)]
     device: DeviceArgs,
 }
 
@@ -88,7 +91,8 @@ pub fn run(args: &ViewArgs) -> Result<u8> {
     // A development build reloads the shaders of its source tree.
     let own = Path::new(env!("CARGO_MANIFEST_DIR")).join("glsl");
     let shaders = args.shaders.clone().or_else(|| Some(own).filter(|own| cfg!(debug_assertions) && own.is_dir()));
-    let options = WorkerOptions { device: args.device.request(), scene: args.overrides.scene(&scene)?, shaders };
+    let request = args.photon_map.choose(args.overrides.scene(&scene)?);
+    let options = WorkerOptions { device: args.device.request(), scene: request, shaders };
     let app = App::new(options, scene, args.layers, events.create_proxy())?;
     let mut window = Window::new(args, app);
     let ended =
