@@ -8,6 +8,7 @@ mod convergence;
 mod figure1;
 mod path_tracing;
 pub mod photon_grid;
+mod photon_maps;
 pub mod scaling;
 pub mod stop_fraction;
 mod time_to_error;
@@ -16,12 +17,13 @@ pub mod times;
 use crate::figure::Kind;
 use crate::lab::Slice;
 
-pub const KINDS: [Kind; 12] = [
+pub const KINDS: [Kind; 13] = [
     Kind::of::<Slice>("layers_of_a_slice"),
     Kind::of::<comparison::PictureComparison>("comparison"),
     Kind::of::<times::Times>("times"),
     Kind::of::<convergence::Convergence>("convergence"),
     Kind::of::<photon_grid::PhotonGridErrors>("photon_grid"),
+    Kind::of::<photon_maps::PhotonMaps>("photon_maps"),
     Kind::of::<stop_fraction::StopFraction>("stop_fraction"),
     Kind::of::<banding::Banding>("banding"),
     Kind::of::<causes::Causes>("causes"),

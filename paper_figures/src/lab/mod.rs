@@ -14,6 +14,6 @@ pub use library::*;
 pub use machine::{Machine, today};
 pub use numeric::{crossing, fit, mean, relative_rmse};
 pub use path_tracer::PathTracer;
-pub use pictures::{Measured, Pictures, Stages, cropped, sum_of, write_small};
+pub use pictures::{Measured, PhotonMapKind, Pictures, Stages, cropped, sum_of, write_small};
 pub use procedural::{hills, plates, points_on};
 pub use slice::{Look, Place, Point, Sight, Slice, Surface, Texel};

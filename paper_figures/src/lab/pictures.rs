@@ -8,6 +8,7 @@ pub use finalgather::image::compare::{Comparison, ErrorMap};
 use finalgather::image::compare::{Selection, ViewingConditions, compare, compare_as, mask_of};
 use finalgather::render::{Render, RenderStatistics, StageSeconds};
 use finalgather::scene::{Loaded, World};
+pub use finalgather::settings::PhotonMapKind;
 use serde::{Deserialize, Serialize};
 
 use crate::figure::Result;
@@ -82,10 +83,15 @@ impl Pictures {
         self.loaded.world.flatten()
     }
 
-    /// Of the path-traced picture's size, everything else as the scene has it.
+    /// Of the path-traced picture's size, with the poster's photon map, everything else as the scene has it.
     pub fn settings(&self, directions: u32) -> Settings {
         let size = [self.path_traced.width as u32, self.path_traced.height as u32];
-        self.loaded.settings.with(|s| (s.film.size, s.directions.count) = (size, directions))
+        self.of_scene().with(|s| (s.film.size, s.directions.count, s.photons.map) = (size, directions, PhotonMapKind::Grid))
+    }
+
+    /// As the scene has them.
+    pub fn of_scene(&self) -> Settings {
+        self.loaded.settings
     }
 
     pub fn render(&self, settings: &Settings) -> Result<(Image, RenderStatistics)> {
@@ -176,11 +182,13 @@ pub fn sum_of(picture: &Image, parts: &[&str]) -> Result<Image> {
     Ok(rgb(picture.width, sums))
 }
 
-/// R, G and B of a square picture, averaged over squares of pixels to a side that divides its own.
-fn averaged(picture: &Image, side: usize) -> Result<Image> {
-    let factor = picture.width / side;
-    if picture.width != picture.height || factor * side != picture.width {
-        return Err(format!("a picture of {} x {} cannot be averaged to {side} x {side}", picture.width, picture.height).into());
+/// R, G and B of a picture, averaged over squares of pixels to a width that divides its own.
+fn averaged(picture: &Image, width: usize) -> Result<Image> {
+    let factor = picture.width / width;
+    if factor * width != picture.width || !picture.height.is_multiple_of(factor) {
+        return Err(
+            format!("a picture of {} x {} cannot be averaged to a width of {width}", picture.width, picture.height).into()
+        );
     }
     let average = |samples: &[f32]| {
         let mean = |x: usize, y: usize| {
@@ -188,9 +196,9 @@ fn averaged(picture: &Image, side: usize) -> Result<Image> {
                 (0..factor * factor).map(|i| samples[(y * factor + i / factor) * picture.width + x * factor + i % factor]);
             squares.sum::<f32>() / (factor * factor) as f32
         };
-        (0..side * side).map(|pixel| mean(pixel % side, pixel / side)).collect()
+        (0..width * picture.height / factor).map(|pixel| mean(pixel % width, pixel / width)).collect()
     };
-    Ok(rgb(side, picture.rgb()?.map(average)))
+    Ok(rgb(width, picture.rgb()?.map(average)))
 }
 
 /// A square part of a square picture: its left, top and side as shares of the whole.
