@@ -82,7 +82,7 @@ fn flux_at_the_first_surface_is_what_was_emitted() {
 #[test]
 fn irradiance_is_that_under_the_lamp_up_to_the_corners() {
     let lit = Lit::new(room(0.5).finish(), 1_000_000, 1);
-    let points = lit.facing(Vec3::Y, 4000);
+    let points = lit.facing(Vec3::Y, 30_000);
     let errors: Vec<f32> = points.iter().map(|point| lit.at(point).x / of_lamp(&lit.scene, point) - 1.0).collect();
     let mean = errors.iter().sum::<f32>() / errors.len() as f32;
     let rms = (errors.iter().map(|error| error * error).sum::<f32>() / errors.len() as f32).sqrt();
