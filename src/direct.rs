@@ -1,103 +1,107 @@
-//! Direct light: irradiance from samples on the area lights. Each sample has a shadow map. Mirrors `glsl/shadow.frag` and `glsl/direct.frag`.
+//! Direct light: irradiance from samples on the lights. Each sample has an exact shadow ray from each point. Mirrors `glsl/direct.frag`.
 //!
-//! E(x) = 1/S Σ L A/p cos θ cos θ' / r² V over S samples. A sample emits into the hemisphere about its normal, so its map is a hemicube: one
-//! whole face and the upper halves of four. A random turn about the normal makes aliasing average out.
+//! E(x) = 1/S Σ L A/p cos θ cos θ' / r² V over S samples of the area lights. A bright part of the environment has no distance: there the term is
+//! L Ω/p cos θ V.
+//!
+//! Samples are points of one Sobol' sequence, of which each pixel of a square of 4 × 4 takes a run of its own. So neighbours have different samples,
+//! a soft shadow has fine grain and no bands, and a square together has sixteen times the samples of a point.
 
-use std::f32::consts::TAU;
-
-use glam::camera::rh::proj::opengl::frustum;
-use glam::{Mat3, Mat4, Vec3};
+use glam::{Vec3, Vec4};
 
 use crate::error::Result;
-use crate::geometry::{Geometry, SurfacePass};
-use crate::gpu::{DepthTest, Format, Gpu, Program, Target, Uniform};
-use crate::math::frame;
-use crate::points::{Accumulator, Points};
-use crate::random::{Random, shuffled, sobol};
-use crate::scene::{LightPoint, Lights};
-use crate::shaders;
+use crate::geometry::Geometry;
+use crate::gpu::{Gpu, Program, Uniform};
+use crate::points::{Accumulator, Interleave, Points, Subset};
+use crate::random::{shuffled, sobol};
+use crate::scene::{LightSample, Lights};
+use crate::shaders::{self, BATCH};
 
-/// Nearest and farthest distance at which a shadow map sees an occluder, in unit space. The farthest covers the scene's diameter, 2.
-const NEAR: f32 = 1e-4;
-const FAR: f32 = 2.1;
+/// Side in pixels of the squares whose pixels have different samples.
+const STRIDE: u32 = 4;
 
-/// Adds the irradiance from light samples at gather points.
+/// Computes the irradiance from the lights at gather points.
 pub struct Direct {
-    shadow: Program,
-    direct: Program,
-    map: Target,
+    gpu: Gpu,
+    program: Program,
     seed: u64,
 }
 
+/// A part of the samples of each point. All parts together cover the lights evenly.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SampleShare {
+    /// Number of samples of a point, in all parts.
+    pub samples: u32,
+    pub part: u32,
+    pub parts: u32,
+}
+
+impl SampleShare {
+    /// All samples in one part.
+    pub fn whole(samples: u32) -> Self {
+        Self { samples, part: 0, parts: 1 }
+    }
+
+    /// Places in the sequence for a square's pixel of this rank. Aligned runs of a power of two are spread evenly.
+    fn places(self, rank: u32) -> impl Iterator<Item = u32> {
+        let each = self.samples.div_ceil(self.parts);
+        let run = u64::from(each) * u64::from(self.parts);
+        let first = u64::from(rank) * run.next_power_of_two() + u64::from(self.part) * u64::from(each);
+        // After 2^32 places the sequence begins anew.
+        (first..first + u64::from(each)).map(|place| place as u32)
+    }
+}
+
 impl Direct {
-    /// Shadow maps have faces of `shadow_size` texels on a side, rounded up to an even number.
+    /// # Errors
+    /// When the program does not compile.
+    pub fn new(gpu: &Gpu, seed: u64) -> Result<Self> {
+        Ok(Self { gpu: gpu.clone(), program: Program::new(gpu, &shaders::DIRECT)?, seed: seed ^ 0xd1ec7 })
+    }
+
+    /// The mean irradiance of a share of the samples at each of `points`, row by row.
     ///
     /// # Errors
-    /// When a size is beyond the device's limits.
-    pub fn new(gpu: &Gpu, shadow_size: u32, seed: u64) -> Result<Self> {
-        Ok(Self {
-            shadow: Program::new(gpu, &shaders::SHADOW)?,
-            direct: Program::new(gpu, &shaders::DIRECT)?,
-            map: Target::new(gpu, Self::map_size(shadow_size), &[Format::Rgba32F], true)?,
-            seed: seed ^ 0xd1ec7,
-        })
+    /// When the device has no memory left or the scene exceeds its limits.
+    pub fn irradiance(&self, geometry: &Geometry, lights: &Lights, share: SampleShare, points: Points) -> Result<Vec<Vec3>> {
+        if !lights.are_sampled() {
+            let [width, height] = points.size();
+            return Ok(vec![Vec3::ZERO; (width * height) as usize]);
+        }
+        let tables = geometry.ray_tables()?;
+        let squares = Interleave::new(STRIDE, points.size(), self.seed);
+        let sums = Accumulator::new(&self.gpu, squares.sums_size())?;
+        sums.clear();
+        for y in 0..STRIDE {
+            for x in 0..STRIDE {
+                let samples: Vec<LightSample> = share.places(rank([x, y])).map(|place| self.sample(lights, place)).collect();
+                for batch in samples.chunks(BATCH) {
+                    let each = |value: fn(&LightSample) -> Vec4| batch.iter().map(value).collect::<Vec<_>>();
+                    let places = each(|sample| sample.place);
+                    let normals = each(|sample| sample.normal.extend(0.0));
+                    let weights = each(|sample| sample.weight.extend(0.0));
+                    let own = [
+                        ("light_places", Uniform::Vec4s(&places)),
+                        ("light_normals", Uniform::Vec4s(&normals)),
+                        ("light_weights", Uniform::Vec4s(&weights)),
+                        ("sample_count", Uniform::Int(batch.len() as i32)),
+                    ];
+                    let subset = points.only(Subset { stride: STRIDE, offset: [x, y] });
+                    sums.add(subset, &self.program, &[&own[..], &tables.uniforms()].concat());
+                }
+            }
+        }
+        let mean = 1.0 / share.samples.div_ceil(share.parts) as f32;
+        Ok(squares.in_order(sums.read()).into_iter().map(|sum| mean * sum.truncate()).collect())
     }
 
-    /// Bytes that [`Self::new`] takes.
-    pub fn bytes(shadow_size: u32) -> usize {
-        Target::bytes(Self::map_size(shadow_size), &[Format::Rgba32F], true)
-    }
-
-    /// Width and height of a hemicube's map: the whole face, then the four half faces above it in the texture.
-    fn map_size(shadow_size: u32) -> [u32; 2] {
-        let size = shadow_size.next_multiple_of(2);
-        [size, 3 * size]
-    }
-
-    /// Adds the irradiance from light sample `index` to `sums` (rgb).
-    pub fn add(&self, geometry: &Geometry, lights: &Lights, index: u64, points: Points, sums: &Accumulator) {
+    fn sample(&self, lights: &Lights, place: u32) -> LightSample {
         // The sub-pixel offsets of blocks use the same sequence. Without the shuffle, blocks of one light sample each would always pair the same part
         // of the pixel with the same part of the light.
-        let light = lights.point_of_square(sobol(shuffled(index as u32, self.seed), self.seed));
-        let turn = Random::new(self.seed, index).uniform();
-        let to_light = self.shadow_map(geometry, &light, TAU * turn);
-        // A texel of the map is 2/size wide at a distance of 1. `Bundle::new` explains the two terms.
-        let depth_bias = 2.0 / self.map.size()[0] as f32 / 256.0 + 4e-6;
-        let uniforms = [
-            ("shadow_map", Uniform::Texture(self.map.color(0))),
-            ("to_light", Uniform::Mat4(to_light)),
-            ("intensity", Uniform::Vec3(light.radiance_area)),
-            ("depth_bias", Uniform::Float(depth_bias)),
-        ];
-        sums.add(points, &self.direct, &uniforms);
+        lights.sample(sobol(shuffled(place, self.seed), self.seed))
     }
+}
 
-    /// Draws the hemicube of `light` and returns the transform from unit space to the light's frame.
-    fn shadow_map(&self, geometry: &Geometry, light: &LightPoint, turn: f32) -> Mat4 {
-        let axes = frame(light.normal) * Mat3::from_rotation_z(turn);
-        let to_light = Mat4::from_mat3(axes.transpose()) * Mat4::from_translation(-light.position);
-        let size = self.map.size()[0] as i32;
-        self.map.clear([0.0; 4], 1.0);
-        let face = |right: Vec3, up: Vec3, outward: Vec3, region: [i32; 4]| {
-            let lowest = if outward == Vec3::Z { -1.0 } else { 0.0 };
-            // The frustum of glam looks along -z.
-            let project = frustum(-NEAR, NEAR, lowest * NEAR, NEAR, NEAR, FAR);
-            let turn = Mat4::from_mat3(Mat3::from_cols(right, up, -outward).transpose());
-            geometry.draw(SurfacePass {
-                target: &self.map,
-                region: Some(region),
-                program: &self.shadow,
-                to_clip: project * turn * to_light,
-                depth: DepthTest::Less,
-                uniforms: &[],
-            });
-        };
-        let half = size / 2;
-        face(Vec3::X, Vec3::Y, Vec3::Z, [0, 0, size, size]);
-        face(Vec3::Y, Vec3::Z, Vec3::X, [0, size, size, half]);
-        face(Vec3::NEG_Y, Vec3::Z, Vec3::NEG_X, [0, size + half, size, half]);
-        face(Vec3::NEG_X, Vec3::Z, Vec3::Y, [0, 2 * size, size, half]);
-        face(Vec3::X, Vec3::Z, Vec3::NEG_Y, [0, 2 * size + half, size, half]);
-        to_light
-    }
+/// The rank of a pixel of a square, in Morton order: each quarter of a square has a run of ranks, so its pixels too are spread evenly together.
+fn rank([x, y]: [u32; 2]) -> u32 {
+    (0..STRIDE.ilog2()).map(|bit| (x >> bit & 1) << (2 * bit) | (y >> bit & 1) << (2 * bit + 1)).sum()
 }

@@ -64,12 +64,12 @@ impl Film {
         Self { size: [width, height], directions: 0, pixels: vec![Pixel::default(); width * height] }
     }
 
-    /// The sums of one block of `directions`. `direct` is the irradiance summed over `light_samples`, `photon_map` the irradiance of the photon
-    /// map, `caustics` that of caustics, and `gathered` the sums of the gather.
+    /// The sums of one block of `directions`. `direct` is the irradiance from the lights, `photon_map` that of the photon map, `caustics` that of
+    /// caustics, and `gathered` the sums of the gather.
     pub fn of_block(
         size: [u32; 2],
         g_buffer: &GBuffer,
-        (direct, light_samples): (&[Vec4], u32),
+        direct: &[Vec3],
         photon_map: &[Vec4],
         caustics: &[Vec3],
         (gathered, directions): (&[Vec4], u32),
@@ -88,7 +88,7 @@ impl Film {
                 indirect: albedo * gathered[i].truncate(),
                 weight: gathered[i].w,
                 gathered: if g_buffer.normal[i].truncate() == Vec3::ZERO { 0.0 } else { n },
-                direct: n * albedo * direct[i].truncate() / (PI * light_samples as f32),
+                direct: n * albedo * direct[i] / PI,
                 caustics: n * albedo * caustics[i] / PI,
                 photon_map: n * albedo * photon_map[i].truncate() / PI,
                 coverage: n,

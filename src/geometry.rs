@@ -1,7 +1,11 @@
 //! The scene's surfaces on the GL side: a vertex array, a table of triangles, a table of materials and the albedo textures.
 //! Mirrors `glsl/surface.vert`, `glsl/include/surface.glsl` and `glsl/include/radiance.glsl`.
 
+mod ray_tables;
+
+use std::cell::OnceCell;
 use std::ops::Range;
+use std::rc::Rc;
 
 use bytemuck::cast_slice;
 use glam::{DVec3, DVec4, Mat4, Vec3};
@@ -11,8 +15,11 @@ use crate::gpu::{Blend, DepthTest, Draw, Filter, Format, Gpu, Program, Shape, Ta
 use crate::math::dominant_axis;
 use crate::scene::{ImageTexture, Material, Mesh, Scene};
 
+pub use ray_tables::RayTables;
+
 /// All data of the scene's surfaces that shaders read, in unit space.
 pub struct Geometry {
+    gpu: Gpu,
     vertices: VertexArray,
     triangles: Texture,
     materials: Texture,
@@ -25,6 +32,10 @@ pub struct Geometry {
     pub positions: Vec<Vec3>,
     /// The triangle of each entry of the table, by its index in the scene's mesh.
     pub order: Vec<usize>,
+    /// Corners of the triangles in the order of the table, as indices of positions.
+    corners: Vec<[u32; 3]>,
+    /// Made when the first ray needs them.
+    ray_tables: OnceCell<Rc<RayTables>>,
 }
 
 /// Triangles that share an albedo texture.
@@ -87,6 +98,7 @@ impl Geometry {
 
         let attributes: [(i32, &[u8]); 2] = [(3, cast_slice(&positions)), (3, cast_slice(&normals))];
         Ok(Self {
+            gpu: gpu.clone(),
             vertices: VertexArray::new(gpu, &attributes)?,
             triangles: Texture::table(gpu, Format::Rgba32F, table)?,
             materials: Texture::table(gpu, Format::Rgba32F, materials)?,
@@ -94,13 +106,28 @@ impl Geometry {
             texels,
             batches,
             positions: mesh.positions.clone(),
+            corners: order.iter().map(|&triangle| mesh.triangles[triangle].vertices).collect(),
+            ray_tables: OnceCell::new(),
             order,
         })
     }
 
-    /// Bytes that [`Self::upload`] takes: per triangle the vertices and a table entry, per texel the mipmaps and the copy in the joint texture.
+    /// The tables for exact rays. All that cast rays share them.
+    ///
+    /// # Errors
+    /// When the device has no memory left or the scene exceeds its limits.
+    pub fn ray_tables(&self) -> Result<Rc<RayTables>> {
+        if let Some(tables) = self.ray_tables.get() {
+            return Ok(Rc::clone(tables));
+        }
+        let corners: Vec<_> = self.corners.iter().map(|corners| corners.map(|vertex| self.positions[vertex as usize])).collect();
+        let tables = Rc::new(RayTables::new(&self.gpu, &corners)?);
+        Ok(Rc::clone(self.ray_tables.get_or_init(|| tables)))
+    }
+
+    /// Bytes that it takes: per triangle the vertices, a table entry and the tables for rays; per texel the mipmaps and the copy in the joint texture.
     pub fn bytes(scene: &Scene) -> usize {
-        const TRIANGLE: usize = 3 * size_of::<[Vec3; 2]>() + 4 * size_of::<[f32; 4]>();
+        const TRIANGLE: usize = 3 * size_of::<[Vec3; 2]>() + 4 * size_of::<[f32; 4]>() + size_of::<[u32; 3]>() + RayTables::BYTES;
         let texels: usize = scene.textures.iter().map(|texture| texture.texels.len()).sum();
         TRIANGLE * scene.mesh.triangles.len() + Format::Srgb8Alpha8.bytes() * (texels + texels * 4 / 3)
     }

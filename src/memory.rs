@@ -5,7 +5,6 @@
 
 use glam::{Vec3, Vec4};
 
-use crate::direct::Direct;
 use crate::film::{Film, FilmSum};
 use crate::gather::LayerStore;
 use crate::geometry::Geometry;
@@ -20,7 +19,7 @@ const DRIVER: usize = 96 << 20;
 /// bake of `ao` at one point among 500 000 triangles. The rest is a margin.
 const TRIANGLE: usize = 376;
 
-/// Bytes that every job takes: driver, scene, photons, shadow maps, and the layers of a batch of directions.
+/// Bytes that every job takes: driver, scene, photons, and the layers of a batch of directions.
 pub fn common(scene: &Scene, settings: &Settings) -> usize {
     // A scene with glass is held twice: with its glass for eye rays and photons, without it for gather rays.
     let is_glass = |triangle: &Triangle| scene.materials[triangle.material as usize].is_glass();
@@ -36,7 +35,7 @@ pub fn common(scene: &Scene, settings: &Settings) -> usize {
             PhotonGrid::bytes(cells) + PhotonTexture::bytes(cells) + PhotonGrid::area_bytes(triangles)
         }
     };
-    DRIVER + surfaces + environment + photons + Direct::bytes(settings.direct.shadow_size) + LayerStore::bytes(settings.layers())
+    DRIVER + surfaces + environment + photons + LayerStore::bytes(settings.layers())
 }
 
 /// Most bytes of a render: `common`, a block's pixels, a film in each node of the pairwise tree over `blocks`; and the picture, unless a shard.
@@ -46,8 +45,8 @@ pub fn of_render(scene: &Scene, settings: &Settings, blocks: u32, shard: bool) -
     let texels = |count: usize| count * size_of::<Vec4>() * pixels;
     // Three accumulators: gather, direct light, photon map.
     let gl = CameraPoints::bytes(size) + Accumulator::bytes(size, 3);
-    // The photon map; at the end of a block the gather's sums as read, the same in pixel order, and direct light; caustics.
-    let block = GBuffer::bytes(pixels) + texels(4) + size_of::<Vec3>() * pixels;
+    // The photon map; at the end of a block the gather's sums as read, and the same in pixel order; direct light and caustics.
+    let block = GBuffer::bytes(pixels) + texels(3) + 2 * size_of::<Vec3>() * pixels;
     let rays = match (settings.gather.pipeline, settings.film.points) {
         (Pipeline::Raycast, _) | (_, PointSource::Traced) => {
             size_of::<Option<GatherPoint>>() * pixels + PointTextures::bytes(size)

@@ -2,8 +2,8 @@
 //!
 //! The GL side finds hits in rasterised layers, the oracle with rays. [`Reference::gather`] takes the same points, directions and photon map
 //! and shares no other code with the GL side, so the difference between the two is the error of the layers alone.
-//! It sums L(x, d) w and w over the directions d, with w = max(n·d, 0). L is albedo × E_photons / π at the nearest surface along d, or the miss
-//! radiance of the environment. It casts one ray for each point and direction of positive weight, in parallel over points.
+//! It sums L(x, d) w and w over the directions d, with w = max(n·d, 0). L is albedo × E_photons / π at the nearest surface along d, or the
+//! gathered radiance of the environment. It casts one ray for each point and direction of positive weight, in parallel over points.
 
 use std::f64::consts::PI;
 
@@ -43,7 +43,7 @@ impl<'a> Reference<'a> {
         }
         let radiance = match self.hit(point, direction) {
             Some(hit) => self.radiosity(point, direction, hit).as_dvec3() / PI,
-            None => self.scene.miss_radiance(direction).as_dvec3(),
+            None => self.scene.gathered_radiance(direction).as_dvec3(),
         };
         weight * radiance.extend(1.0)
     }

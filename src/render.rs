@@ -21,7 +21,7 @@ use rayon::prelude::*;
 use serde_json::{Value, json};
 
 use crate::blocks::Part;
-use crate::direct::Direct;
+use crate::direct::{Direct, SampleShare};
 use crate::direction::{Direction, Directions};
 use crate::error::{Error, Result};
 use crate::film::{Film, FilmSum};
@@ -31,7 +31,7 @@ use crate::gpu::Gpu;
 use crate::image::Image;
 use crate::photon::{CausticMap, PhotonCounts};
 use crate::photon_map::PhotonMap;
-use crate::points::{Accumulator, CameraPoints, EyeRays, GBuffer, GatherPoint, Interleave, PointTextures, Points};
+use crate::points::{CameraPoints, EyeRays, GBuffer, GatherPoint, Interleave, PointTextures, Points};
 use crate::prepared::{Photons, Prepared};
 use crate::random::sobol;
 use crate::reference::Reference;
@@ -78,7 +78,6 @@ pub struct Render {
 struct Passes {
     source: PixelSource,
     direct: Direct,
-    direct_sums: Accumulator,
     photon_map: PhotonMap,
     interleave: Interleave,
     /// Holds the sums of the block in progress.
@@ -98,6 +97,8 @@ enum PixelSource {
 struct Block {
     index: u32,
     g_buffer: GBuffer,
+    /// Irradiance from the lights at the visible points.
+    direct: Vec<Vec3>,
     /// Irradiance of the photon map at the visible points.
     photon_map: Vec<Vec4>,
     /// Irradiance of caustics at the visible points.
@@ -106,7 +107,6 @@ struct Block {
     left: Vec<u32>,
     /// Number of directions gathered so far at each subset of the pixels.
     taken: Vec<u32>,
-    light_samples: u32,
 }
 
 impl Render {
@@ -168,7 +168,7 @@ impl Render {
             return Err(Error::usage("the photons of a render in progress cannot change", "open the scene again"));
         }
         settings.validate()?;
-        let passes = |of: &Settings| (of.film, of.gather, of.layers(), of.direct.shadow_size);
+        let passes = |of: &Settings| (of.film, of.gather, of.layers());
         if passes(settings) != passes(&self.settings) {
             self.passes = Passes::new(&self.gpu, &self.gathered, settings)?;
         }
@@ -353,15 +353,9 @@ impl Render {
         let photon_map = self.passes.photon_map.see(&self.photons, &self.all.scene, points, &g_buffer);
         self.statistics.seconds.visible_points += self.finish("finding visible points", start)?;
 
-        // Each block takes its share of one sequence of light samples, so that all blocks together cover the lights evenly.
         let start = Instant::now();
-        let light_samples = u64::from(self.settings.direct.light_samples).div_ceil(blocks.count().into());
-        self.passes.direct_sums.clear();
-        let first = u64::from(index) * light_samples;
-        let samples = if self.all.lights.count() > 0 { first..first + light_samples } else { first..first };
-        for sample in samples {
-            self.passes.direct.add(&self.geometry, &self.all.lights, sample, points, &self.passes.direct_sums);
-        }
+        let share = SampleShare { samples: self.settings.direct.light_samples, part: index, parts: blocks.count() };
+        let direct = self.passes.direct.irradiance(&self.geometry, &self.all.lights, share, points)?;
         self.statistics.seconds.direct += self.finish("direct light", start)?;
         let start = Instant::now();
         let caustics = self.caustics(index, &g_buffer);
@@ -373,7 +367,7 @@ impl Render {
         let mut left: Vec<u32> = directions.rev().collect();
         left.sort_by_key(|&direction| self.passes.interleave.subset(direction, index).index());
         let taken = vec![0; self.passes.interleave.subsets()];
-        Ok(Block { index, g_buffer, photon_map, caustics, left, taken, light_samples: light_samples as u32 })
+        Ok(Block { index, g_buffer, direct, photon_map, caustics, left, taken })
     }
 
     /// Irradiance by way of mirrors and glass at the points of a block. Each block has its own caustic photons.
@@ -425,12 +419,10 @@ impl Render {
         }
         let gathered = self.passes.interleave.share(gathered, &block.taken, &block.g_buffer);
         let directions = block.taken.iter().sum();
-        let direct = self.passes.direct_sums.read();
-        let direct = (&direct[..], block.light_samples);
         Film::of_block(
             self.settings.film.size,
             &block.g_buffer,
-            direct,
+            &block.direct,
             &block.photon_map,
             &block.caustics,
             (&gathered, directions),
@@ -463,13 +455,12 @@ impl Passes {
             PointSource::Camera => PixelSource::Camera(CameraPoints::new(gpu, points)?),
             PointSource::Traced => PixelSource::Traced(None),
         };
-        let direct = Direct::new(gpu, settings.direct.shadow_size, settings.seed)?;
-        let direct_sums = Accumulator::new(gpu, points)?;
+        let direct = Direct::new(gpu, settings.seed)?;
         let photon_map = PhotonMap::new(gpu, settings.photons.map, points)?;
         let interleave = Interleave::new(settings.film.interleave, points, settings.seed);
         // The gather comes last: it adapts to the memory that is left.
         let gather = IrradianceGather::new(gpu, settings, &gathered.scene, &gathered.bvh, interleave)?;
-        Ok(Self { source, direct, direct_sums, photon_map, interleave, gather, shown: None })
+        Ok(Self { source, direct, photon_map, interleave, gather, shown: None })
     }
 }
 

@@ -3,6 +3,7 @@
 use std::fmt::{self, Display, Formatter};
 use std::ops::Range;
 
+use serde::de::IgnoredAny;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
@@ -49,6 +50,9 @@ macro_rules! settings {
         #[derive(Serialize, Deserialize)]
         #[serde(default, deny_unknown_fields, expecting = "settings by their keys")]
         struct FlatSettings {
+            /// Of earlier versions. See [`Settings::WITHOUT_EFFECT`].
+            #[serde(rename = "shadow_size", skip_serializing)]
+            _shadow_size: IgnoredAny,
             $($common: $common_type,)*
             $($($(#[serde(alias = $old)])? $key: $type,)*)*
         }
@@ -61,7 +65,7 @@ macro_rules! settings {
 
         impl From<Settings> for FlatSettings {
             fn from(all: Settings) -> Self {
-                Self { $($common: all.$common,)* $($($key: all.$stage.$field,)*)* }
+                Self { _shadow_size: IgnoredAny, $($common: all.$common,)* $($($key: all.$stage.$field,)*)* }
             }
         }
 
@@ -133,10 +137,8 @@ settings! {
 
     /// Direct light.
     direct: DirectSettings {
-        /// Samples on the area lights, over the whole picture.
-        light_samples => light_samples: u32 = 512,
-        /// Side of each face of a shadow map, in texels.
-        shadow_size => shadow_size: u32 = 256,
+        /// Samples on the lights for each point. Neighbouring pixels have different ones.
+        light_samples => light_samples: u32 = 128,
     }
 
     /// Display of pictures. Sums do not depend on it.
@@ -292,6 +294,9 @@ impl PhotonSettings {
 }
 
 impl Settings {
+    /// Keys of earlier versions that are accepted and change nothing, each with the reason.
+    pub(crate) const WITHOUT_EFFECT: [(&str, &str); 1] = [("shadow_size", "shadows are exact")];
+
     /// [`GatherSettings::layers`] for these directions.
     pub fn layers(&self) -> u32 {
         self.gather.layers(&self.directions)
@@ -331,7 +336,6 @@ impl Settings {
         at_least_one("photons", photons.count)?;
         at_least_one("photon-depth", photons.depth.into())?;
         at_least_one("light_samples", direct.light_samples.into())?;
-        at_least_one("shadow_size", direct.shadow_size.into())?;
         check(matches!(film.interleave, 1 | 2 | 4), "interleave", &film.interleave, "give 1, 2 or 4 pixels")?;
         let (count, square) = (directions.count, film.interleave * film.interleave);
         if count < square {

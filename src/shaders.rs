@@ -36,8 +36,7 @@ macro_rules! shaders {
 
 shaders! {
     VISIBLE_POINTS: "surface", "visible_points";
-    SHADOW: "surface", "shadow";
-    DIRECT: "fullscreen", "direct";
+    DIRECT: "fullscreen", "direct", "BATCH 8", "ANY_HIT";
     PHOTON_MAP: "fullscreen", "photon_map";
     PEEL: "surface", "peel";
     KILL: "fullscreen", "kill";

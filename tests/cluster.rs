@@ -60,7 +60,7 @@ fn wait_for<T>(what: &str, look: impl FnMut() -> Option<T>) -> T {
 fn folder() -> TempDir {
     let folder = tool::folder();
     let settings = format!("size = [{SIDE}, {SIDE}]\ndirections = 2048\nphotons = 10000\nlayer_size = 64\n");
-    cornell_with(folder.path(), "scene.toml", &(settings + "light_samples = 32\nshadow_size = 64\n"));
+    cornell_with(folder.path(), "scene.toml", &(settings + "light_samples = 32\n"));
     folder
 }
 

@@ -1,42 +1,47 @@
-//! Direct light compared with the closed form for irradiance under a polygon of uniform radiance.
+//! Direct light compared with the closed form for irradiance under a polygon of uniform radiance, and with integration over the lamp.
 
 mod common;
 
 use std::f32::consts::PI;
 
-use common::{Model, form_factor_of_disc, form_factor_of_polygon, gpu, points_on, sized};
-use finalgather::direct::Direct;
+use common::{Model, form_factor_of_disc, form_factor_of_polygon, gpu, points_on};
+use finalgather::Environment;
+use finalgather::direct::{Direct, SampleShare};
 use finalgather::geometry::Geometry;
-use finalgather::points::{Accumulator, GatherPoint, PointList};
+use finalgather::points::{GatherPoint, PointList};
 use finalgather::scene::{Lights, Scene};
-use glam::{Vec3, vec3};
+use glam::{DVec3, Vec3, dvec3, vec3};
 
 /// Radiance of the lamp.
 const RADIANCE: f32 = 2.0;
+const SAMPLES: u32 = 512;
 
 /// A model and its lamp, a square of half side 0.25 at height 0.5 that faces down.
 fn lit() -> Model {
+    lit_by(vec3(0.0, 0.5, 0.0), 0.25 * Vec3::X, 0.25 * Vec3::Z)
+}
+
+/// A model and its lamp, a parallelogram.
+fn lit_by(center: Vec3, half_u: Vec3, half_v: Vec3) -> Model {
     let mut model = Model::new();
     let lamp = model.material(Vec3::ZERO, Vec3::splat(RADIANCE));
-    model.plate(vec3(0.0, 0.5, 0.0), 0.25 * Vec3::X, 0.25 * Vec3::Z, lamp);
+    model.plate(center, half_u, half_v, lamp);
     model
 }
 
-/// Irradiance at each point by shadow maps.
-fn direct(scene: &Scene, points: &[GatherPoint]) -> Vec<f32> {
+/// Irradiance at each point, red, by all samples or a part of them.
+fn direct_of(scene: &Scene, points: &[GatherPoint], share: SampleShare) -> Vec<f32> {
     let gpu = gpu();
-    let (samples, size) = sized(&gpu, (512, 256), (512, 64));
     let geometry = Geometry::upload(&gpu, scene).unwrap();
-    let lights = Lights::new(scene);
     let list = PointList::upload(&gpu, points).unwrap();
-    let sums = Accumulator::new(&gpu, list.points().size()).unwrap();
-    let direct = Direct::new(&gpu, size, 0).unwrap();
-    sums.clear();
-    for sample in 0..samples {
-        direct.add(&geometry, &lights, sample, list.points(), &sums);
-    }
+    let direct = Direct::new(&gpu, 0).unwrap();
+    let found = direct.irradiance(&geometry, &Lights::new(scene), share, list.points()).unwrap();
     gpu.check("direct light").unwrap();
-    list.in_order(sums.read()).into_iter().map(|sum| sum.x / samples as f32).collect()
+    list.in_order(found).into_iter().map(|irradiance| irradiance.x).collect()
+}
+
+fn direct(scene: &Scene, points: &[GatherPoint]) -> Vec<f32> {
+    direct_of(scene, points, SampleShare::whole(SAMPLES))
 }
 
 /// Irradiance from the square lamp, the model's first four vertices, all of it above the point's horizon.
@@ -51,7 +56,7 @@ fn sees_whole_lamp(scene: &Scene, point: &GatherPoint) -> bool {
 }
 
 /// Fails where the irradiance is more than 1 % off. That is what 512 samples of a low-discrepancy sequence leave of the lamp's extent at these
-/// distances, two of its sides and more; the shadow map adds nothing, for nothing is in the way.
+/// distances, two of its sides and more. Nothing is in the way.
 fn check(name: &str, scene: &Scene, points: &[GatherPoint], closed_form: impl Fn(&GatherPoint) -> f32) {
     assert!(points.len() > 20, "{name}: only {} points", points.len());
     let found = direct(scene, points);
@@ -110,10 +115,151 @@ fn full_shadow_is_black_and_ends_where_it_should() {
     let scale = (scene.mesh.positions[1] - scene.mesh.positions[0]).length() / 0.5;
     let floor: Vec<_> = points_on(&scene, 4000).into_iter().filter(|point| point.normal.y > 0.9).collect();
     let reach = |point: &GatherPoint| (point.position.x.abs().max(point.position.z.abs())) / scale;
-    // Half a texel of the map, 1/128 of the distance at most, is where the edge may lie instead.
-    let shadowed: Vec<_> = floor.iter().copied().filter(|point| reach(point) < 0.33).collect();
+    let shadowed: Vec<_> = floor.iter().copied().filter(|point| reach(point) < 0.3499).collect();
     assert!(shadowed.len() > 20);
     assert!(direct(&scene, &shadowed).iter().all(|&irradiance| irradiance == 0.0));
-    let clear: Vec<_> = floor.iter().copied().filter(|point| reach(point) > 0.88).collect();
+    let clear: Vec<_> = floor.iter().copied().filter(|point| reach(point) > 0.8501).collect();
     check("beyond the shadow", &scene, &clear, under_square(&scene));
+}
+
+/// A box between two corners, in the model's own coordinates.
+type Block = [DVec3; 2];
+
+/// Whether the way from `a` to `b` passes through the box.
+fn blocks([low, high]: Block, a: DVec3, b: DVec3) -> bool {
+    let way = b - a;
+    let (near, far) = ((low - a) / way, (high - a) / way);
+    let enter = near.min(far).max_element().max(0.0);
+    enter < near.max(far).min_element().min(1.0)
+}
+
+fn add(model: &mut Model, [low, high]: Block) {
+    model.cuboid(low.midpoint(high).as_vec3(), (0.5 * (high - low)).as_vec3(), 0.0, false, 0);
+}
+
+/// Irradiance from the lamp, the model's first four vertices, by the midpoints of 128 × 128 parts of it, among `boxes`.
+fn by_integration(scene: &Scene, point: &GatherPoint, boxes: &[Block]) -> f64 {
+    const PARTS: u32 = 128;
+    let world = |position: Vec3| scene.space.to_world(position).as_dvec3();
+    let [a, b, _, d] = [0, 1, 2, 3].map(|vertex| world(scene.mesh.positions[vertex]));
+    let (u, v) = (b - a, d - a);
+    let at = world(point.position + 1e-5 * point.normal);
+    let mut sum = 0.0;
+    for (i, j) in (0..PARTS).flat_map(|i| (0..PARTS).map(move |j| (i, j))) {
+        let [s, t] = [i, j].map(|part| (f64::from(part) + 0.5) / f64::from(PARTS));
+        let way = a + s * u + t * v - at;
+        let receives = point.normal.as_dvec3().dot(way).max(0.0) * -u.cross(v).dot(way).min(0.0) / way.length_squared().powi(2);
+        if receives > 0.0 && !boxes.iter().any(|&block| blocks(block, at, at + way)) {
+            sum += receives;
+        }
+    }
+    f64::from(RADIANCE) * sum / f64::from(PARTS * PARTS)
+}
+
+/// Fails where samples and integration differ by more than `limit` of what an open lamp gives at the brightest point, or where the sums over all
+/// points differ by more than 0.2 %.
+fn check_shadows(name: &str, scene: &Scene, points: &[GatherPoint], boxes: &[Block], limit: f64) {
+    let found = direct(scene, points);
+    let expected: Vec<f64> = points.iter().map(|point| by_integration(scene, point, boxes)).collect();
+    let brightest = points.iter().map(|point| by_integration(scene, point, &[])).fold(0.0, f64::max);
+    let partial = points.iter().zip(&expected).filter(|(point, part)| {
+        let open = by_integration(scene, point, &[]);
+        (0.02 * open..0.98 * open).contains(*part)
+    });
+    let (partial, lit) = (partial.count(), expected.iter().filter(|&&irradiance| irradiance > 0.0).count());
+    let errors = found.iter().zip(&expected).map(|(found, expected)| f64::from(*found) - expected);
+    let worst = errors.clone().map(f64::abs).fold(0.0, f64::max) / brightest;
+    let bias = errors.sum::<f64>() / expected.iter().sum::<f64>();
+    let leaks = found.iter().zip(&expected).filter(|(found, expected)| **expected == 0.0 && **found > 0.0).count();
+    eprintln!("{name}: {} points, {lit} lit, {partial} in part: worst {:.2} %, bias {:+.3} %, {leaks} leaks", points.len(), 100.0 * worst, 100.0 * bias);
+    assert!(worst < limit && bias.abs() < 0.002 && leaks == 0, "{name}");
+    assert!(lit < points.len() && partial > 50, "{name}: no shadow to test");
+}
+
+/// The lamp lies in the very plane of the ceiling, which lies under a slab. Below, it is as bright as if it hung there alone. Above, all is dark.
+#[test]
+fn a_lamp_flush_with_a_slab() {
+    let mut model = lit();
+    add(&mut model, [dvec3(-1.0, 0.5, -1.0), dvec3(1.0, 0.6, 1.0)]);
+    model.plate(vec3(0.0, -0.5, 0.0), Vec3::Z, Vec3::X, 0);
+    // The ceiling of the storey above.
+    model.plate(vec3(0.0, 1.5, 0.0), 1.5 * Vec3::X, 1.5 * Vec3::Z, 0);
+    let scene = model.finish();
+    let level = scene.mesh.positions[0].y;
+    let (above, below): (Vec<_>, Vec<_>) = points_on(&scene, 4000).into_iter().partition(|point| point.position.y > level - 1e-5);
+    assert!(above.len() > 1000);
+    assert_eq!(direct(&scene, &above).iter().filter(|&&irradiance| irradiance != 0.0).count(), 0);
+    let below: Vec<_> = below.into_iter().filter(|point| sees_whole_lamp(&scene, point)).collect();
+    check("below a flush lamp", &scene, &below, under_square(&scene));
+}
+
+/// An upright lamp whose upper half is in a slab, and whose lower half hangs out of it.
+#[test]
+fn a_lamp_half_in_a_slab() {
+    let mut model = lit_by(vec3(0.0, 0.5, 0.0), 0.25 * Vec3::Y, 0.25 * Vec3::Z);
+    let slab = [dvec3(-1.0, 0.5, -1.0), dvec3(1.0, 1.0, 1.0)];
+    add(&mut model, slab);
+    model.plate(vec3(0.0, -0.5, 0.0), Vec3::Z, Vec3::X, 0);
+    model.plate(vec3(1.2, 0.5, 0.0), Vec3::Z, Vec3::Y, 0);
+    model.plate(vec3(0.0, 1.5, 0.0), 1.5 * Vec3::X, 1.5 * Vec3::Z, 0);
+    let scene = model.finish();
+    check_shadows("half in a slab", &scene, &points_on(&scene, 4000), &[slab], 0.02);
+}
+
+/// A lamp at the bottom of a shaft through a slab shines out of it, and nowhere else.
+#[test]
+fn a_lamp_let_into_a_slab() {
+    let mut model = lit();
+    let slab = |low: [f64; 2], high: [f64; 2]| [dvec3(low[0], 0.3, low[1]), dvec3(high[0], 0.6, high[1])];
+    let lid = [dvec3(-0.25, 0.5, -0.25), dvec3(0.25, 0.6, 0.25)];
+    let boxes = [
+        slab([-1.0, -1.0], [-0.25, 1.0]),
+        slab([0.25, -1.0], [1.0, 1.0]),
+        slab([-0.25, -1.0], [0.25, -0.25]),
+        slab([-0.25, 0.25], [0.25, 1.0]),
+    ];
+    [&boxes[..], &[lid]].concat().into_iter().for_each(|block| add(&mut model, block));
+    model.plate(vec3(0.0, -0.5, 0.0), Vec3::Z, Vec3::X, 0);
+    model.plate(vec3(0.0, 1.5, 0.0), 1.5 * Vec3::X, 1.5 * Vec3::Z, 0);
+    let scene = model.finish();
+    // Points on what the boxes have in common are in no room.
+    let inside = |point: &GatherPoint| {
+        let at = scene.space.to_world(point.position + 1e-4 * point.normal).as_dvec3();
+        boxes.iter().any(|[low, high]| at.cmpge(*low).all() && at.cmple(*high).all())
+    };
+    let points: Vec<_> = points_on(&scene, 4000).into_iter().filter(|point| !inside(point)).collect();
+    check_shadows("let into a slab", &scene, &points, &boxes, 0.02);
+}
+
+/// A leg much thinner than the lamp: its shadow is soft all around, and begins at its foot.
+#[test]
+fn the_leg_of_a_table() {
+    let mut model = lit();
+    let leg = [dvec3(0.2, -0.5, 0.1), dvec3(0.22, 0.0, 0.12)];
+    let top = [dvec3(0.1, 0.0, 0.0), dvec3(0.6, 0.02, 0.5)];
+    add(&mut model, leg);
+    add(&mut model, top);
+    model.plate(vec3(0.15, -0.5, 0.05), 0.3 * Vec3::Z, 0.3 * Vec3::X, 0);
+    let scene = model.finish();
+    let points: Vec<_> = points_on(&scene, 8000).into_iter().filter(|point| point.position.y < scene.mesh.positions[0].y - 1.0).collect();
+    check_shadows("leg of a table", &scene, &points, &[leg, top], 0.02);
+}
+
+/// The parts of the samples have the mean of the whole, and neighbours have different samples.
+#[test]
+fn parts_of_the_samples_are_the_whole() {
+    let mut model = lit();
+    model.plate(vec3(0.1, 0.0, 0.0), 0.2 * Vec3::X, 0.2 * Vec3::Z, 0);
+    model.plate(vec3(0.0, -0.5, 0.0), Vec3::Z, Vec3::X, 0);
+    let scene = model.finish();
+    let points = vec![GatherPoint::flat(points_on(&scene, 500).last().unwrap().position, Vec3::Y); 16];
+    let whole = direct_of(&scene, &points, SampleShare { samples: 64, part: 0, parts: 1 });
+    let mut sums = vec![0.0; 16];
+    for part in 0..8 {
+        let found = direct_of(&scene, &points, SampleShare { samples: 64, part, parts: 8 });
+        sums.iter_mut().zip(found).for_each(|(sum, value)| *sum += value / 8.0);
+    }
+    assert!(whole.iter().zip(&sums).all(|(whole, sum)| (whole / sum - 1.0).abs() < 1e-5), "{whole:?} {sums:?}");
+    // A list has four points of a row in each square.
+    assert!((0..16).all(|i| (whole[i] == whole[i % 4]) && (i % 4 == 0 || whole[i] != whole[0])), "{whole:?}");
 }

@@ -44,7 +44,7 @@ fn picture(gpu: &Gpu, world: &World) -> (Image, f64) {
         directions: DirectionSettings { count: directions, ..Default::default() },
         gather: GatherSettings { layer_size, ..Default::default() },
         photons: PhotonSettings { count: 200_000, ..Default::default() },
-        direct: DirectSettings { light_samples, shadow_size: 64 },
+        direct: DirectSettings { light_samples },
         ..Settings::default()
     };
     let mut render = Render::new(gpu, world, &settings).unwrap();

@@ -21,7 +21,7 @@ fn cornell() -> (World, Settings) {
     let Loaded { world, mut settings, .. } = World::load(Path::new("scenes/cornell.toml")).unwrap();
     (settings.film.size, settings.directions.count, settings.gather.layer_size) = ([48, 40], 64, LayerSize::Texels(64));
     settings.photons = PhotonSettings { count: 50_000, grid_cells: 16, ..settings.photons };
-    settings.direct = DirectSettings { light_samples: 32, shadow_size: 32 };
+    settings.direct = DirectSettings { light_samples: 32 };
     (world, settings)
 }
 

@@ -2,8 +2,6 @@
 
 #include "include/bvh.glsl"
 
-const float RAY_OFFSET = 1e-6;      // as in src/scene/bvh.rs
-
 PointHit find_hit(GatherPoint point, ivec2 place, int i)
 {
     bool against = dot(point.surface_normal, directions[i].xyz) < 0.0;

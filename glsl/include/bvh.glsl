@@ -1,5 +1,5 @@
-// Finds the nearest triangle on a ray in a bounding volume hierarchy that needs no stack. Mirrors `FlatBvh` in src/scene/flat_bvh.rs, which makes
-// the tables, and src/gather/rays.rs.
+// Finds the nearest triangle on a ray in a bounding volume hierarchy that needs no stack. With ANY_HIT the search ends at the first triangle found.
+// Mirrors src/geometry/ray_tables.rs, and `FlatBvh` in src/scene/flat_bvh.rs.
 //
 // Software drivers run both sides of every branch, but leave a loop when no ray is left in it. So work that can be skipped is in loops, which test at
 // the end, to test once less. Two rules for llvmpipe (Mesa 22.3): a ray that has left a loop keeps only variables that the loop carries from turn to
@@ -16,6 +16,7 @@ uniform sampler2D bvh_triangles;    // in the order of the leaves, four texels e
 
 const float FARTHEST = 4.0;         // beyond the scene, whose diameter is 2
 const float NOWHERE = -1.0;         // reach of a ray that is not cast
+const float RAY_OFFSET = 1e-6;      // height above its surface at which a ray starts, as in src/scene/bvh.rs
 
 struct BvhHit
 {
@@ -46,7 +47,7 @@ void meet_triangle(int place, vec3 origin, vec3 direction, inout BvhHit nearest)
     nearest.place = met ? place : nearest.place;
 }
 
-// The nearest triangle that a ray meets within its reach.
+// The nearest triangle that a ray meets within its reach; with ANY_HIT one of them.
 BvhHit nearest_hit(vec3 origin, vec3 direction, float reach)
 {
     // Avoids division by zero. The change moves the ray by less than the margin of the boxes.
@@ -76,6 +77,9 @@ BvhHit nearest_hit(vec3 origin, vec3 direction, float reach)
             meet_triangle(place, origin, direction, nearest);
             ++place;
         } while (place < last);
+#ifdef ANY_HIT
+        node = nearest.place < 0 ? node : end;
+#endif
     } while (node < end);
     return nearest;
 }

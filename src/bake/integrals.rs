@@ -52,6 +52,8 @@ pub struct IntegralInputs<'a> {
     /// Hits for [`Finder::Stored`].
     pub found: Found<'a>,
     pub miss: &'a MissRadiance,
+    /// [`MissRadiance::whole`].
+    pub whole_miss: &'a MissRadiance,
     pub points: Points<'a>,
     pub radiance: SurfaceRadiance<'a>,
     /// Transfer at hits. `None` is black.
@@ -69,8 +71,17 @@ struct IntegralPass {
     pass: GatherPass,
     /// Number of outputs, of four floats each, that it adds to.
     outputs: usize,
-    /// Whether it reads the transfer of hits instead of their radiance.
-    reads_transfer: bool,
+    reads: PassInput,
+}
+
+/// What a pass takes from hits and misses.
+#[derive(Clone, Copy)]
+enum PassInput {
+    /// Radiance. Direct light has the bright parts of the environment.
+    Gathered,
+    /// Radiance with all of the environment.
+    Whole,
+    Transfer,
 }
 
 /// Some of the points, with their sums.
@@ -103,14 +114,16 @@ impl Integrals {
     /// `source`: where radiance comes from. `textured`: the scene has albedo textures. `transfer`: hits have transfer.
     pub fn new(gpu: &Gpu, wanted: Wanted, textured: bool, source: RadianceSource, transfer: bool) -> Result<Self> {
         let radiance = HitRadiance { source, textured };
-        let pass = |consumer, outputs, reads_transfer| {
-            Ok(IntegralPass { pass: GatherPass::new(gpu, Finder::Stored, consumer)?, outputs, reads_transfer })
+        let pass = |consumer, outputs, reads| {
+            Ok(IntegralPass { pass: GatherPass::new(gpu, Finder::Stored, consumer)?, outputs, reads })
         };
         let harmonics = |wanted_so: bool| HarmonicsPass::all(wanted.order).filter(move |_| wanted_so);
-        let hemisphere = pass(Consumer::Hemisphere(wanted.radiance.then_some(radiance)), HEMISPHERE, false);
-        let sh = harmonics(wanted.sh).map(|part| pass(Consumer::IncidentHarmonics(radiance, part), part.outputs(), false));
+        let hemisphere = pass(Consumer::Hemisphere(wanted.radiance.then_some(radiance)), HEMISPHERE, PassInput::Gathered);
+        let incident = |part| Consumer::IncidentHarmonics(radiance, part);
+        let sh = harmonics(wanted.sh).map(|part| pass(incident(part), part.outputs(), PassInput::Whole));
         let textured = transfer.then_some(textured);
-        let prt = harmonics(wanted.prt).map(|part| pass(Consumer::TransferHarmonics(textured, part), part.outputs(), true));
+        let transfer = |part| Consumer::TransferHarmonics(textured, part);
+        let prt = harmonics(wanted.prt).map(|part| pass(transfer(part), part.outputs(), PassInput::Transfer));
         Ok(Self { passes: [hemisphere].into_iter().chain(sh).chain(prt).collect::<Result<_>>()? })
     }
 
@@ -129,10 +142,14 @@ impl Integrals {
             SurfaceRadiance::Black => Vec::new(),
         };
         let transfer = inputs.transfer.map_or(Vec::new(), |cached| cached.uniforms().to_vec());
-        let common = [&own[..], &inputs.geometry.uniforms(), &inputs.miss.uniforms()].concat();
-        let uniforms = [radiance, transfer].map(|of_hits| [&common[..], &of_hits].concat());
-        for (IntegralPass { pass, reads_transfer, .. }, sums) in self.passes.iter().zip(&tile.sums) {
-            pass.add(&inputs.found, inputs.points, sums, &uniforms[usize::from(*reads_transfer)]);
+        let common = [&own[..], &inputs.geometry.uniforms()].concat();
+        for (IntegralPass { pass, reads, .. }, sums) in self.passes.iter().zip(&tile.sums) {
+            let (of_hits, miss) = match reads {
+                PassInput::Gathered => (&radiance, &inputs.miss),
+                PassInput::Whole => (&radiance, &inputs.whole_miss),
+                PassInput::Transfer => (&transfer, &inputs.miss),
+            };
+            pass.add(&inputs.found, inputs.points, sums, &[&common[..], of_hits, &miss.uniforms()].concat());
         }
     }
 

@@ -30,14 +30,14 @@ use self::memory::stores_hits;
 use self::schedule::{BlockInProgress, PointSet, Round, Schedule};
 use self::vertex_cache::VertexCache;
 use crate::blocks::{Part, sha256};
-use crate::direct::Direct;
+use crate::direct::{Direct, SampleShare};
 use crate::error::{Error, Result};
 use crate::gather::MissRadiance;
 use crate::geometry::Geometry;
 use crate::gpu::Gpu;
 use crate::image::Channel;
 use crate::photon::PhotonCounts;
-use crate::points::{Accumulator, GatherPoint};
+use crate::points::GatherPoint;
 use crate::prepared::{Photons, Prepared};
 use crate::scene::Scene;
 use crate::settings::{DIRECTIONS_PER_PHOTON_MAP, Settings};
@@ -124,7 +124,7 @@ impl Bake {
             gpu: gpu.clone(),
             digest: digest(&prepared.scene, &points),
             schedule: Schedule::new(&settings.directions, settings.seed, [cache.points().len(), points.len()], receivers),
-            direct: Direct::new(gpu, settings.direct.shadow_size, settings.seed)?,
+            direct: Direct::new(gpu, settings.seed)?,
             settings: *settings,
             plan: plan.clone(),
             prepared,
@@ -316,7 +316,7 @@ impl Bake {
     /// Irradiance from the lights at the points of a round. Zero if it is not wanted.
     fn direct_light(&self, round: &Round, block: &BlockSums) -> Result<Vec<Vec3>> {
         let (geometry, lights) = (&self.geometry, &self.prepared.lights);
-        let lit = |round: &Round| self.plan.wanted(round.last).radiance && lights.count() > 0;
+        let lit = |round: &Round| self.plan.wanted(round.last).radiance && lights.are_sampled();
         if !lit(round) {
             return Ok(vec![Vec3::ZERO; round.points.len()]);
         }
@@ -328,13 +328,8 @@ impl Bake {
         }
         let mut direct = Vec::with_capacity(round.points.len());
         for tile in &block.tiles {
-            let points = tile.list.points();
-            let sums = Accumulator::new(&self.gpu, points.size())?;
-            sums.clear();
-            let samples = self.settings.direct.light_samples;
-            (0..samples.into()).for_each(|sample| self.direct.add(geometry, lights, sample, points, &sums));
-            let mean = 1.0 / samples as f32;
-            direct.extend(tile.list.in_order(sums.read()).iter().map(|sum| mean * sum.truncate()));
+            let share = SampleShare::whole(self.settings.direct.light_samples);
+            direct.extend(tile.list.in_order(self.direct.irradiance(geometry, lights, share, tile.list.points())?));
         }
         Ok(direct)
     }
@@ -372,13 +367,14 @@ impl Bake {
         let stored = stored.map(|stored| stored.entry(at.left.start).or_default());
         let mut hits = BatchHits::begin(source, stored, geometry, &directions)?;
         directions.truncate(hits.directions);
-        let miss = &MissRadiance::new(scene, &directions);
+        let (miss, whole_miss) = (&MissRadiance::new(scene, &directions), &MissRadiance::whole(scene, &directions));
         let open_distance = self.plan.ao_distance.map_or(f32::MAX, |length| scene.space.length_to_unit(length));
         for (index, tile) in block.tiles.iter().enumerate() {
             let points = tile.list.points();
             let found = hits.of_tile(geometry, index, points)?;
             self.layers_max = self.layers_max.max(found.layers);
-            block.integrals.add(tile, &IntegralInputs { geometry, found, miss, points, radiance, transfer, open_distance });
+            let hits = IntegralInputs { geometry, found, miss, whole_miss, points, radiance, transfer, open_distance };
+            block.integrals.add(tile, &hits);
         }
         self.gpu.finish();
         self.gpu.check("gathering")?;

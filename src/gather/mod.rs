@@ -25,7 +25,7 @@ mod stored;
 
 use std::rc::Rc;
 
-use glam::Vec4;
+use glam::{Vec3, Vec4};
 
 pub use bundle::Bundle;
 pub use cpu_rays::CpuRayFinder;
@@ -126,7 +126,7 @@ pub fn hit_finder(
         Pipeline::Fused => Box::new(LayerFinder::new(gpu, layers)?),
         Pipeline::Kill => Box::new(kill(Kill::new(gpu, points)?)?),
         Pipeline::EarlyKill => Box::new(kill(Kill::early(gpu, points)?)?),
-        Pipeline::RaycastGl => Box::new(RayFinder::new(gpu, scene)?),
+        Pipeline::RaycastGl => Box::new(RayFinder::default()),
         Pipeline::Raycast => Box::new(CpuRayFinder::new(gpu, scene, Rc::clone(bvh))),
     })
 }
@@ -138,12 +138,18 @@ pub struct MissRadiance {
 }
 
 impl MissRadiance {
-    /// The miss radiance along and against each direction of a batch.
+    /// Along and against each direction of a batch: what the gather alone brings. Direct light has the bright parts of the environment.
     pub fn new(scene: &Scene, directions: &[Direction]) -> Self {
-        let seen = |side: f32| {
-            let radiance = |direction: &Direction| scene.miss_radiance(side * direction.vector).extend(0.0);
-            directions.iter().map(radiance).collect()
-        };
+        Self::by(directions, |direction| scene.gathered_radiance(direction))
+    }
+
+    /// The same with the bright parts of the environment, for sums without direct light.
+    pub fn whole(scene: &Scene, directions: &[Direction]) -> Self {
+        Self::by(directions, |direction| scene.miss_radiance(direction))
+    }
+
+    fn by(directions: &[Direction], radiance: impl Fn(Vec3) -> Vec3) -> Self {
+        let seen = |side: f32| directions.iter().map(|direction| radiance(side * direction.vector).extend(0.0)).collect();
         Self { along: seen(1.0), against: seen(-1.0) }
     }
 

@@ -34,7 +34,7 @@ pub use bvh::{Bvh, Hit, RAY_OFFSET};
 pub use camera::{Camera, Lens};
 pub use flat_bvh::FlatBvh;
 pub use format::{Files, LoadOptions, LoadReport, Loaded};
-pub use light::{Environment, LightPoint, Lights};
+pub use light::{Environment, LightSample, Lights};
 pub use material::{Material, Surface};
 pub use mesh::{Mesh, Triangle};
 pub use specular::{MOST_SPECULAR, Path, Split, fresnel};
@@ -69,6 +69,11 @@ impl Scene {
     /// Radiance along a ray that hits no surface. The unit vector `direction` points along the ray.
     pub fn miss_radiance(&self, direction: Vec3) -> Vec3 {
         self.environment.as_ref().map_or(Vec3::ZERO, |environment| environment.radiance(direction))
+    }
+
+    /// The part of [`Self::miss_radiance`] that gather rays bring. Direct light has the rest.
+    pub fn gathered_radiance(&self, direction: Vec3) -> Vec3 {
+        self.environment.as_ref().map_or(Vec3::ZERO, |environment| environment.gathered_radiance(direction))
     }
 
     /// Linear reflectance at a point of a triangle, from its barycentric coordinates.

@@ -39,7 +39,7 @@ pub fn cornell_with(folder: &Path, name: &str, settings: &str) -> PathBuf {
 
 /// The Cornell box with settings that Mesa's reference rasteriser renders in seconds.
 pub fn small_scene(folder: &Path) -> PathBuf {
-    cornell_with(folder, "small.toml", "photons = 10000\nlayer_size = 64\nlight_samples = 32\nshadow_size = 64\n")
+    cornell_with(folder, "small.toml", "photons = 10000\nlayer_size = 64\nlight_samples = 32\n")
 }
 
 pub fn text(bytes: &[u8]) -> String {

@@ -111,13 +111,10 @@ impl Cornell {
     pub fn direct(&self, points: &[GatherPoint], samples: u32) -> Vec<DVec3> {
         let sample = |point: &GatherPoint, sample: [f32; 2]| {
             let origin = point.position + RAY_OFFSET * point.normal;
-            let light = self.lights.point_of_square(sample);
-            let distance = origin.distance(light.position);
-            let direction = (light.position - origin) / distance;
-            let geometry = point.cosine(direction) * light.normal.dot(-direction).max(0.0) / (distance * distance);
-            let reaches =
-                || self.bvh.nearest(origin, direction, None).is_none_or(|hit| hit.distance > distance - 10.0 * RAY_OFFSET);
-            if geometry > 0.0 && reaches() { (geometry * light.radiance_area).as_dvec3() } else { DVec3::ZERO }
+            let (direction, distance, facing) = self.lights.sample(sample).seen_from(origin);
+            let received = point.cosine(direction) * facing;
+            let reaches = || self.bvh.nearest(origin, direction, None).is_none_or(|hit| hit.distance >= distance);
+            if received != Vec3::ZERO && reaches() { received.as_dvec3() } else { DVec3::ZERO }
         };
         let at = |(index, point): (usize, &GatherPoint)| {
             (0..samples).map(|i| sample(point, sobol(i, index as u64))).sum::<DVec3>() / f64::from(samples)

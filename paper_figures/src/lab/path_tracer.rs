@@ -80,13 +80,10 @@ impl<'a> PathTracer<'a> {
 
     /// Irradiance from one point of the lights.
     fn direct(&self, origin: Vec3, normal: Vec3, random: &mut Random) -> Vec3 {
-        let light = self.lights.point(random.uniform(), [random.uniform(), random.uniform()]);
-        let to_light = light.position + RAY_OFFSET * light.normal - origin;
-        let distance = to_light.length();
-        let direction = to_light / distance;
-        let geometry = normal.dot(direction).max(0.0) * light.normal.dot(-direction).max(0.0) / (distance * distance);
+        let (direction, distance, facing) = self.lights.sample([random.uniform(), random.uniform()]).seen_from(origin);
+        let received = normal.dot(direction).max(0.0) * facing;
         let is_seen = || self.bvh.nearest(origin, direction, None).is_none_or(|hit| hit.distance >= distance);
-        if geometry > 0.0 && is_seen() { geometry * light.radiance_area } else { Vec3::ZERO }
+        if received != Vec3::ZERO && is_seen() { received } else { Vec3::ZERO }
     }
 }
 

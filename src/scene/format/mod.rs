@@ -112,7 +112,6 @@ impl World {
 impl Loader<'_> {
     /// Adds the warnings that all formats share, and cuts a list that is too long.
     fn check(&mut self, world: &World) {
-        self.warnings.extend(world.environment.as_ref().and_then(Environment::warning).map(str::to_owned));
         let untextured = world.meshes.iter().flat_map(|mesh| {
             mesh.triangles.iter().filter(|triangle| {
                 let textured = world.materials[triangle.material as usize].albedo_texture.is_some();

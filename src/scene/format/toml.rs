@@ -115,6 +115,14 @@ pub fn load(loader: &mut Loader, path: &Path) -> Result<(World, Settings)> {
         other => other,
     })?;
 
+    for (number, text) in (1..).zip(text.lines()) {
+        let name = text.split('=').next().unwrap_or_default().trim();
+        if let Some((key, reason)) = Settings::WITHOUT_EFFECT.iter().find(|(key, _)| *key == name) {
+            let warning = format!("{}:{number}: {key} has no effect, for {reason}; leave it out", path.display());
+            loader.warnings.push(warning);
+        }
+    }
+
     let camera = file.camera.map(|table| {
         let CameraTable { eye, target, up, fov_y_degrees, aperture, focus_distance } = *table.get_ref();
         let [eye, target, up] = [eye, target, up.unwrap_or([0.0, 1.0, 0.0])].map(Vec3::from);

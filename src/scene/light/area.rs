@@ -58,8 +58,8 @@ impl AreaLight {
         Self { triangles: emissive().map(emitter).collect(), by_power, power: PI * total }
     }
 
-    /// See [`super::Lights::point`].
-    pub fn point(&self, pick: f32, [u, v]: [f32; 2]) -> LightPoint {
+    /// A point by a uniform number, which selects the triangle, and a uniform point of the unit square. The density is proportional to emitted power.
+    fn point(&self, pick: f32, [u, v]: [f32; 2]) -> LightPoint {
         let (slot, ..) = self.by_power.pick(pick);
         let &Emitter { triangle, corners: [a, b, c], normal, radiance_area } = &self.triangles[slot];
         // Folds the square along its diagonal. Neighbours in the square stay neighbours in the triangle.
@@ -67,7 +67,7 @@ impl AreaLight {
         LightPoint { triangle, position: a + u * (b - a) + v * (c - a), normal, radiance_area }
     }
 
-    /// See [`super::Lights::point_of_square`].
+    /// As [`Self::point`]. `u` selects the triangle, its remainder the point: an even distribution in the square is even on the lights.
     pub fn point_of_square(&self, [u, v]: [f32; 2]) -> LightPoint {
         let (_, rest, _) = self.by_power.pick(u);
         self.point(u, [rest, v])

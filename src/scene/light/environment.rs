@@ -5,8 +5,9 @@
 //! wraps round. Beyond the centres of the outermost rows radiance is constant.
 //!
 //! Rays that hit no surface bring this light. All rays of a bundle have one direction, so one look-up serves all points. No shader samples the picture,
-//! and a scene without one is no slower. The price: few directions, or none, hit a small bright part such as the sun, and they hit it from all points
-//! at once. [`Environment::warning`] reports such pictures. An emissive surface instead gives soft shadows without this noise.
+//! and a scene without one is no slower. But few directions, or none, hit a small bright part such as the sun, and they hit it from all points at once.
+//! So radiance above a cap is not gathered ([`Environment::gathered_radiance`]). Direct light samples it ([`Environment::sample_bright`]).
+//! A texel's colour is split in one ratio, and interpolation is linear, so the two parts sum to the whole.
 
 use std::f32::consts::{PI, TAU};
 use std::io::Cursor;
@@ -47,19 +48,27 @@ struct Picture {
     height: usize,
     /// Row by row from the top.
     texels: Vec<Vec3>,
-    /// Chooses a row, and then a texel of the row, by the power from there.
+    by_power: TexelChoice,
+    /// The most that the gather brings of a texel's radiance, sum of the channels. Infinite if no part is bright.
+    cap: f32,
+    /// Chooses texels by the power above the cap. `None` if no part is bright.
+    bright: Option<TexelChoice>,
+}
+
+/// Chooses a row, and then a texel of the row, by the power from there.
+#[derive(Debug)]
+struct TexelChoice {
     rows: Distribution,
-    columns: Vec<Distribution>,
+    /// `None` for rows without power.
+    columns: Vec<Option<Distribution>>,
     /// Integral of radiance over the sphere, sum of the channels.
     power: f64,
-    /// See [`Environment::warning`].
-    warning: Option<String>,
 }
 
 impl Environment {
-    /// Memory in bytes: the texels with their table of light samples, and the same again during reading.
+    /// Memory in bytes: the texels with their tables of samples, and the same again during reading.
     pub fn bytes(&self) -> usize {
-        self.picture.texels.len() * (2 * size_of::<Vec3>() + size_of::<f32>())
+        self.picture.texels.len() * (2 * size_of::<Vec3>() + 2 * size_of::<f32>())
     }
 
     /// A checksum of picture, scale and turn.
@@ -132,13 +141,30 @@ impl Environment {
 
     /// Radiance that arrives from the direction to which the unit vector `direction` points.
     pub fn radiance(&self, direction: Vec3) -> Vec3 {
+        self.interpolated(direction, |texel| texel)
+    }
+
+    /// The part of the radiance up to the cap. Without bright parts it is all of it.
+    pub fn gathered_radiance(&self, direction: Vec3) -> Vec3 {
+        let cap = self.picture.cap;
+        self.interpolated(direction, |texel| texel * gathered_share(texel, cap))
+    }
+
+    /// The part of the radiance above the cap.
+    pub fn bright_radiance(&self, direction: Vec3) -> Vec3 {
+        let cap = self.picture.cap;
+        self.interpolated(direction, |texel| texel - texel * gathered_share(texel, cap))
+    }
+
+    /// The interpolated radiance of texels after `change`.
+    fn interpolated(&self, direction: Vec3, change: impl Fn(Vec3) -> Vec3) -> Vec3 {
         let Picture { width, height, texels, .. } = &*self.picture;
         let u = 0.5 + direction.x.atan2(-direction.z) / TAU + self.turn;
         let (left, right, across) = neighbours(u, *width);
         let v = direction.x.hypot(direction.z).atan2(direction.y) / PI;
         let y = (v * *height as f32 - 0.5).clamp(0.0, (height - 1) as f32);
         let row = |row: usize| {
-            let [left, right] = [left, right].map(|column| texels[row * width + column]);
+            let [left, right] = [left, right].map(|column| change(texels[row * width + column]));
             left + across * (right - left)
         };
         let (above, below) = (row(y as usize), row((y as usize + 1).min(height - 1)));
@@ -147,16 +173,24 @@ impl Environment {
 
     /// Maps a uniform point of the unit square to a unit vector towards the light and its density per steradian, which follows radiance and is positive
     /// wherever radiance is. If all is black, both are meaningless.
-    pub fn sample(&self, [u, v]: [f32; 2]) -> (Vec3, f32) {
-        let Picture { width, height, rows, columns, .. } = &*self.picture;
-        let (row, down, of_row) = rows.pick(v);
-        let (column, across, of_texel) = columns[row].pick(u);
+    pub fn sample(&self, square: [f32; 2]) -> (Vec3, f32) {
+        self.sample_by(&self.picture.by_power, square)
+    }
+
+    /// The same by the radiance above the cap. `None` if no part is bright.
+    pub fn sample_bright(&self, square: [f32; 2]) -> Option<(Vec3, f32)> {
+        self.picture.bright.as_ref().map(|choice| self.sample_by(choice, square))
+    }
+
+    fn sample_by(&self, choice: &TexelChoice, square: [f32; 2]) -> (Vec3, f32) {
+        let Picture { width, height, .. } = &*self.picture;
+        let ([row, column], [down, across], of_texel) = choice.pick(square);
         let azimuth = TAU * ((column as f32 + across) / *width as f32 - 0.5 - self.turn);
         // Uniform in solid angle within the texel.
         let (top, bottom) = band(row, *height);
         let y = top + down * (bottom - top);
         let radius = (1.0 - y * y).max(0.0).sqrt();
-        let density = of_row * of_texel * *width as f32 / (TAU * (top - bottom));
+        let density = of_texel * *width as f32 / (TAU * (top - bottom));
         (Vec3::new(radius * azimuth.sin(), y, -radius * azimuth.cos()), density)
     }
 
@@ -173,31 +207,38 @@ impl Environment {
 
     /// Integral of radiance over the sphere, sum of the channels: 4π times the mean of this sum.
     pub fn power(&self) -> f64 {
-        self.picture.power * f64::from(self.scale)
+        self.picture.by_power.power * f64::from(self.scale)
+    }
+
+    /// The part of [`Self::power`] that is above the cap.
+    pub fn bright_power(&self) -> f64 {
+        self.picture.bright.as_ref().map_or(0.0, |choice| choice.power * f64::from(self.scale))
     }
 
     /// Whether radiance is 0 in all directions.
     pub fn is_black(&self) -> bool {
         self.power() == 0.0
     }
-
-    /// A warning for the user if a small part of the sphere sends much of the light. Shared directions then make much noise.
-    pub fn warning(&self) -> Option<&str> {
-        self.picture.warning.as_deref()
-    }
 }
 
 impl Picture {
     fn new(width: usize, height: usize, texels: Vec<Vec3>) -> Self {
-        let solid_angle = |row: usize| {
-            let (top, bottom) = band(row, height);
-            f64::from(TAU * (top - bottom)) / width as f64
-        };
+        let by_power = TexelChoice::new([width, height], &texels, |texel| texel.element_sum());
+        let cap = cap_of(&texels, width);
+        let above = |texel: Vec3| (texel - texel * gathered_share(texel, cap)).element_sum();
+        let bright = cap.is_finite().then(|| TexelChoice::new([width, height], &texels, above));
+        Self { by_power, cap, bright, texels, width, height }
+    }
+}
+
+impl TexelChoice {
+    /// For a picture whose texels have these radiances, sum of the channels.
+    fn new([width, height]: [usize; 2], texels: &[Vec3], radiance: impl Fn(Vec3) -> f32 + Sync) -> Self {
         // The weight of a texel is the mean of the interpolated radiance on it. So a black texel beside a bright one has weight too.
         let mean = |row: usize, column: usize| {
             let mut sum = 0.0;
             for (above, weight) in [(row.saturating_sub(1), 0.125), (row, 0.75), ((row + 1).min(height - 1), 0.125)] {
-                let at = |column: usize| f64::from(texels[above * width + column % width].element_sum());
+                let at = |column: usize| f64::from(radiance(texels[above * width + column % width]));
                 sum += weight * (0.75 * at(column) + 0.125 * (at(column + 1) + at(column + width - 1)));
             }
             sum
@@ -207,37 +248,64 @@ impl Picture {
             .into_par_iter()
             .map(|row| {
                 let weights = weights_of(row);
-                let sum = weights.iter().sum::<f64>() * solid_angle(row);
-                (Distribution::new(weights), sum)
+                let sum = weights.iter().sum::<f64>() * solid_angle(row, [width, height]);
+                ((sum > 0.0).then(|| Distribution::new(weights)), sum)
             })
             .unzip();
         let power = sums.iter().sum();
-        let warning = warning(&texels, width, power, solid_angle);
-        Self { rows: Distribution::new(sums), columns, power, warning, texels, width, height }
+        Self { rows: Distribution::new(sums), columns, power }
+    }
+
+    /// Maps a uniform point of the unit square to a texel (row, column), a uniform point of it (down, across), and the texel's probability.
+    fn pick(&self, [u, v]: [f32; 2]) -> ([usize; 2], [f32; 2], f32) {
+        let (row, down, of_row) = self.rows.pick(v);
+        let Some(columns) = &self.columns[row] else { return ([row, 0], [down, u], 0.0) };
+        let (column, across, of_texel) = columns.pick(u);
+        ([row, column], [down, across], of_row * of_texel)
     }
 }
 
-/// Let a part send the share s of the power from the share s/k of the sphere. About N s/k of N directions hit it. It alone causes an error of about
-/// √(ks/N): 10 % with 1000 directions and the numbers here.
-fn warning(texels: &[Vec3], width: usize, power: f64, solid_angle: impl Fn(usize) -> f64) -> Option<String> {
-    const TIMES_BRIGHTER: f64 = 100.0;
-    const SHARE: f64 = 0.1;
-    let mean = power / (4.0 * std::f64::consts::PI);
-    let (mut share, mut fills) = (0.0, 0.0);
-    for (i, texel) in texels.iter().enumerate() {
-        let radiance = f64::from(texel.element_sum());
-        if radiance > TIMES_BRIGHTER * mean {
-            share += radiance * solid_angle(i / width) / power;
-            fills += solid_angle(i / width) / (4.0 * std::f64::consts::PI);
+/// The share of a texel's radiance that the gather brings.
+fn gathered_share(texel: Vec3, cap: f32) -> f32 {
+    let radiance = texel.element_sum();
+    if radiance > cap { cap / radiance } else { 1.0 }
+}
+
+/// The most radiance of a texel, sum of the channels, that shared directions are left to find. Infinite if they find all of it well.
+///
+/// With radiance of at most k times the mean, N random directions have a relative error of at most √(k/N): 12 % with k = 4 and N = 256, and evenly
+/// spread directions a small part of that. The mean is that of the gathered part itself, because in the shade of the sun it is all the light there is.
+/// So a light that fills less than 1/k of a black sphere is left to direct light as a whole.
+fn cap_of(texels: &[Vec3], width: usize) -> f32 {
+    const TIMES_MEAN: f64 = 4.0;
+    /// A bright part that adds less than this to N × the variance of N random directions is not worth its shadow rays.
+    const LEAST: f64 = 0.01;
+    let height = texels.len() / width;
+    let shares: Vec<f64> = (0..height).map(|row| solid_angle(row, [width, height]) / (4.0 * std::f64::consts::PI)).collect();
+    // The mean over the sphere of a function of the radiance. Rows are summed in order, so threads do not change its bits.
+    let mean = |of: &(dyn Fn(f64) -> f64 + Sync)| -> f64 {
+        let row = |row: usize| texels[row * width..][..width].iter().map(|texel| of(texel.element_sum().into())).sum::<f64>();
+        let rows: Vec<f64> = (0..height).into_par_iter().map(row).collect();
+        rows.iter().zip(&shares).map(|(sum, share)| sum * share).sum()
+    };
+    let whole = mean(&|radiance| radiance);
+    let mut cap = TIMES_MEAN * whole;
+    // Each step lowers the cap, at last by less than a part in a thousand.
+    loop {
+        let next = TIMES_MEAN * mean(&|radiance| radiance.min(cap));
+        if next > 0.999 * cap || cap <= 1e-3 * whole {
+            break;
         }
+        cap = next;
     }
-    (share > SHARE).then(|| {
-        format!(
-            "{:.0} % of the environment's light comes from {:.2} % of the sphere: it needs many directions, or an emissive surface in its place",
-            100.0 * share,
-            100.0 * fills
-        )
-    })
+    let excess = mean(&|radiance| radiance.powi(2) - radiance.min(cap).powi(2));
+    if excess > LEAST * whole.powi(2) { cap as f32 } else { f32::INFINITY }
+}
+
+/// Solid angle of a texel of a row.
+fn solid_angle(row: usize, [width, height]: [usize; 2]) -> f64 {
+    let (top, bottom) = band(row, height);
+    f64::from(TAU * (top - bottom)) / width as f64
 }
 
 /// Heights y of the upper and the lower border of a row, on the unit sphere.

@@ -1,21 +1,27 @@
 //! Lights: all emitters of a scene. [`Lights`] is the entry point.
 //!
 //! Each kind of light is a variant of `Light` (instead of virtual functions, as in pbrt's `base/light.h`) with a file here. It has `power`, `emit` for
-//! photons and `points` for direct light. Point, spot and directional lights will come from a list in [`World`](super::World) that [`Lights::new`]
-//! reads. Their points have no side, so [`Direct`](crate::direct::Direct) must then draw shadow maps in all directions.
+//! photons and `sample` for direct light. Point, spot and directional lights will come from a list in [`World`](super::World) that [`Lights::new`]
+//! reads.
 
 use std::f32::consts::PI;
 
-use glam::Vec3;
+use glam::{Vec3, Vec4};
 
-use super::{Path, Scene};
+use super::{Path, RAY_OFFSET, Scene};
 
 mod area;
 mod environment;
 
-use area::AreaLight;
-pub use area::LightPoint;
+use area::{AreaLight, LightPoint};
 pub use environment::Environment;
+
+/// Height above its surface at which a shadow ray towards a lamp ends, in unit space. A lamp that is flush with a ceiling has neighbours in its own
+/// plane. A ray of length 2 has an error of some 1e-7 at its end, and so has its hit with a plane.
+const LIGHT_OFFSET: f32 = 2.0 * RAY_OFFSET;
+
+/// The least share of the samples for a light. The sun has more power than all lamps of a room that it hardly reaches.
+const LEAST_SHARE: f32 = 0.25;
 
 /// A light of a scene in unit space.
 enum Light {
@@ -23,6 +29,30 @@ enum Light {
     Environment(Environment),
     /// All emissive triangles, as one light.
     Area(AreaLight),
+}
+
+/// A sample of direct light. Its mean over uniform points of the unit square is all direct light.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LightSample {
+    /// w 1: position in unit space; w 0: unit vector towards a light outside the scene.
+    pub place: Vec4,
+    /// Unit normal of the emitting side. Outside the scene: the vector towards the light, turned round.
+    pub normal: Vec3,
+    /// Radiance over the density of the sample, per area or per solid angle.
+    pub weight: Vec3,
+}
+
+impl LightSample {
+    /// For a receiver at `origin`: the unit vector towards the sample, the length of the shadow ray, and the irradiance on a surface that faces it. The
+    /// twin of `glsl/direct.frag`.
+    pub fn seen_from(&self, origin: Vec3) -> (Vec3, f32, Vec3) {
+        let near = self.place.w > 0.0;
+        let way = self.place.truncate() - if near { origin } else { Vec3::ZERO };
+        let distance = way.length();
+        let direction = way / distance;
+        let received = -self.normal.dot(direction).min(0.0) / if near { distance * distance } else { 1.0 };
+        (direction, if near { distance } else { f32::INFINITY }, received * self.weight)
+    }
 }
 
 /// All lights of a scene, chosen by power.
@@ -49,11 +79,27 @@ impl Light {
         }
     }
 
-    /// The emissive points of its direct light. An environment has none: its light comes along gather rays that hit no surface.
-    fn points(&self) -> Option<&AreaLight> {
+    /// The part of [`Self::power`] that direct light samples. The gather has the rest: its rays that hit no surface bring it.
+    fn sampled_power(&self) -> f64 {
         match self {
-            Self::Environment(_) => None,
-            Self::Area(area) => Some(area),
+            Self::Environment(environment) => f64::from(PI) * environment.bright_power(),
+            Self::Area(area) => area.power,
+        }
+    }
+
+    /// As [`Lights::sample`], for a light that is chosen with this probability.
+    fn sample(&self, probability: f32, square: [f32; 2]) -> LightSample {
+        match self {
+            Self::Environment(environment) => {
+                let (to_light, density) = environment.sample_bright(square).expect("only bright parts are sampled");
+                let weight = environment.bright_radiance(to_light) / (density * probability);
+                LightSample { place: to_light.extend(0.0), normal: -to_light, weight }
+            }
+            Self::Area(area) => {
+                let LightPoint { position, normal, radiance_area, .. } = area.point_of_square(square);
+                let place = (position + LIGHT_OFFSET * normal).extend(1.0);
+                LightSample { place, normal, weight: radiance_area / probability }
+            }
         }
     }
 }
@@ -94,26 +140,40 @@ impl Lights {
         last.emit(left, [pick, u, v, s, t])
     }
 
-    /// The emissive points of direct light.
-    fn points(&self) -> Option<&AreaLight> {
-        self.lights.iter().find_map(|(light, _)| light.points())
-    }
-
-    /// Number of emissive triangles. If it is 0, there are no points.
+    /// Number of emissive triangles.
     pub fn count(&self) -> usize {
-        self.points().map_or(0, |area| area.triangles.len())
+        let triangles = |(light, _): &(Light, f32)| if let Light::Area(area) = light { area.triangles.len() } else { 0 };
+        self.lights.iter().map(triangles).sum()
     }
 
-    /// Maps a uniform number and a uniform point of the unit square to a point on the lights. The density is proportional to emitted power.
+    /// Whether there is direct light.
+    pub fn are_sampled(&self) -> bool {
+        self.sampled().next().is_some()
+    }
+
+    fn sampled(&self) -> impl Iterator<Item = &Light> {
+        self.lights.iter().map(|(light, _)| light).filter(|light| light.sampled_power() > 0.0)
+    }
+
+    /// Maps a uniform point of the unit square to a sample of direct light. `u` selects the light, its remainder the point on it: an even
+    /// distribution in the square is even on the lights.
     ///
     /// # Panics
-    /// When [`Self::count`] is 0.
-    pub fn point(&self, pick: f32, square: [f32; 2]) -> LightPoint {
-        self.points().expect("some light has points").point(pick, square)
-    }
-
-    /// As [`Self::point`]. `u` selects the triangle, its remainder the point: an even distribution in the square is even on the lights.
-    pub fn point_of_square(&self, square: [f32; 2]) -> LightPoint {
-        self.points().expect("some light has points").point_of_square(square)
+    /// When there is no direct light.
+    pub fn sample(&self, [u, v]: [f32; 2]) -> LightSample {
+        let count = self.sampled().count();
+        let all: f64 = self.sampled().map(Light::sampled_power).sum();
+        let (mut u, mut left) = (u, 1.0);
+        for (index, light) in (1..).zip(self.sampled()) {
+            let share = LEAST_SHARE + (1.0 - LEAST_SHARE * count as f32) * (light.sampled_power() / all) as f32;
+            if index == count {
+                return light.sample(left, [u / left, v]);
+            }
+            if u < share {
+                return light.sample(share, [u / share, v]);
+            }
+            (u, left) = (u - share, left - share);
+        }
+        unreachable!("direct light comes from a light")
     }
 }
