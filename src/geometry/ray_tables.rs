@@ -4,7 +4,7 @@
 
 use glam::{DVec3, Vec3, Vec4};
 
-use super::{corner_weights, upload_table};
+use super::corner_weights;
 use crate::error::Result;
 use crate::gpu::{Format, Gpu, Texture, Uniform};
 use crate::scene::FlatBvh;
