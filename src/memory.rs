@@ -20,7 +20,10 @@ const DRIVER: usize = 96 << 20;
 /// bake of `ao` at one point among 500 000 triangles. The rest is a margin.
 const TRIANGLE: usize = 376;
 
-/// Bytes that every job takes: driver, scene, photons, shadow maps, and the layers of a batch of directions.
+/// Bytes of a triangle in the tables of rays on the GL side, which `src/gather/rays.rs` describes.
+const RAY_TABLES: usize = 136;
+
+/// Bytes that every job takes: driver, scene, photons, shadow maps, and the layers of a batch of directions or the tables of rays.
 pub fn common(scene: &Scene, settings: &Settings) -> usize {
     // A scene with glass is held twice: with its glass for eye rays and photons, without it for gather rays.
     let is_glass = |triangle: &Triangle| scene.materials[triangle.material as usize].is_glass();
@@ -30,7 +33,14 @@ pub fn common(scene: &Scene, settings: &Settings) -> usize {
     let environment = scene.environment.as_ref().map_or(0, Environment::bytes);
     let photons = PhotonGrid::bytes(settings.photons.grid_cells) + PhotonTexture::bytes(settings.photons.grid_cells);
     let photons = photons + PhotonGrid::area_bytes(scene.mesh.triangles.len());
-    DRIVER + surfaces + environment + photons + Direct::bytes(settings.direct.shadow_size) + LayerStore::bytes(settings.layers())
+    let layers = if settings.gather.pipeline.has_layers() { LayerStore::bytes(settings.layers()) } else { 0 };
+    let tables = match settings.gather.pipeline {
+        Pipeline::RaycastGl | Pipeline::Auto => RAY_TABLES * scene.mesh.triangles.len(),
+        Pipeline::Raycast | Pipeline::Fused | Pipeline::Kill | Pipeline::EarlyKill => 0,
+    };
+    // `auto` may choose either.
+    let hits = layers.max(tables);
+    DRIVER + surfaces + environment + photons + Direct::bytes(settings.direct.shadow_size) + hits
 }
 
 /// Most bytes of a render: `common`, a block's pixels, a film in each node of the pairwise tree over `blocks`; and the picture, unless a shard.

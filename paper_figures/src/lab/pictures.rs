@@ -11,7 +11,7 @@ use finalgather::scene::{Loaded, World};
 use serde::{Deserialize, Serialize};
 
 use crate::figure::Result;
-use crate::lab::library::{Gpu, Image, Scene, Settings, gpu, in_repository};
+use crate::lab::library::{Gpu, Image, Pipeline, Scene, Settings, gpu, in_repository};
 
 /// A scene and its path-traced picture. Comparisons leave out what `tests/reference.rs` leaves out: the lamp, and the worst of the other
 /// pixels.
@@ -85,7 +85,9 @@ impl Pictures {
     /// Of the path-traced picture's size, everything else as the scene has it.
     pub fn settings(&self, directions: u32) -> Settings {
         let size = [self.path_traced.width as u32, self.path_traced.height as u32];
-        self.loaded.settings.with(|s| (s.film.size, s.directions.count) = (size, directions))
+        let figure =
+            |s: &mut Settings| (s.film.size, s.directions.count, s.gather.pipeline) = (size, directions, Pipeline::Fused);
+        self.loaded.settings.with(figure)
     }
 
     pub fn render(&self, settings: &Settings) -> Result<(Image, RenderStatistics)> {
