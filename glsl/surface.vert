@@ -6,7 +6,9 @@ layout(location = 0) in vec3 position;
 layout(location = 1) in vec3 normal;    // zero: flat shading
 
 #ifdef BATCH
-uniform mat4 to_clip[BATCH];            // one for each instance
+uniform mat4 to_clip[BATCH];            // one for each instance, into its tile of a row
+uniform int tiles;                      // in the row
+out float gl_ClipDistance[2];           // from the left and the right border of the tile: a bundle may leave out a part of the scene
 #else
 uniform mat4 to_clip;
 #endif
@@ -23,6 +25,9 @@ void main()
     surface_triangle = gl_VertexID / 3;
 #ifdef BATCH
     gl_Position = to_clip[gl_InstanceID] * vec4(position, 1.0);
+    float across = 0.5 * (gl_Position.x + 1.0) * float(tiles) - float(gl_InstanceID);
+    gl_ClipDistance[0] = across;
+    gl_ClipDistance[1] = 1.0 - across;
 #else
     gl_Position = to_clip * vec4(position, 1.0);
 #endif

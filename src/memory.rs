@@ -19,7 +19,7 @@ const DRIVER: usize = 96 << 20;
 /// bake of `ao` at one point among 500 000 triangles. The rest is a margin.
 const TRIANGLE: usize = 376;
 
-/// Bytes that every job takes: driver, scene, photons, and the layers of a batch of directions.
+/// Bytes that every job takes: driver, scene, photons, tables of rays, and the layers of a batch of directions.
 pub fn common(scene: &Scene, settings: &Settings) -> usize {
     // A scene with glass is held twice: with its glass for eye rays and photons, without it for gather rays.
     let is_glass = |triangle: &Triangle| scene.materials[triangle.material as usize].is_glass();
@@ -35,7 +35,9 @@ pub fn common(scene: &Scene, settings: &Settings) -> usize {
             PhotonGrid::bytes(cells) + PhotonTexture::bytes(cells) + PhotonGrid::area_bytes(triangles)
         }
     };
-    DRIVER + surfaces + environment + photons + LayerStore::bytes(settings.layers())
+    // `auto` may choose layers.
+    let layers = if settings.gather.pipeline.has_layers() { LayerStore::bytes(settings.layers()) } else { 0 };
+    DRIVER + surfaces + environment + photons + layers
 }
 
 /// Most bytes of a render: `common`, a block's pixels, a film in each node of the pairwise tree over `blocks`; and the picture, unless a shard.

@@ -9,6 +9,7 @@
 
 mod layer_view;
 mod merge;
+mod method;
 mod statistics;
 
 use std::ops::Range;
@@ -39,6 +40,8 @@ use crate::scene::{Camera, World};
 use crate::settings::{DIRECTIONS_PER_PHOTON_MAP, Estimator, PointSource, Settings};
 
 use self::merge::{FILM, film_of_part};
+use self::method::method;
+use self::statistics::layer_size;
 
 pub use crate::memory::of_render as memory_of;
 pub use layer_view::{End, LayerTexel, Layers, Probe};
@@ -48,6 +51,7 @@ pub use statistics::{GatherCounts, RenderStatistics, SceneCounts, StageSeconds};
 /// A render in progress.
 pub struct Render {
     gpu: Gpu,
+    /// With the pipeline that `auto` stands for.
     settings: Settings,
     all: Rc<Prepared>,
     /// The scene without glass, for gather rays.
@@ -124,7 +128,8 @@ impl Render {
             false => Rc::new(Geometry::upload(gpu, &gathered.scene)?),
         };
         let (scene, camera) = (&all.scene, all.scene.camera(settings.film.size));
-        let mut passes = Passes::new(gpu, &gathered, settings)?;
+        let (settings, interleave) = &method(&gathered, &camera, settings);
+        let mut passes = Passes::new(gpu, &gathered, settings, *interleave)?;
 
         let start = Instant::now();
         let photons = Photons::new(gpu, [&all, &gathered], (&settings.photons, settings.seed), || passes.gather.shrink())?;
@@ -134,7 +139,7 @@ impl Render {
             ..RenderStatistics::default()
         };
         statistics.seconds.photons = start.elapsed().as_secs_f64();
-        statistics.gather.layer_size = settings.layers();
+        statistics.gather.layer_size = layer_size(settings);
         gpu.finish();
         gpu.check("preparing a render")?;
         Ok(Self {
@@ -168,13 +173,15 @@ impl Render {
             return Err(Error::usage("the photons of a render in progress cannot change", "open the scene again"));
         }
         settings.validate()?;
+        let camera = self.all.scene.space.enter_camera(camera);
+        let (settings, interleave) = &method(&self.gathered, &camera, settings);
         let passes = |of: &Settings| (of.film, of.gather, of.layers());
-        if passes(settings) != passes(&self.settings) {
-            self.passes = Passes::new(&self.gpu, &self.gathered, settings)?;
+        if (passes(settings), *interleave) != (passes(&self.settings), self.passes.interleave) {
+            self.passes = Passes::new(&self.gpu, &self.gathered, settings, *interleave)?;
         }
         self.directions = Directions::new(settings.directions.sequence, settings.seed);
         self.settings = *settings;
-        self.camera = self.all.scene.space.enter_camera(camera);
+        self.camera = camera;
         self.forget();
         Ok(())
     }
@@ -184,7 +191,7 @@ impl Render {
     /// # Errors
     /// When a program does not compile; then nothing has changed.
     pub fn reload(&mut self) -> Result<()> {
-        self.passes = Passes::new(&self.gpu, &self.gathered, &self.settings)?;
+        self.passes = Passes::new(&self.gpu, &self.gathered, &self.settings, self.passes.interleave)?;
         self.forget();
         Ok(())
     }
@@ -201,10 +208,10 @@ impl Render {
         }
         self.statistics =
             RenderStatistics { scene: self.statistics.scene, photons: self.photons.counts, ..RenderStatistics::default() };
-        self.statistics.gather.layer_size = self.settings.layers();
+        self.statistics.gather.layer_size = layer_size(&self.settings);
     }
 
-    /// The settings of the render.
+    /// The settings of the render, with the pipeline that `auto` stands for.
     pub fn settings(&self) -> &Settings {
         &self.settings
     }
@@ -238,6 +245,7 @@ impl Render {
             "space": self.all.scene.space,
             "camera": format!("{:?}", self.camera),
             "settings": self.settings.of_sums(),
+            "interleave": self.passes.interleave,
         })
     }
 
@@ -285,7 +293,7 @@ impl Render {
         if self.is_done() {
             return Ok(());
         }
-        let before = self.done - self.block.as_ref().map_or(0, |block| block.taken.iter().sum());
+        let before = self.done - self.block.as_ref().map_or(0, |block| self.taken(block));
         self.gather_some().or_else(|error| {
             // After a failure the sums of the block are lost or not to be trusted.
             self.done = before;
@@ -361,10 +369,10 @@ impl Render {
         let caustics = self.caustics(index, &g_buffer);
         self.statistics.seconds.caustics += start.elapsed().as_secs_f64();
 
-        self.passes.gather.begin(|| g_buffer.pixels());
+        self.passes.gather.begin(g_buffer.pixels());
         self.statistics.gather.points = g_buffer.count;
         self.statistics.gather.cut += u64::from(g_buffer.cut);
-        let mut left: Vec<u32> = directions.rev().collect();
+        let mut left: Vec<u32> = self.passes.interleave.numbers(directions).rev().collect();
         left.sort_by_key(|&direction| self.passes.interleave.subset(direction, index).index());
         let taken = vec![0; self.passes.interleave.subsets()];
         Ok(Block { index, g_buffer, direct, photon_map, caustics, left, taken })
@@ -402,11 +410,18 @@ impl Render {
         let (geometry, photons) = (&*self.gathered_geometry, &self.photons.texture);
         let layers = self.passes.gather.add(GatherInputs { scene, geometry, photons, oracle, points }, &directions)?;
         self.statistics.seconds.gather += self.finish("final gathering", start)?;
+        let before = self.taken(block);
         block.left.truncate(block.left.len() - numbers.len());
         block.taken[subset.index()] += numbers.len() as u32;
-        self.done += numbers.len() as u32;
-        self.statistics.gather.add(points.count, numbers.len() as u32, layers, self.statistics.seconds.gather);
+        self.done += self.taken(block) - before;
+        let interleave = &self.passes.interleave;
+        self.statistics.gather.add(points.count, numbers.len() as u32, interleave, layers, self.statistics.seconds.gather);
         Ok(())
+    }
+
+    /// Directions of a block so far, as the settings count them.
+    fn taken(&self, block: &Block) -> u32 {
+        self.passes.interleave.directions(block.taken.iter().sum())
     }
 
     fn film_of(&self, block: &Block) -> Film {
@@ -418,7 +433,7 @@ impl Render {
             gathered.iter_mut().enumerate().for_each(|(pixel, sum)| sum.w = mean * taken(pixel) as f32);
         }
         let gathered = self.passes.interleave.share(gathered, &block.taken, &block.g_buffer);
-        let directions = block.taken.iter().sum();
+        let directions = self.taken(block);
         Film::of_block(
             self.settings.film.size,
             &block.g_buffer,
@@ -449,7 +464,7 @@ impl Render {
 
 impl Passes {
     /// `gathered` is the scene without glass, for gather rays.
-    fn new(gpu: &Gpu, gathered: &Prepared, settings: &Settings) -> Result<Self> {
+    fn new(gpu: &Gpu, gathered: &Prepared, settings: &Settings, interleave: Interleave) -> Result<Self> {
         let points = settings.film.size;
         let source = match settings.film.points {
             PointSource::Camera => PixelSource::Camera(CameraPoints::new(gpu, points)?),
@@ -457,7 +472,6 @@ impl Passes {
         };
         let direct = Direct::new(gpu, settings.seed)?;
         let photon_map = PhotonMap::new(gpu, settings.photons.map, points)?;
-        let interleave = Interleave::new(settings.film.interleave, points, settings.seed);
         // The gather comes last: it adapts to the memory that is left.
         let gather = IrradianceGather::new(gpu, settings, &gathered.scene, &gathered.bvh, interleave)?;
         Ok(Self { source, direct, photon_map, interleave, gather, shown: None })

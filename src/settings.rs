@@ -100,7 +100,7 @@ settings! {
         points => points: PointSource = PointSource::Camera,
         /// Side in pixels of squares of neighbouring pixels that divide the directions among them. Each pixel gathers along its share. Then the pixels
         /// of one surface share their results. 1: every pixel gathers along every direction.
-        interleave => interleave: u32 = 1,
+        interleave => interleave: Squares = Squares::Auto,
     }
 
     /// The global directions, and the estimator for sums along them.
@@ -116,7 +116,7 @@ settings! {
 
     /// How gather rays find their hits.
     gather: GatherSettings {
-        pipeline => pipeline: Pipeline = Pipeline::Fused,
+        pipeline => pipeline: Pipeline = Pipeline::Auto,
         /// Side of the square depth layers. [`Self::layers`] gives it in texels.
         layer_size => layer_size: LayerSize = LayerSize::Auto,
         /// The poster's criterion: peeling of a direction ends at the first layer that fewer than this share of the points sample, or with 0 none.
@@ -174,60 +174,94 @@ pub enum PhotonMapKind {
     Grid,
 }
 
-/// Side of the square depth layers.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(try_from = "Value", into = "Value")]
-pub enum LayerSize {
-    /// The side grows with the number of directions, see [`GatherSettings::layers`].
-    #[default]
-    Auto,
-    Texels(u32),
-}
-
-impl TryFrom<Value> for LayerSize {
-    type Error = String;
-
-    fn try_from(value: Value) -> Result<Self, String> {
-        match value.as_u64().and_then(|side| side.try_into().ok()) {
-            Some(side) => Ok(Self::Texels(side)),
-            None if value == "auto" => Ok(Self::Auto),
-            None => Err(format!("{value} is no layer size: give a number of texels, or \"auto\"")),
+/// Declares a setting that is "auto" or a whole number.
+macro_rules! auto_or_number {
+    ($(#[$doc:meta])* $name:ident { $(#[$auto_doc:meta])* Auto, $number:ident } $what:literal) => {
+        $(#[$doc])*
+        #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+        #[serde(try_from = "Value", into = "Value")]
+        pub enum $name {
+            $(#[$auto_doc])*
+            #[default]
+            Auto,
+            $number(u32),
         }
-    }
-}
 
-impl From<LayerSize> for Value {
-    fn from(size: LayerSize) -> Self {
-        match size {
-            LayerSize::Auto => "auto".into(),
-            LayerSize::Texels(side) => side.into(),
+        impl TryFrom<Value> for $name {
+            type Error = String;
+
+            fn try_from(value: Value) -> Result<Self, String> {
+                match value.as_u64().and_then(|number| number.try_into().ok()) {
+                    Some(number) => Ok(Self::$number(number)),
+                    None if value == "auto" => Ok(Self::Auto),
+                    None => Err(format!(concat!("{} is no ", $what, ", or \"auto\""), value)),
+                }
+            }
         }
-    }
+
+        impl From<$name> for Value {
+            fn from(setting: $name) -> Self {
+                match setting {
+                    $name::Auto => "auto".into(),
+                    $name::$number(number) => number.into(),
+                }
+            }
+        }
+
+        /// As settings spell it.
+        impl Display for $name {
+            fn fmt(&self, f: &mut Formatter) -> fmt::Result {
+                self.serialize(f)
+            }
+        }
+    };
 }
 
-/// As settings spell it.
-impl Display for LayerSize {
-    fn fmt(&self, f: &mut Formatter) -> fmt::Result {
-        self.serialize(f)
+auto_or_number! {
+    /// Side of the square depth layers.
+    LayerSize {
+        /// The side grows with the number of directions, see [`GatherSettings::layers`].
+        Auto,
+        Texels
     }
+    "layer size: give a number of texels"
+}
+
+auto_or_number! {
+    /// Side of the squares of interleaved pixels.
+    Squares {
+        /// 1, except where [`Pipeline::Auto`] chooses exact rays: then neighbours look along different directions of a longer sequence.
+        Auto,
+        Pixels
+    }
+    "square: give 1, 2 or 4 pixels"
 }
 
 /// The method of the gather.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Pipeline {
+    /// [`Self::Fused`] where its layers resolve what the points see, else [`Self::RaycastGl`]. The choice is made when a job begins.
+    #[default]
+    Auto,
     /// The method of 2004: peels layers from far to near, with one culling (KILL) pass over the points for each layer.
     Kill,
     /// The same, but culled points are not shaded again: the poster's "early KILL operation".
     EarlyKill,
     /// Samples all layers of several directions in one pass, for rays at both ends of each direction. So half the directions give the same number of
     /// samples. It peels to the last layer and ignores the stop fraction. It stores all layers, at least eight, in 12 bytes for each texel.
-    #[default]
     Fused,
     /// Exact rays on the CPU along the same directions. The layers approximate these. Layer size and stop fraction have no effect.
     Raycast,
     /// As `raycast`, on the GL side and for both ends of each direction, as in `fused`: ray shooting on the same device.
     RaycastGl,
+}
+
+impl Pipeline {
+    /// Whether hits come from layers, for which the layer size counts. `auto` may choose them.
+    pub fn has_layers(self) -> bool {
+        !matches!(self, Self::Raycast | Self::RaycastGl)
+    }
 }
 
 /// The name in settings.
@@ -286,6 +320,13 @@ impl GatherSettings {
     }
 }
 
+impl Squares {
+    /// Number of pixels that divide each direction of a block among them. With `auto`, a direction may stand for several.
+    pub fn pixels(self) -> u32 {
+        if let Self::Pixels(side) = self { side * side } else { 1 }
+    }
+}
+
 impl PhotonSettings {
     /// Indices of the photons of a map. Maps use consecutive ranges.
     pub fn numbers(&self, map: u64) -> Range<u64> {
@@ -336,8 +377,9 @@ impl Settings {
         at_least_one("photons", photons.count)?;
         at_least_one("photon-depth", photons.depth.into())?;
         at_least_one("light_samples", direct.light_samples.into())?;
-        check(matches!(film.interleave, 1 | 2 | 4), "interleave", &film.interleave, "give 1, 2 or 4 pixels")?;
-        let (count, square) = (directions.count, film.interleave * film.interleave);
+        let sound = matches!(film.interleave, Squares::Auto | Squares::Pixels(1 | 2 | 4));
+        check(sound, "interleave", &film.interleave, "give 1, 2 or 4 pixels, or auto")?;
+        let (count, square) = (directions.count, film.interleave.pixels());
         if count < square {
             let problem = format!("{count} directions leave some of the {square} pixels of a square without");
             return Err(Error::usage(problem, "give more directions, or a smaller interleave"));

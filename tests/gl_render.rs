@@ -13,7 +13,9 @@ use finalgather::image::compare::{Selection, compare};
 use finalgather::image::{Channel, Image};
 use finalgather::render::{End, Render};
 use finalgather::scene::{Bvh, Camera, Loaded, RAY_OFFSET, World};
-use finalgather::settings::{DirectSettings, DirectionSettings, Estimator, LayerSize, PhotonSettings, Pipeline, Settings};
+use finalgather::settings::{
+    DirectSettings, DirectionSettings, Estimator, LayerSize, PhotonSettings, Pipeline, Settings, Squares,
+};
 use glam::Vec3;
 
 /// The Cornell box, small.
@@ -216,7 +218,7 @@ fn layers_and_rays_make_the_same_picture() {
         let change = |pipeline| {
             move |settings: &mut Settings| {
                 (settings.gather.pipeline, settings.gather.layer_size) = (pipeline, LayerSize::Texels(128));
-                (settings.film.size, settings.film.interleave) = ([47, 37], interleave);
+                (settings.film.size, settings.film.interleave) = ([47, 37], Squares::Pixels(interleave));
             }
         };
         for pair in [[Pipeline::Kill, Pipeline::Raycast], [Pipeline::Fused, Pipeline::RaycastGl]] {
@@ -276,7 +278,7 @@ fn interleaved_subsets_break_the_bands_of_few_directions() {
     let with = |directions, interleave| {
         let change = |settings: &mut Settings| {
             (settings.gather.pipeline, settings.directions.count) = (Pipeline::Raycast, directions);
-            (settings.film.size, settings.film.interleave) = ([96, 80], interleave);
+            (settings.film.size, settings.film.interleave) = ([96, 80], Squares::Pixels(interleave));
         };
         indirect(&picture_with(&gpu, None, change))
     };
@@ -299,7 +301,7 @@ fn both_ends_of_a_direction_are_worth_two() {
         let change = |settings: &mut Settings| {
             (settings.directions.count, settings.directions.estimator) = (directions, estimator);
             (settings.gather.pipeline, settings.gather.layer_size) = (pipeline, LayerSize::Texels(128));
-            (settings.film.size, settings.film.interleave) = ([65, 53], interleave);
+            (settings.film.size, settings.film.interleave) = ([65, 53], Squares::Pixels(interleave));
         };
         indirect(&picture_with(&gpu, None, change))
     };

@@ -159,7 +159,7 @@ fn scene_files() {
     for (toml, place, fragment) in &owned {
         check("s.toml", "s.toml", toml.as_bytes(), place, fragment);
     }
-    let cases: [(&[u8], &str, &str); 32] = [
+    let cases: [(&[u8], &str, &str); 34] = [
         (b"", "s.toml:1", "mesh"),
         (b"mesh = \n", "s.toml:1", ""),
         ("mesh = 'm.obj'\n# \u{e9}\u{1f4a1}\n\u{e9} = 1".as_bytes(), "s.toml:3", ""),
@@ -173,6 +173,8 @@ fn scene_files() {
         (b"mesh = 'm.obj'\n[settings]\nseed = 1\nuntil = 2", "s.toml:4", "target-error is 2"),
         (b"mesh = 'm.obj'\n[settings]\nphoton_depth = 1\nbounces = 1", "s.toml:2", "duplicate field `photon_depth`"),
         (b"mesh = 'm.obj'\n[settings]\nlayer_size = 0", "s.toml:3", "layer-size is 0"),
+        (b"mesh = 'm.obj'\n[settings]\ninterleave = 3", "s.toml:3", "interleave is 3"),
+        (b"mesh = 'm.obj'\n[settings]\ninterleave = 'fine'", "s.toml:3", "is no square: give 1, 2 or 4 pixels, or \"auto\""),
         (b"mesh = 'm.obj'\n[settings]\nsize = [512, 0]", "s.toml:3", "size (height) is 0"),
         (b"mesh = 'm.obj'\n[settings]\nstop_fraction = nan", "s.toml:3", "stop-fraction is NaN"),
         (

@@ -3,12 +3,13 @@
 use std::collections::BTreeMap;
 
 use super::accumulation::TILE;
+use super::schedule::PointSet;
 use crate::direction::Direction;
 use crate::error::Result;
 use crate::gather::{Found, HitFinder, Recorder, StoredHits, hit_finder};
 use crate::geometry::Geometry;
 use crate::gpu::Gpu;
-use crate::points::{PointList, Points};
+use crate::points::{GatherPoint, PointList, Points};
 use crate::prepared::Prepared;
 use crate::settings::GatherSettings;
 
@@ -19,6 +20,8 @@ pub type VertexHits = BTreeMap<u32, Vec<StoredHits>>;
 pub struct HitSource {
     recorder: Recorder,
     finder: Box<dyn HitFinder>,
+    /// The points that the finder fits.
+    fitted: Option<PointSet>,
 }
 
 impl HitSource {
@@ -30,7 +33,15 @@ impl HitSource {
         let size = PointList::size(points.min(TILE));
         // Built last, because the finder adapts to the remaining memory.
         let recorder = Recorder::new(gpu, gather.pipeline, size)?;
-        Ok(Self { recorder, finder: hit_finder(gpu, gather, layers, &prepared.scene, &prepared.bvh, size)? })
+        let finder = hit_finder(gpu, gather, layers, &prepared.scene, &prepared.bvh, size)?;
+        Ok(Self { recorder, finder, fitted: None })
+    }
+
+    /// Fits the finder to all points of a set. Rounds have a part of them, and memory decides which; the sums must not depend on that.
+    pub fn fit(&mut self, set: PointSet, points: &[GatherPoint]) {
+        if self.fitted.replace(set) != Some(set) {
+            self.finder.fit(points);
+        }
     }
 
     /// Maximum number of directions in a batch.
@@ -66,7 +77,7 @@ impl<'a> BatchHits<'a> {
 
     /// The hits of tile `index` with these points. Call it for the tiles in order.
     pub fn of_tile(&mut self, geometry: &Geometry, index: usize, points: Points) -> Result<Found<'_>> {
-        let HitSource { recorder, finder } = self.source;
+        let HitSource { recorder, finder, .. } = self.source;
         let Some(tiles) = &mut self.stored else { return Ok(recorder.record(finder.find(geometry, points)?, points)) };
         if index == tiles.len() {
             tiles.push(recorder.keep(&finder.find(geometry, points)?, points)?);

@@ -32,7 +32,7 @@ use self::vertex_cache::VertexCache;
 use crate::blocks::{Part, sha256};
 use crate::direct::{Direct, SampleShare};
 use crate::error::{Error, Result};
-use crate::gather::MissRadiance;
+use crate::gather::{MissRadiance, chosen_for_bake};
 use crate::geometry::Geometry;
 use crate::gpu::Gpu;
 use crate::image::Channel;
@@ -40,7 +40,7 @@ use crate::photon::PhotonCounts;
 use crate::points::GatherPoint;
 use crate::prepared::{Photons, Prepared};
 use crate::scene::Scene;
-use crate::settings::{DIRECTIONS_PER_PHOTON_MAP, Settings};
+use crate::settings::{DIRECTIONS_PER_PHOTON_MAP, Pipeline, Settings};
 use crate::shaders::RadianceSource;
 
 pub use merge::Merge;
@@ -112,11 +112,16 @@ impl Bake {
         if points.is_empty() {
             return Err(Error::usage("there are no points to bake", "give a scene or a file that has some"));
         }
+        let mut settings = *settings;
+        if settings.gather.pipeline == Pipeline::Auto {
+            settings.gather.pipeline = chosen_for_bake(&settings, &prepared.bvh, &points);
+        }
+        let settings = &settings;
         let start = Instant::now();
         let traced = || Photons::new(gpu, [&prepared, &prepared], (&settings.photons, settings.seed), || false);
         let photons = plan.needs_photons().then(traced).transpose()?;
         let seconds = Seconds { photons: start.elapsed().as_secs_f64(), ..Seconds::default() };
-        let cache = (plan.stages() > 0).then(|| VertexCache::new(gpu, &prepared.scene, vertex_inset(settings.layers())));
+        let cache = (plan.stages() > 0).then(|| VertexCache::new(gpu, &prepared.scene, vertex_inset(settings)));
         let cache = cache.transpose()?.unwrap_or_default();
         // If the receivers are the vertices themselves, they use the stored hits too.
         let receivers = if cache.points() == points { PointSet::Vertices } else { PointSet::Receivers };
@@ -140,6 +145,11 @@ impl Bake {
         };
         bake.begin_rounds();
         Ok(bake)
+    }
+
+    /// The settings of the bake, with the pipeline that `auto` stands for.
+    pub fn settings(&self) -> &Settings {
+        &self.settings
     }
 
     /// The quantities and options of the bake.
@@ -354,6 +364,7 @@ impl Bake {
                 none.insert(HitSource::new(&self.gpu, &self.settings.gather, layers, &self.prepared, points)?)
             }
         };
+        source.fit(round.set, if round.set == PointSet::Vertices { self.cache.points() } else { &self.points });
         let mut directions = self.schedule.directions(at, source.batch());
         let (scene, geometry) = (&self.prepared.scene, &self.geometry);
         let VertexCache { hits, radiance, transfer, .. } = &mut self.cache;

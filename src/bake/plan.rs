@@ -12,7 +12,7 @@ use crate::harmonics::MAX_ORDER;
 use crate::image::Channel;
 use crate::points::GatherPoint;
 use crate::quantity::Quantity;
-use crate::settings::DirectionSettings;
+use crate::settings::{DirectionSettings, Pipeline, Settings};
 use crate::shaders::BATCH;
 
 /// The quantities and options of a bake, in addition to [`Settings`](crate::settings::Settings).
@@ -118,9 +118,13 @@ impl Plan {
     }
 }
 
-/// Distance in unit space from a vertex to its gather point: half a texel of a layer with this side. Closer to the foot of a wall, layers lose light.
-pub fn vertex_inset(layers: u32) -> f32 {
-    1.0 / layers as f32
+/// Distance in unit space from a vertex to its gather point. Closer to the foot of a wall than half a texel, layers lose light. Rays need the distance
+/// only to tell the two sides of an edge apart. Before [`Pipeline::Auto`] has chosen, the points are those for rays.
+pub fn vertex_inset(settings: &Settings) -> f32 {
+    match settings.gather.pipeline {
+        Pipeline::Kill | Pipeline::EarlyKill | Pipeline::Fused => 1.0 / settings.layers() as f32,
+        Pipeline::Raycast | Pipeline::RaycastGl | Pipeline::Auto => 1e-5,
+    }
 }
 
 /// The blocks of a bake's directions. Each consists of whole batches.

@@ -11,6 +11,9 @@ use crate::math::{Aabb, frame};
 /// Margin at either end of the depth range, as a share of it, so that rounding clips no surface.
 const DEPTH_MARGIN: f32 = 0.01;
 
+/// Least side of a texel in unit space. Positions there have a rounding error of 6e-8, and a layer's own precision is 1/256 of a texel.
+const LEAST_TEXEL: f32 = 2e-5;
+
 /// The projection of one direction.
 #[derive(Clone, Copy, Debug)]
 pub struct Bundle {
@@ -27,12 +30,19 @@ impl Bundle {
     /// Fits a projection of `size` texels on a side to `positions`, in unit space. A border of one texel stays empty, so that readers need not
     /// check whether a neighbour is inside the layer.
     pub fn new(direction: &Direction, positions: &[Vec3], size: u32) -> Self {
+        Self::fitted(direction, positions, positions, size)
+    }
+
+    /// As [`Self::new`], but in x and y it fits the receivers alone, for the ray of a receiver stays in one texel. Hits lie anywhere on that ray, so the
+    /// depth range fits the whole scene. Surfaces may reach beyond the layer, also into the border.
+    pub fn fitted(direction: &Direction, receivers: &[Vec3], positions: &[Vec3], size: u32) -> Self {
         let axes = frame(direction.vector) * Mat3::from_rotation_z(direction.turn);
         let to_axes = axes.transpose();
-        let bounds = Aabb::from_points(positions.iter().map(|&position| to_axes * position));
+        let along = |points: &[Vec3]| Aabb::from_points(points.iter().map(|&position| to_axes * position));
+        let (bounds, seen) = (along(positions), along(receivers));
         // Two texels are the border, and one leaves room for the shift.
-        let texel = (bounds.extent().truncate() / (size as f32 - 3.0).max(1.0)).max(Vec2::splat(1e-6));
-        let corner = bounds.min.truncate() - (1.0 + direction.shift) * texel;
+        let texel = (seen.extent().truncate() / (size as f32 - 3.0).max(1.0)).max(Vec2::splat(LEAST_TEXEL));
+        let corner = seen.min.truncate() - (1.0 + direction.shift) * texel;
         let depth = (bounds.extent().z * (1.0 + 2.0 * DEPTH_MARGIN)).max(1e-6);
         let origin = corner.extend(bounds.min.z - 0.5 * (depth - bounds.extent().z));
         let unit = texel.extend(depth);

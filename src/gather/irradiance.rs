@@ -95,13 +95,17 @@ impl IrradianceGather {
         }
     }
 
-    /// Clears the sums. `points` are all points, row by row from the bottom; only the oracle asks for them.
-    pub fn begin(&mut self, points: impl FnOnce() -> Vec<Option<GatherPoint>>) {
+    /// Clears the sums. `points` are all points, row by row from the bottom.
+    pub fn begin(&mut self, points: Vec<Option<GatherPoint>>) {
         match &mut self.method {
-            Method::Shader { sums, .. } => sums.clear(),
+            Method::Shader { finder, sums, .. } => {
+                let receivers: Vec<GatherPoint> = points.into_iter().flatten().collect();
+                finder.fit(&receivers);
+                sums.clear();
+            }
             Method::Oracle { points: places, sums } => {
-                *places = points();
-                *sums = vec![Vec4::ZERO; places.len()];
+                *sums = vec![Vec4::ZERO; points.len()];
+                *places = points;
             }
         }
     }

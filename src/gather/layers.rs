@@ -2,20 +2,23 @@
 //!
 //! One pass over the points samples the layers for both ends of each direction. So every direction serves every point: half the work on the geometry.
 
-use glam::{Mat4, Vec4};
+use glam::{Mat4, Vec3, Vec4};
 
+use super::outline::outline;
 use super::{Bundle, Found, HitFinder, LayerStore};
 use crate::direction::Direction;
 use crate::error::Result;
 use crate::geometry::Geometry;
 use crate::gpu::{Gpu, Uniform};
-use crate::points::Points;
+use crate::points::{GatherPoint, Points};
 use crate::shaders::Finder;
 
 /// Samples the layers of a [`LayerStore`].
 pub struct LayerFinder {
     gpu: Gpu,
     store: LayerStore,
+    /// The outline of the receivers; empty before they are told. Bundles then fit the whole scene.
+    receivers: Vec<Vec3>,
     layers: u32,
     directions: Vec<Vec4>,
     to_layer: Vec<Mat4>,
@@ -27,7 +30,15 @@ impl LayerFinder {
     /// When the size is beyond the device's limits, or it has no memory for the layers of one direction.
     pub fn new(gpu: &Gpu, layer_size: u32) -> Result<Self> {
         let store = LayerStore::new(gpu, layer_size)?;
-        Ok(Self { gpu: gpu.clone(), store, layers: 0, directions: Vec::new(), to_layer: Vec::new(), metric: Vec::new() })
+        Ok(Self {
+            gpu: gpu.clone(),
+            store,
+            receivers: Vec::new(),
+            layers: 0,
+            directions: Vec::new(),
+            to_layer: Vec::new(),
+            metric: Vec::new(),
+        })
     }
 }
 
@@ -36,10 +47,16 @@ impl HitFinder for LayerFinder {
         self.store.tiles() as usize
     }
 
+    fn fit(&mut self, receivers: &[GatherPoint]) {
+        let positions: Vec<Vec3> = receivers.iter().map(|point| point.position).collect();
+        self.receivers = outline(&positions);
+    }
+
     fn begin(&mut self, geometry: &Geometry, directions: &[Direction]) -> Result<usize> {
         let size = self.store.layer_size();
-        let mut bundles: Vec<Bundle> =
-            directions.iter().map(|direction| Bundle::new(direction, &geometry.positions, size)).collect();
+        let receivers = if self.receivers.is_empty() { &geometry.positions } else { &self.receivers };
+        let fitted = |direction| Bundle::fitted(direction, receivers, &geometry.positions, size);
+        let mut bundles: Vec<Bundle> = directions.iter().map(fitted).collect();
         let filled = self.gpu.stage("peel", || self.store.fill(geometry, &bundles))?;
         bundles.truncate(filled.bundles);
         self.layers = filled.layers;

@@ -12,12 +12,14 @@
 //! [`KillFinder`] is the method of the source: Hachisuka 2004, "Final Gathering on GPU".
 
 mod bundle;
+mod choice;
 mod cpu_rays;
 mod irradiance;
 mod kill;
 mod kill_finder;
 mod layer_store;
 mod layers;
+mod outline;
 mod pass;
 mod peel;
 mod rays;
@@ -28,6 +30,7 @@ use std::rc::Rc;
 use glam::{Vec3, Vec4};
 
 pub use bundle::Bundle;
+pub use choice::{chosen_for_bake, chosen_for_picture};
 pub use cpu_rays::CpuRayFinder;
 pub use irradiance::{GatherInputs, IrradianceGather};
 pub use kill::Kill;
@@ -43,7 +46,7 @@ use crate::direction::Direction;
 use crate::error::Result;
 use crate::geometry::Geometry;
 use crate::gpu::{Gpu, Uniform};
-use crate::points::Points;
+use crate::points::{GatherPoint, Points};
 use crate::scene::{Bvh, Scene};
 use crate::settings::{GatherSettings, Pipeline};
 use crate::shaders::Finder;
@@ -57,6 +60,9 @@ pub trait HitFinder {
     fn both_ends(&self) -> bool {
         true
     }
+
+    /// Tells the receivers of all later batches. Points that [`Self::find`] is asked for are among them.
+    fn fit(&mut self, _receivers: &[GatherPoint]) {}
 
     /// Does the work that all points share, for the first of at most [`Self::batch`] directions, as memory allows. Returns how many, 1 or more.
     ///
@@ -99,12 +105,15 @@ impl<'a> Found<'a> {
     }
 }
 
+const UNRESOLVED: &str = "auto is replaced when a job begins";
+
 /// The shader file that finds the hits of a pipeline.
 fn shader_of(pipeline: Pipeline) -> Finder {
     match pipeline {
         Pipeline::Fused => Finder::Layers,
         Pipeline::RaycastGl => Finder::Rays,
         Pipeline::Kill | Pipeline::EarlyKill | Pipeline::Raycast => Finder::Stored,
+        Pipeline::Auto => unreachable!("{UNRESOLVED}"),
     }
 }
 
@@ -113,6 +122,9 @@ fn shader_of(pipeline: Pipeline) -> Finder {
 ///
 /// # Errors
 /// When a size is beyond the device's limits.
+///
+/// # Panics
+/// For [`Pipeline::Auto`].
 pub fn hit_finder(
     gpu: &Gpu,
     settings: &GatherSettings,
@@ -128,6 +140,7 @@ pub fn hit_finder(
         Pipeline::EarlyKill => Box::new(kill(Kill::early(gpu, points)?)?),
         Pipeline::RaycastGl => Box::new(RayFinder::default()),
         Pipeline::Raycast => Box::new(CpuRayFinder::new(gpu, scene, Rc::clone(bvh))),
+        Pipeline::Auto => unreachable!("{UNRESOLVED}"),
     })
 }
 

@@ -49,7 +49,8 @@ pub enum Shape<'a> {
     FullScreen,
     /// A range of triangles of a vertex array.
     Triangles(&'a VertexArray, Range<u32>),
-    /// All triangles of a vertex array, this many times. Each instance must cover pixels of its own, because the order is not defined.
+    /// All triangles of a vertex array, this many times, cut off at the two clip distances of the vertex shader. Each instance must cover pixels of its
+    /// own, because the order is not defined.
     Instances(&'a VertexArray, u32),
 }
 
@@ -113,6 +114,10 @@ impl Draw<'_> {
             Shape::Triangles(vertices, _) | Shape::Instances(vertices, _) => vertices.array.name(),
         };
         unsafe { gl.bind_vertex_array(Some(vertices)) };
+        let cuts = matches!(self.geometry, Shape::Instances(..));
+        for distance in [glow::CLIP_DISTANCE0, glow::CLIP_DISTANCE1] {
+            unsafe { if cuts { gl.enable(distance) } else { gl.disable(distance) } };
+        }
         let pace = &self.program.pace;
         match &self.geometry {
             Shape::FullScreen => pace.run(context, height as u32, width as u32, |rows| unsafe {

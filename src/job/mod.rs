@@ -182,6 +182,7 @@ impl Job {
         let report = JobReport {
             gl: gpu.identity(),
             settings,
+            pipeline: task.pipeline(),
             task: report,
             seconds: JobSeconds { load, stages, write, total: started.elapsed().as_secs_f64() },
             peak_memory_bytes: peak_memory_bytes(),

@@ -135,7 +135,7 @@ impl Receiver {
         camera: impl FnOnce() -> Result<Self>,
     ) -> Result<Self> {
         Ok(match kind {
-            ReceiverKind::Vertices => Self::Vertices(Vertices::new(&scene.mesh, vertex_inset(settings.layers()))),
+            ReceiverKind::Vertices => Self::Vertices(Vertices::new(&scene.mesh, vertex_inset(settings))),
             ReceiverKind::LightMap => {
                 let resolution = match light_map.resolution {
                     Resolution::TexelsPerUnit(texels) => Resolution::TexelsPerUnit(texels * scene.space.length_to_world(1.0)),

@@ -8,14 +8,17 @@ use serde_json::Value;
 use crate::bake::{BakeStatistics, Plan};
 use crate::photon::PhotonCounts;
 use crate::render::{GatherCounts, SceneCounts};
-use crate::settings::Settings;
+use crate::settings::{Pipeline, Settings};
 
 /// What a job did.
 #[derive(Clone, Debug, Serialize)]
 pub struct JobReport {
     /// Renderer, version and backend of OpenGL.
     pub gl: Value,
+    /// As asked.
     pub settings: Settings,
+    /// The pipeline of the settings, or the one that its `auto` chose.
+    pub pipeline: Pipeline,
     #[serde(flatten)]
     pub task: TaskReport,
     pub seconds: JobSeconds,

@@ -10,10 +10,11 @@ use serde_json::{Value, json};
 use super::outputs::are_finished;
 use super::receiver::is_picture;
 use super::report::{ReceiverReport, TaskReport};
-use super::{BakeRequest, JobRequest, Receiver, Watch, Work};
+use super::{BakeRequest, JobRequest, Receiver, ReceiverKind, Watch, Work};
 use crate::bake::Bake;
 use crate::blocks::Part;
 use crate::error::{Error, Result};
+use crate::gather::chosen_for_bake;
 use crate::geometry::Geometry;
 use crate::gpu::Gpu;
 use crate::image::{Channel, Image, WriteOptions};
@@ -21,7 +22,7 @@ use crate::points::{CameraPoints, GatherPoint};
 use crate::prepared::Prepared;
 use crate::render::Render;
 use crate::scene::{Scene, World};
-use crate::settings::Settings;
+use crate::settings::{Pipeline, Settings};
 
 /// Keys in the state of a part.
 const REQUEST: &str = "request";
@@ -86,10 +87,19 @@ impl<'a> Task<'a> {
                 let prepared = Prepared::without_glass(world)?;
                 let geometry = Geometry::upload(gpu, &prepared.scene)?;
                 let camera = || see(gpu, &prepared.scene, &geometry, settings.film.size);
-                let (receivers, points) = place(bake, &prepared.scene, settings, &camera, watch)?;
+                let (mut receivers, mut points) = place(bake, &prepared.scene, settings, &camera, watch)?;
+                let mut settings = *settings;
+                if settings.gather.pipeline == Pipeline::Auto && !points.is_empty() {
+                    settings.gather.pipeline = chosen_for_bake(&settings, &prepared.bvh, &points);
+                    // Vertices keep another distance from edges in layers.
+                    for vertices in receivers.iter_mut().filter(|receiver| matches!(receiver, Receiver::Vertices(_))) {
+                        *vertices = Receiver::new(&ReceiverKind::Vertices, &bake.light_map, &prepared.scene, &settings, camera)?;
+                    }
+                    points = receivers.iter().flat_map(Receiver::points).copied().collect();
+                }
                 placing = start.elapsed().as_secs_f64();
                 watch.stage("tracing photons");
-                Gather::Bake(Box::new(Bake::new(gpu, prepared, geometry, points, settings, &bake.plan)?), receivers)
+                Gather::Bake(Box::new(Bake::new(gpu, prepared, geometry, points, &settings, &bake.plan)?), receivers)
             }
         };
         if let Some(shard) = shard {
@@ -99,6 +109,11 @@ impl<'a> Task<'a> {
             bake.fit(most)?;
         }
         Ok(Self { request, settings, gather, directions, is_shard, counts: Vec::new(), placing })
+    }
+
+    /// The pipeline of the gather, never `auto`.
+    pub fn pipeline(&self) -> Pipeline {
+        either!(&self.gather, gather => gather.settings().gather.pipeline)
     }
 
     pub fn step(&mut self) -> Result<()> {

@@ -4,12 +4,19 @@
 //! All points share the directions of a bundle, so with few directions the error shows as bands and not as noise. With squares of k × k pixels,
 //! k² times as many directions cost the same passes over points, and neighbours have different directions.
 
+use std::ops::Range;
+
 use glam::Vec4;
 use rayon::prelude::*;
+use serde::Serialize;
 
 use super::{GBuffer, GatherPoint};
 use crate::random::Random;
 
+/// Least sum of the weights of a window's pixels, as a share of a square's: with less, too much noise is left, and the window grows.
+const ENOUGH: f32 = 0.5;
+/// Farthest that a window grows, in pixels.
+const FARTHEST: i32 = 8;
 /// Pixels share sums only if the surface between them bends and steps less than this, as the sine of an angle.
 const FLAT: f32 = 0.2;
 
@@ -35,11 +42,13 @@ impl Subset {
 }
 
 /// Assigns directions to the pixels of a picture.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Interleave {
     stride: u32,
     size: [u32; 2],
     seed: u64,
+    /// How many directions of the sequence stand for one of the settings' number.
+    spread: u32,
 }
 
 impl Interleave {
@@ -49,7 +58,23 @@ impl Interleave {
     /// If `stride` is neither 1 nor even: a window of neighbours would not hold equally many pixels of each subset.
     pub fn new(stride: u32, size: [u32; 2], seed: u64) -> Self {
         assert!(stride == 1 || stride > 0 && stride.is_multiple_of(2), "a square of {stride} pixels");
-        Self { stride, size, seed }
+        Self { stride, size, seed, spread: 1 }
+    }
+
+    /// For pipelines that lose nothing when neighbours look along different directions: 8 times as many directions, in squares of 4 × 4 pixels, so a pixel
+    /// casts half of the rays. Larger squares blur more than they gain: docs/performance.md.
+    pub fn spread(size: [u32; 2], seed: u64) -> Self {
+        Self { spread: 8, ..Self::new(4, size, seed) }
+    }
+
+    /// The numbers in the sequence of these of the settings' directions. Beyond the last number there are none.
+    pub fn numbers(&self, directions: Range<u32>) -> Range<u32> {
+        directions.start.saturating_mul(self.spread)..directions.end.saturating_mul(self.spread)
+    }
+
+    /// How many of the settings' directions so many of the sequence are.
+    pub fn directions(&self, numbers: u32) -> u32 {
+        numbers / self.spread
     }
 
     /// Number of subsets.
@@ -97,28 +122,49 @@ impl Interleave {
     }
 
     /// Estimates the sums of each pixel over all directions of a block. Subset i gathered along `taken[i]` of them. The estimate adds the sums
-    /// of the pixel and of its neighbours on the same surface, with equal weight for each subset, and scales them to all directions.
+    /// of the pixel and of its neighbours on the same surface, and scales them to all directions.
+    ///
+    /// A neighbour counts only together with the one opposite. So where light changes steadily, as beside an edge, the mean stays that of the pixel. At
+    /// an edge, those along it are left. Where they are too few, the window grows, and takes in single neighbours only as a last resort.
     pub fn share(&self, sums: Vec<Vec4>, taken: &[u32], g_buffer: &GBuffer) -> Vec<Vec4> {
         if self.stride == 1 {
             return sums;
         }
         let all = taken.iter().sum::<u32>() as f32;
-        let reach = self.stride as i32 / 2;
         let points = g_buffer.pixels();
+        let of = |pixel: usize| (sums[pixel], taken[self.subset_of(pixel).index()] as f32);
         let share = |here: usize| {
-            let (mut total, mut directions) = (Vec4::ZERO, 0.0);
-            for dy in -reach..=reach {
-                for dx in -reach..=reach {
-                    let Some(there) = self.neighbour(&points, here, [dx, dy]) else { continue };
-                    // The two ends of the window belong to the same subset, so each counts half.
-                    let weight = [dx, dy].map(|d| if d.abs() == reach { 0.5 } else { 1.0 }).iter().product::<f32>();
-                    total += weight * sums[there];
-                    directions += weight * taken[self.subset_of(there).index()] as f32;
-                }
-            }
+            let (total, directions) = self.shared(&points, here, &of);
             if directions > 0.0 { total * (all / directions) } else { Vec4::ZERO }
         };
         (0..sums.len()).into_par_iter().map(share).collect()
+    }
+
+    /// The sums and the number of directions of a pixel's window.
+    fn shared(&self, points: &[Option<GatherPoint>], here: usize, of: &dyn Fn(usize) -> (Vec4, f32)) -> (Vec4, f32) {
+        let enough = ENOUGH * self.subsets() as f32;
+        let (mut reach, mut pairs) = (self.stride as i32 / 2, true);
+        loop {
+            let ((mut total, mut directions), mut weights) = (of(here), 1.0);
+            // One of each pair of opposite steps.
+            for dy in 0..=reach {
+                for dx in if dy == 0 { 1 } else { -reach }..=reach {
+                    let [one, other] = [1, -1].map(|side| self.neighbour(points, here, [side * dx, side * dy]));
+                    if pairs && (one.is_none() || other.is_none()) {
+                        continue;
+                    }
+                    // The two ends of the window belong to the same subset, so each counts half.
+                    let weight = [dx, dy].map(|d| if d.abs() == reach { 0.5 } else { 1.0 }).iter().product::<f32>();
+                    for (sums, taken) in [one, other].into_iter().flatten().map(of) {
+                        (total, directions, weights) = (total + weight * sums, directions + weight * taken, weights + weight);
+                    }
+                }
+            }
+            if weights >= enough || !pairs {
+                return (total, directions);
+            }
+            (reach, pairs) = if reach < FARTHEST { (2 * reach, true) } else { (self.stride as i32 / 2, false) };
+        }
     }
 
     /// The pixel at `step` from pixel `here`, if both and the pixel half way between them see the same surface.
@@ -211,6 +257,40 @@ mod tests {
             // All ten directions of the block, up to rounding.
             assert!((*sum - 10.0 * one(pixel)).abs().max_element() < 1e-4, "{pixel}: {sum}");
         }
+    }
+
+    #[test]
+    fn a_mean_stays_that_of_its_pixel_where_light_changes_steadily() {
+        // Light grows along x. At the foot of the wall and at the borders, no window lies about its pixel, but a line along the edge does.
+        let (interleave, wall) = (Interleave::new(2, SIZE, 0), 3);
+        let column = |pixel: usize| pixel as u32 % SIZE[0];
+        let sums: Vec<_> = (0..(SIZE[0] * SIZE[1]) as usize).map(|pixel| Vec4::splat(column(pixel) as f32)).collect();
+        let shared = interleave.share(sums, &[1; 4], &corner(wall));
+        for pixel in (0..shared.len()).filter(|pixel| (1..SIZE[1] - 1).contains(&(*pixel as u32 / SIZE[0]))) {
+            assert_eq!(shared[pixel], Vec4::splat(4.0 * column(pixel) as f32), "{pixel}");
+        }
+    }
+
+    #[test]
+    fn a_pixel_without_pairs_takes_single_neighbours() {
+        // The corners of the picture. Only one subset found something.
+        let interleave = Interleave::new(2, SIZE, 0);
+        let found = |pixel: usize| Vec4::splat(if interleave.subset_of(pixel).index() == 3 { 8.0 } else { 0.0 });
+        let sums: Vec<_> = (0..(SIZE[0] * SIZE[1]) as usize).map(found).collect();
+        let shared = interleave.share(sums, &[2; 4], &corner(SIZE[0]));
+        // The weights of the pixel, its two neighbours and the one between are 1, 1/2, 1/2 and 1/4.
+        assert_eq!(shared[0], Vec4::splat(8.0 * 4.0 * 0.25 / 2.25));
+    }
+
+    #[test]
+    fn a_longer_sequence_is_dealt_out_evenly() {
+        let interleave = Interleave::spread([48, 40], 5);
+        let numbers = interleave.numbers(32..64);
+        assert_eq!((numbers.clone(), interleave.directions(numbers.len() as u32)), (256..512, 32));
+        let mut taken = vec![0; interleave.subsets()];
+        numbers.for_each(|number| taken[interleave.subset(number, 1).index()] += 1);
+        assert!(taken.iter().all(|&directions| directions == 16), "{taken:?}");
+        assert_eq!(interleave.numbers(u32::MAX - 1..u32::MAX).len(), 0);
     }
 
     #[test]

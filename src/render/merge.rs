@@ -77,5 +77,5 @@ pub(super) fn film_of_part(path: &Path, part: &Part, settings: &Settings, blocks
 
 /// The blocks of a render's directions. A block has its own sub-pixel offset, and at least one direction for each interleaved subset.
 pub fn blocks_of(settings: &Settings) -> Blocks {
-    Blocks::new(settings.directions.count, settings.film.interleave * settings.film.interleave)
+    Blocks::new(settings.directions.count, settings.film.interleave.pixels())
 }

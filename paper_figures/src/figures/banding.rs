@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::draw::{Axis, Curve, Panel, plot, short_percent, whole};
 use crate::figure::{Figure, Result, Task};
-use crate::lab::{Image, Measured, Pictures, Pipeline};
+use crate::lab::{Image, Measured, Pictures, Pipeline, Squares};
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -60,7 +60,7 @@ impl Figure for Banding {
                 let directions = task.scale.of(directions, squares);
                 // Exact rays, to exclude the aliasing of layers.
                 let mut settings = pictures.settings(directions);
-                (settings.gather.pipeline, settings.film.interleave) = (Pipeline::Raycast, interleave);
+                (settings.gather.pipeline, settings.film.interleave) = (Pipeline::Raycast, Squares::Pixels(interleave));
                 let found = pictures.measure(&settings)?;
                 runs.push(Run {
                     interleave,

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 pub use finalgather::bench::{Bench, BenchPlan, CONTESTANTS, Contestant, Deviation, FUSED, Row, Where};
 pub use finalgather::points::GatherPoint;
 pub use finalgather::scene::Scene;
-pub use finalgather::settings::{LayerSize, PhotonSettings};
+pub use finalgather::settings::{LayerSize, PhotonSettings, Squares};
 use finalgather::{Backend, DeviceChoice};
 pub use finalgather::{Estimator, Gpu, Image, Pipeline, Sequence, Settings, WriteOptions};
 

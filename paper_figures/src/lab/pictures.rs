@@ -12,7 +12,7 @@ pub use finalgather::settings::PhotonMapKind;
 use serde::{Deserialize, Serialize};
 
 use crate::figure::Result;
-use crate::lab::library::{Gpu, Image, Scene, Settings, gpu, in_repository};
+use crate::lab::library::{Gpu, Image, Pipeline, Scene, Settings, gpu, in_repository};
 
 /// A scene and its path-traced picture. Comparisons leave out what `tests/reference.rs` leaves out: the lamp, and the worst of the other
 /// pixels.
@@ -86,7 +86,11 @@ impl Pictures {
     /// Of the path-traced picture's size, with the poster's photon map, everything else as the scene has it.
     pub fn settings(&self, directions: u32) -> Settings {
         let size = [self.path_traced.width as u32, self.path_traced.height as u32];
-        self.of_scene().with(|s| (s.film.size, s.directions.count, s.photons.map) = (size, directions, PhotonMapKind::Grid))
+        let figure = |s: &mut Settings| {
+            (s.film.size, s.directions.count) = (size, directions);
+            (s.gather.pipeline, s.photons.map) = (Pipeline::Fused, PhotonMapKind::Grid);
+        };
+        self.of_scene().with(figure)
     }
 
     /// As the scene has them.

@@ -8,10 +8,10 @@ use finalgather::bench::{Bench, BenchPlan, CONTESTANTS, Contestant, FUSED, Row, 
 use finalgather::error::{Error, Result};
 use finalgather::job::Watch;
 use finalgather::scene::Loaded;
-use finalgather::settings::LayerSize;
+use finalgather::settings::{LayerSize, Squares};
 use serde_json::{Value, json};
 
-use crate::args::{DeviceArgs, FilesArg, count, layer_size, size};
+use crate::args::{DeviceArgs, FilesArg, auto_or, count, size};
 use crate::report;
 use crate::terminal::Terminal;
 
@@ -43,7 +43,7 @@ pub struct BenchArgs {
     rounds: u32,
 
     /// Side of the depth layers in texels. auto: as a render of the scene has it [default: the scene file's, else auto]
-    #[arg(long, value_name = "auto|N", value_parser = layer_size)]
+    #[arg(long, value_name = "auto|N", value_parser = |text: &str| auto_or(text, LayerSize::Texels))]
     layer_size: Option<LayerSize>,
 
     /// Photons emitted from the lights [default: the scene file's, else 1000000]
@@ -71,7 +71,7 @@ pub fn run(args: &BenchArgs) -> Result<u8> {
     // A round has few directions. But its layers must be as large as in a render.
     settings.gather.layer_size = args.layer_size.unwrap_or(settings.gather.layer_size);
     settings.gather.layer_size = LayerSize::Texels(settings.layers());
-    (settings.film.size, settings.film.interleave, settings.directions.count) = (args.size, 1, args.directions);
+    (settings.film.size, settings.film.interleave, settings.directions.count) = (args.size, Squares::Pixels(1), args.directions);
     settings.photons.count = args.photons.unwrap_or(settings.photons.count);
     settings.validate()?;
     if args.rounds == 0 {

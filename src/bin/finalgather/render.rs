@@ -76,7 +76,7 @@ mod tests {
     use clap::Parser;
     use finalgather::settings::{
         DirectionSettings, DisplaySettings, Estimator, FilmSettings, GatherSettings, LayerSize, PhotonMapKind, PhotonSettings,
-        Pipeline, PointSource, Sequence, Settings,
+        Pipeline, PointSource, Sequence, Settings, Squares,
     };
 
     use super::*;
@@ -105,7 +105,7 @@ mod tests {
                    --exposure -1.5 --photon-map grid";
         let expected = Settings {
             seed: 9,
-            film: FilmSettings { size: [3, 4], points: PointSource::Traced, interleave: 4 },
+            film: FilmSettings { size: [3, 4], points: PointSource::Traced, interleave: Squares::Pixels(4) },
             directions: DirectionSettings {
                 count: 5,
                 sequence: Sequence::Sobol,

@@ -64,7 +64,11 @@ impl StorePeel {
             target,
             region: None,
             program: &self.programs[usize::from(layer > 0)],
-            uniforms: &[("to_clip", Uniform::Mat4s(to_clip)), ("previous_depth", Uniform::Texture(previous))],
+            uniforms: &[
+                ("to_clip", Uniform::Mat4s(to_clip)),
+                ("tiles", Uniform::Int(self.tiles as i32)),
+                ("previous_depth", Uniform::Texture(previous)),
+            ],
             depth: DepthTest::Greater,
             blend: Blend::ReplaceChannels([channels(2), channels(4)]),
             geometry: geometry.instances(to_clip.len() as u32),

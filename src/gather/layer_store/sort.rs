@@ -76,6 +76,7 @@ impl StoreSort {
             &self.append,
             &[
                 ("to_clip", Uniform::Mat4s(&to_clip)),
+                ("tiles", Uniform::Int(self.tiles as i32)),
                 ("counts", Uniform::Image(self.counts.color(0))),
                 ("lists", Uniform::Image(&self.lists)),
                 ("list_limit", Uniform::Int(limit as i32)),

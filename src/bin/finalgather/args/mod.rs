@@ -10,11 +10,11 @@ use finalgather::blocks::Shard;
 use finalgather::error::{Error, Result};
 use finalgather::gpu::{Backend, DeviceChoice};
 use finalgather::job::{DeviceRequest, Keeping, SceneRequest};
-use finalgather::settings::{Estimator, LayerSize, PhotonMapKind, Pipeline, PointSource, Sequence};
+use finalgather::settings::{Estimator, LayerSize, PhotonMapKind, Pipeline, PointSource, Sequence, Squares};
 use serde::Serialize;
 use serde_json::Value;
 
-pub use values::{checked, count, layer_size, named, size, stops};
+pub use values::{auto_or, checked, count, named, size, stops};
 use values::{name, setting};
 
 /// The source of OpenGL.
@@ -62,13 +62,13 @@ pub struct Overrides {
     #[arg(long, value_name = "N", value_parser = count::<u32>, help = setting("Number of global directions. All points share them", |s| s.directions.count))]
     directions: Option<u32>,
 
-    #[arg(long, value_name = "auto|N", value_parser = layer_size, help = setting("Side of the depth layers in texels. auto grows with the number of directions: 128 up to a thousand, 256 at four thousand, 1024 at most", |s| s.gather.layer_size))]
+    #[arg(long, value_name = "auto|N", value_parser = |text: &str| auto_or(text, LayerSize::Texels), help = setting("Side of the depth layers in texels. auto grows with the number of directions: 128 up to a thousand, 256 at four thousand, 1024 at most", |s| s.gather.layer_size))]
     layer_size: Option<LayerSize>,
 
     #[arg(long, value_parser = named::<PointSource>(&["camera", "traced"]), help = setting("How the camera finds its points: by rasterisation, or by rays through mirrors, glass and the lens", |s| name(s.film.points)))]
     points: Option<PointSource>,
 
-    #[arg(long, value_parser = named::<Pipeline>(&["fused", "kill", "early-kill", "raycast", "raycast-gl"]), help = setting("How to gather. fused: several directions in one pass, both ends of each. kill: the method of 2004. early-kill: the same with early KILL. raycast: exact rays on the CPU. raycast-gl: exact rays on the GL side, both ends of each direction", |s| s.gather.pipeline))]
+    #[arg(long, value_parser = named::<Pipeline>(&["auto", "fused", "kill", "early-kill", "raycast", "raycast-gl"]), help = setting("How to gather. auto: fused where its layers resolve what the points see, else raycast-gl. fused: several directions in one pass, both ends of each. kill: the method of 2004. early-kill: the same with early KILL. raycast: exact rays on the CPU. raycast-gl: exact rays on the GL side, both ends of each direction", |s| s.gather.pipeline))]
     pipeline: Option<Pipeline>,
 
     #[arg(long, value_name = "N", value_parser = count::<u64>, help = setting("Photons that the lights emit, new ones for every 1024 directions. 1e6 and 1_000_000 are numbers too", |s| s.photons.count))]
@@ -83,8 +83,8 @@ pub struct Overrides {
     #[arg(long, value_parser = named::<Sequence>(&["random", "r2", "sobol"]), help = setting("Sequence of the directions", |s| name(s.directions.sequence)))]
     sequence: Option<Sequence>,
 
-    #[arg(long, value_name = "1|2|4", help = setting("Divide the directions among the pixels of squares of N by N. Neighbours share the light that they find", |s| s.film.interleave))]
-    interleave: Option<u32>,
+    #[arg(long, value_name = "auto|1|2|4", value_parser = |text: &str| auto_or(text, Squares::Pixels), help = setting("Divide the directions among the pixels of squares of N by N. Neighbours share the light that they find. auto: 1, but where --pipeline auto chooses rays, eight times as many directions in squares of 4", |s| s.film.interleave))]
+    interleave: Option<Squares>,
 
     #[arg(long, value_name = "N", value_parser = count::<u64>, help = setting("Seed of all random numbers", |s| s.seed))]
     seed: Option<u64>,

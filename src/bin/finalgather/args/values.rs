@@ -4,7 +4,7 @@ use std::fmt::Display;
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use finalgather::error::Result;
-use finalgather::settings::{LayerSize, Settings};
+use finalgather::settings::Settings;
 use serde::de::IntoDeserializer;
 use serde::de::value::Error as ValueError;
 use serde::{Deserialize, Serialize};
@@ -54,12 +54,9 @@ pub fn stops(text: &str) -> Result<f32, String> {
     checked(text, |stops: &f32| stops.is_finite(), "not a number of stops such as -1.5")
 }
 
-pub fn layer_size(text: &str) -> Result<LayerSize, String> {
-    if text == "auto" {
-        Ok(LayerSize::Auto)
-    } else {
-        count(text).map(LayerSize::Texels).map_err(|error| format!("{error}, nor auto"))
-    }
+/// Parses "auto" or a whole number.
+pub fn auto_or<T: Default>(text: &str, number: fn(u32) -> T) -> Result<T, String> {
+    if text == "auto" { Ok(T::default()) } else { count(text).map(number).map_err(|error| format!("{error}, nor auto")) }
 }
 
 /// Parses `WxH`, or `N` for a square.

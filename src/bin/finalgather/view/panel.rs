@@ -10,7 +10,8 @@ use super::picture::DisplayContent;
 pub const WIDTH: f32 = 264.0;
 pub const BAD: Color32 = Color32::from_rgb(240, 100, 90);
 
-const PIPELINES: [(Pipeline, &str); 5] = [
+const PIPELINES: [(Pipeline, &str); 6] = [
+    (Pipeline::Auto, "auto"),
     (Pipeline::Fused, "fused"),
     (Pipeline::Kill, "kill (2004)"),
     (Pipeline::EarlyKill, "early KILL"),
@@ -146,7 +147,7 @@ fn settings(app: &mut App, ui: &mut Ui) {
                 }
             })
         });
-        let layered = matches!(settings.gather.pipeline, Pipeline::Fused | Pipeline::Kill | Pipeline::EarlyKill);
+        let layered = settings.gather.pipeline.has_layers();
         row(ui, "Layer size", |ui| {
             ui.add_enabled_ui(layered, |ui| {
                 ComboBox::from_id_salt("layer size").selected_text(settings.gather.layer_size.to_string()).show_ui(ui, |ui| {

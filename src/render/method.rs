@@ -1,0 +1,41 @@
+//! What `auto` stands for in a render.
+
+use glam::Vec2;
+
+use crate::gather::chosen_for_picture;
+use crate::points::{GatherPoint, Interleave};
+use crate::prepared::Prepared;
+use crate::scene::Camera;
+use crate::settings::{Pipeline, Settings, Squares};
+
+/// Eye rays along each side of the picture that stand for its points.
+const SIDE: u32 = 32;
+
+/// The settings with a pipeline that is not `auto`, and how pixels share its directions. `gathered` is the scene without glass.
+pub(super) fn method(gathered: &Prepared, camera: &Camera, asked: &Settings) -> (Settings, Interleave) {
+    let mut settings = *asked;
+    if asked.gather.pipeline == Pipeline::Auto {
+        settings.gather.pipeline =
+            chosen_for_picture(asked, &gathered.scene, &gathered.bvh, &seen(gathered, camera, asked.film.size));
+    }
+    let (size, seed) = (settings.film.size, settings.seed);
+    let interleave = match settings.film.interleave {
+        Squares::Pixels(side) => Interleave::new(side, size, seed),
+        Squares::Auto if asked.gather.pipeline == Pipeline::Auto && !settings.gather.pipeline.has_layers() => {
+            Interleave::spread(size, seed)
+        }
+        Squares::Auto => Interleave::new(1, size, seed),
+    };
+    (settings, interleave)
+}
+
+/// Points that the camera sees, through a pinhole and on the first surface.
+fn seen(gathered: &Prepared, camera: &Camera, [width, height]: [u32; 2]) -> Vec<GatherPoint> {
+    let see = |number: u32| {
+        let place = (Vec2::new((number % SIDE) as f32, (number / SIDE) as f32) + 0.5) / SIDE as f32;
+        let ray = camera.ray(place, width as f32 / height as f32);
+        let hit = gathered.bvh.nearest(camera.eye, ray, None)?;
+        Some(GatherPoint::flat(camera.eye + hit.distance * ray, gathered.scene.mesh.side_met(hit.triangle, ray)))
+    };
+    (0..SIDE * SIDE).filter_map(see).collect()
+}
