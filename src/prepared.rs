@@ -8,7 +8,7 @@ use std::rc::Rc;
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
 use crate::photon::{PhotonCounts, PhotonGrid, PhotonTexture, PhotonTracer};
-use crate::scene::{Bvh, Lights, Scene, World};
+use crate::scene::{Bvh, Lights, Scene, World, reversed_lamps};
 use crate::settings::PhotonSettings;
 
 /// A scene in unit space, with its ray tree and its lights.
@@ -42,6 +42,11 @@ impl Prepared {
 
     fn of(scene: Scene) -> Self {
         Self { bvh: Rc::new(Bvh::new(&scene.mesh)), lights: Lights::new(&scene), scene }
+    }
+
+    /// Warnings for the user: lamps that look turned the wrong way.
+    pub fn warnings(&self) -> Vec<String> {
+        reversed_lamps(&self.scene, &self.bvh)
     }
 
     /// A tracer of photons through this scene.

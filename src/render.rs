@@ -35,7 +35,7 @@ use crate::points::{Accumulator, CameraPoints, EyeRays, GBuffer, GatherPoint, In
 use crate::prepared::{Photons, Prepared};
 use crate::random::sobol;
 use crate::reference::Reference;
-use crate::scene::{Camera, World};
+use crate::scene::{Camera, World, WorldCamera};
 use crate::settings::{DIRECTIONS_PER_PHOTON_MAP, Estimator, PointSource, Settings};
 
 use self::merge::{FILM, film_of_part};
@@ -163,7 +163,7 @@ impl Render {
     ///
     /// # Errors
     /// As [`Self::new`], and when `settings` change the photons; then nothing has changed.
-    pub fn restart(&mut self, camera: Camera, settings: &Settings) -> Result<()> {
+    pub fn restart(&mut self, camera: WorldCamera, settings: &Settings) -> Result<()> {
         if (settings.photons, settings.seed) != (self.settings.photons, self.settings.seed) {
             return Err(Error::usage("the photons of a render in progress cannot change", "open the scene again"));
         }
@@ -202,6 +202,11 @@ impl Render {
         self.statistics =
             RenderStatistics { scene: self.statistics.scene, photons: self.photons.counts, ..RenderStatistics::default() };
         self.statistics.gather.layer_size = self.settings.layers();
+    }
+
+    /// Warnings for the user.
+    pub fn warnings(&self) -> Vec<String> {
+        self.gathered.warnings()
     }
 
     /// The settings of the render.

@@ -99,9 +99,9 @@ impl Lights {
         self.lights.iter().find_map(|(light, _)| light.points())
     }
 
-    /// Number of emissive triangles. If it is 0, there are no points.
+    /// Number of sides of triangles that emit. If it is 0, there are no points.
     pub fn count(&self) -> usize {
-        self.points().map_or(0, |area| area.triangles.len())
+        self.points().map_or(0, |area| area.sides.len())
     }
 
     /// Maps a uniform number and a uniform point of the unit square to a point on the lights. The density is proportional to emitted power.
