@@ -171,11 +171,7 @@ fn hollow_cube() -> String {
     let mut obj = String::from("mtllib m.mtl\nusemtl grey\n");
     for axis in 0..3 {
         for side in [-1, 1] {
-            let mut place = [[-1, -1], [-side, side], [1, 1], [side, -side]];
-            if side > 0 {
-                place.reverse();
-            }
-            for [u, v] in place {
+            for [u, v] in [[-1, -1], [-side, side], [1, 1], [side, -side]] {
                 let mut at = [0; 3];
                 (at[axis], at[(axis + 1) % 3], at[(axis + 2) % 3]) = (side, u, v);
                 obj += &corner(at[0], at[1], at[2]);
