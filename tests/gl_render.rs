@@ -14,7 +14,7 @@ use finalgather::image::{Channel, Image};
 use finalgather::render::{End, Render};
 use finalgather::scene::{Bvh, Loaded, RAY_OFFSET, World, WorldCamera};
 use finalgather::settings::{DirectSettings, DirectionSettings, Estimator, LayerSize, PhotonSettings, Pipeline, Settings};
-use glam::{DVec3, Vec3};
+use glam::DVec3;
 
 /// The Cornell box, small.
 fn cornell() -> (World, Settings) {

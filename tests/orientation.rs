@@ -7,7 +7,7 @@ use std::fs;
 use std::path::Path;
 
 use common::Model;
-use common::tool::{folder, scene, stderr, success, tool};
+use common::tool::{folder, json, scene, stderr, success, tool};
 use finalgather::image::Image;
 use finalgather::prepared::Prepared;
 use finalgather::scene::{LoadOptions, Mesh, World};
@@ -198,6 +198,23 @@ fn models_that_are_inside_out_are_told_and_cured() {
     write(folder.path(), &room, "");
     let (said, values) = bake(folder.path(), &["--to", "vertices", "--what", "irradiance"], "irradiance_r");
     assert!(!said.contains("warning") && values[0] > 0.1, "{said} {values:?}");
+}
+
+/// All warnings that need no points, at no cost.
+#[test]
+fn info_of_a_scene_tells_what_looks_wrong() {
+    let folder = folder();
+    write(folder.path(), &square("-1").replace("f -4 -3 -2 -1", "f -1 -2 -3 -4"), "");
+    let about = json(tool(&folder).args(["info", "s.toml", "--json"]));
+    let [normals, lamps] = [0, 1].map(|i| about["warnings"][i].as_str().unwrap().to_owned());
+    assert!(normals.contains("point to the back of 2 of 2"), "{normals}");
+    assert!(lamps.contains("the lamps of material lamp shine away"), "{lamps}");
+    let [triangles, lights] = ["triangles", "lights"].map(|key| about[key].as_u64());
+    assert_eq!((triangles, lights), (Some(4), Some(2)));
+    assert_eq!(about["bounds"], serde_json::json!([[-9.0, 0.0, -9.0], [9.0, 3.0, 9.0]]));
+    let text = success(tool(&folder).args(["info", "s.toml", "--flip"])).stdout;
+    let text = String::from_utf8(text).unwrap();
+    assert!(text.contains("4 triangles, 2 sides of them emit") && !text.contains("vn"), "{text}");
 }
 
 #[test]
