@@ -35,5 +35,5 @@ void main()
     albedo_out = vec4(plain_albedo(surface) * texel, float(surface_triangle));
     // 1 at the near plane, falling with distance: a float is then as precise at the far end of a terrain as in a room within it.
     gl_FragDepth = near * gl_FragCoord.w;
-    emission_out = vec4(front ? emission(surface) : vec3(0.0), -dot(forward, to_eye));
+    emission_out = vec4(emission(surface, front), -dot(forward, to_eye));
 }

@@ -119,12 +119,14 @@ impl Film {
 
     /// The means, as channels: `R G B` radiance = `Emission` (with the environment) + `Direct` + `Indirect` + `Caustics`; `A` coverage by
     /// surfaces; `PhotonMap` the radiance of the photon map without emission; `Albedo`; and averaged over the covered part of the pixel, in world
-    /// space, the normal `N`, the position `P` and the distance along the view axis `Z`.
+    /// space, the normal `N`, the position `P`, relative to [`UnitSpace::local_origin`], and the distance along the view axis `Z`.
     pub fn image(&self, space: &UnitSpace) -> Image {
         let total = self.directions.max(1) as f32;
         let indirect = |p: &Pixel| p.indirect(total);
         let radiance = |p: &Pixel| (p.emission + p.direct + p.caustics) / total + indirect(p);
         let seen = |p: &Pixel, value: Vec3| if p.coverage > 0.0 { value } else { Vec3::ZERO };
+        let origin = space.local_origin();
+        let local = |position: Vec3| (space.to_world(position) - origin).as_vec3();
 
         let [width, height] = self.size;
         let mut image = Image { width, height, channels: Vec::new() };
@@ -145,7 +147,7 @@ impl Film {
         push3(["PhotonMap.R", "PhotonMap.G", "PhotonMap.B"], &|p| p.photon_map / total);
         push3(["Albedo.R", "Albedo.G", "Albedo.B"], &|p| p.albedo / total);
         push3(["N.X", "N.Y", "N.Z"], &|p| p.normal.normalize_or_zero());
-        push3(["P.X", "P.Y", "P.Z"], &|p| seen(p, space.to_world(quotient(p.position, p.coverage))));
+        push3(["P.X", "P.Y", "P.Z"], &|p| seen(p, local(quotient(p.position, p.coverage))));
         push("A", &|p| p.coverage / total);
         push("Z", &|p| space.length_to_world(quotient(Vec3::splat(p.depth), p.coverage).x));
         image

@@ -78,7 +78,12 @@ impl Geometry {
                 [width as f32, height as f32, first_rows[texture] as f32, 0.0]
             });
             let textured = f32::from(material.albedo_texture.is_some());
-            [material.albedo.extend(textured).to_array(), material.emission.extend(0.0).to_array(), texture, [0.0; 4]]
+            [
+                material.albedo.extend(textured).to_array(),
+                material.emission.extend(f32::from(material.two_sided)).to_array(),
+                texture,
+                [0.0; 4],
+            ]
         };
         let materials = scene.materials.iter().flat_map(entry).collect();
 

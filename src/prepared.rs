@@ -9,7 +9,7 @@ use crate::error::{Error, Result};
 use crate::geometry::triangle_order;
 use crate::gpu::Gpu;
 use crate::photon::{PhotonAtlas, PhotonCounts, PhotonGrid, PhotonStore, PhotonTexture, PhotonTracer};
-use crate::scene::{Bvh, Lights, Scene, World};
+use crate::scene::{Bvh, Lights, Scene, World, reversed_lamps};
 use crate::settings::{PhotonMapKind, PhotonSettings};
 
 /// A scene in unit space, with its ray tree and its lights.
@@ -44,6 +44,11 @@ impl Prepared {
     /// `scene` is in unit space.
     pub fn of(scene: Scene) -> Self {
         Self { bvh: Rc::new(Bvh::new(&scene.mesh)), lights: Lights::new(&scene), scene }
+    }
+
+    /// Warnings for the user: lamps that look turned the wrong way.
+    pub fn warnings(&self) -> Vec<String> {
+        reversed_lamps(&self.scene, &self.bvh)
     }
 
     /// A tracer of photons through this scene.

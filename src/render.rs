@@ -36,7 +36,7 @@ use crate::points::{CameraPoints, EyeRays, GBuffer, GatherPoint, Interleave, Poi
 use crate::prepared::{Photons, Prepared};
 use crate::random::sobol;
 use crate::reference::Reference;
-use crate::scene::{Camera, World};
+use crate::scene::{Camera, World, WorldCamera};
 use crate::settings::{DIRECTIONS_PER_PHOTON_MAP, Estimator, PointSource, Settings};
 
 use self::merge::{FILM, film_of_part};
@@ -168,7 +168,7 @@ impl Render {
     ///
     /// # Errors
     /// As [`Self::new`], and when `settings` change the photons; then nothing has changed.
-    pub fn restart(&mut self, camera: Camera, settings: &Settings) -> Result<()> {
+    pub fn restart(&mut self, camera: WorldCamera, settings: &Settings) -> Result<()> {
         if (settings.photons, settings.seed) != (self.settings.photons, self.settings.seed) {
             return Err(Error::usage("the photons of a render in progress cannot change", "open the scene again"));
         }
@@ -209,6 +209,11 @@ impl Render {
         self.statistics =
             RenderStatistics { scene: self.statistics.scene, photons: self.photons.counts, ..RenderStatistics::default() };
         self.statistics.gather.layer_size = layer_size(&self.settings);
+    }
+
+    /// Warnings for the user.
+    pub fn warnings(&self) -> Vec<String> {
+        self.gathered.warnings()
     }
 
     /// The settings of the render, with the pipeline that `auto` stands for.

@@ -10,11 +10,11 @@ use std::path::Path;
 use common::khronos;
 use finalgather::blocks::sha256;
 use finalgather::error::Error;
-use finalgather::export::{ExportMesh, Lightmap, PointValues, check_writable, read_prt};
+use finalgather::export::{ExportMesh, Lightmap, PointValues, Positions, check_writable, read_prt};
 use finalgather::image::{Channel, Image, WriteOptions};
 use finalgather::points::file::{self, OrientedPoint};
 use finalgather::scene::{ImageTexture, Material, Mesh, Triangle, World};
-use glam::{Vec2, Vec3, vec2, vec3};
+use glam::{DVec3, Vec2, Vec3, vec2, vec3};
 use gltf::Semantic;
 use ply_rs_bw::parser::Parser;
 use ply_rs_bw::ply::{DefaultElement, Property};
@@ -23,6 +23,8 @@ use serde_json::Value;
 /// A tent of three plates, each of a material of its own: grey, textured, a lamp.
 struct Tent {
     mesh: Mesh,
+    /// Of its vertices.
+    world: Vec<DVec3>,
     normals: Vec<Vec3>,
     materials: Vec<Material>,
     textures: Vec<ImageTexture>,
@@ -49,6 +51,7 @@ impl Tent {
             name: name.into(),
             albedo,
             emission,
+            two_sided: false,
             albedo_texture,
             surface: finalgather::scene::Surface::Diffuse,
         };
@@ -59,15 +62,21 @@ impl Tent {
         ];
         // Half of it reflects all, half nothing.
         let textures = vec![ImageTexture { width: 2, height: 1, texels: vec![[255, 255, 255, 255], [0, 0, 0, 255]] }];
-        Self { mesh, normals, materials, textures }
+        let world = mesh.positions.iter().map(|position| position.as_dvec3()).collect();
+        Self { mesh, world, normals, materials, textures }
     }
 
     fn surface(&self) -> ExportMesh<'_> {
-        ExportMesh { mesh: &self.mesh, materials: &self.materials, textures: &self.textures }
+        ExportMesh {
+            mesh: &self.mesh,
+            positions: Positions::near(&self.world),
+            materials: &self.materials,
+            textures: &self.textures,
+        }
     }
 
     fn values<'a>(&'a self, columns: &'a [Channel]) -> PointValues<'a> {
-        PointValues { positions: &self.mesh.positions, normals: &self.normals, columns, surface: Some(self.surface()) }
+        PointValues { positions: Positions::near(&self.world), normals: &self.normals, columns, surface: Some(self.surface()) }
     }
 
     /// Each plate has a third of the map.
@@ -152,7 +161,7 @@ fn ply_keeps_every_bit() {
 
     // What was baked can be baked again.
     let points: Vec<_> =
-        tent.mesh.positions.iter().zip(&tent.normals).map(|(&position, &normal)| OrientedPoint { position, normal }).collect();
+        tent.world.iter().zip(&tent.normals).map(|(&position, &normal)| OrientedPoint { position, normal }).collect();
     assert_eq!(file::read(&path).unwrap(), points);
 }
 
@@ -466,7 +475,7 @@ fn what_cannot_be_written_is_said_and_leaves_nothing() {
     let mut broken = columns(&["AO"]);
     broken[0].samples[3] = f32::NAN;
     refused("a.glb", &broken, "AO is not finite");
-    let none = PointValues { positions: &[], normals: &[], columns: &[], surface: None };
+    let none = PointValues { positions: Positions::near(&[]), normals: &[], columns: &[], surface: None };
     assert!(none.write(&folder.path().join("a.ply"), &WriteOptions::default()).unwrap_err().to_string().contains("no points"));
     let lightmap = Lightmap { surface: tent.surface(), uvs: &[], irradiance: &irradiance };
     let error = lightmap.write(&folder.path().join("a.glb"), &WriteOptions::default()).unwrap_err();

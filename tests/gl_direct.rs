@@ -140,7 +140,7 @@ fn add(model: &mut Model, [low, high]: Block) {
 /// Irradiance from the lamp, the model's first four vertices, by the midpoints of 128 × 128 parts of it, among `boxes`.
 fn by_integration(scene: &Scene, point: &GatherPoint, boxes: &[Block]) -> f64 {
     const PARTS: u32 = 128;
-    let world = |position: Vec3| scene.space.to_world(position).as_dvec3();
+    let world = |position: Vec3| scene.space.to_world(position);
     let [a, b, _, d] = [0, 1, 2, 3].map(|vertex| world(scene.mesh.positions[vertex]));
     let (u, v) = (b - a, d - a);
     let at = world(point.position + 1e-5 * point.normal);
@@ -224,7 +224,7 @@ fn a_lamp_let_into_a_slab() {
     let scene = model.finish();
     // Points on what the boxes have in common are in no room.
     let inside = |point: &GatherPoint| {
-        let at = scene.space.to_world(point.position + 1e-4 * point.normal).as_dvec3();
+        let at = scene.space.to_world(point.position + 1e-4 * point.normal);
         boxes.iter().any(|[low, high]| at.cmpge(*low).all() && at.cmple(*high).all())
     };
     let points: Vec<_> = points_on(&scene, 4000).into_iter().filter(|point| !inside(point)).collect();

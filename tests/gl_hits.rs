@@ -180,8 +180,8 @@ fn far_from_the_origin() {
         *position += away;
     }
     let (_, camera) = &mut world.cameras[0];
-    camera.eye += away;
-    camera.target += away;
+    camera.eye += away.as_dvec3();
+    camera.target += away.as_dvec3();
     let scene = world.flatten();
     let points = camera_points(&gpu, &scene, side);
     let (layers, oracle) = both_ways(&gpu, &scene, &points, count, &[512]);

@@ -12,7 +12,7 @@ use finalgather::scene::World;
 use finalgather::settings::{
     DirectSettings, DirectionSettings, FilmSettings, GatherSettings, LayerSize, PhotonSettings, Settings,
 };
-use glam::{Affine3A, Quat, Vec3, vec3};
+use glam::{Affine3A, DVec3, Quat, Vec3, vec3};
 
 /// The Cornell box in its own coordinates.
 fn cornell() -> World {
@@ -28,7 +28,8 @@ fn moved(by: Affine3A) -> World {
     }
     assert!(mesh.normals.iter().all(|&normal| normal == Vec3::ZERO), "the box has no normals to turn");
     let (_, camera) = &mut world.cameras[0];
-    (camera.eye, camera.target) = (by.transform_point3(camera.eye), by.transform_point3(camera.target));
+    let to = |point: DVec3| by.transform_point3(point.as_vec3()).as_dvec3();
+    (camera.eye, camera.target) = (to(camera.eye), to(camera.target));
     camera.up = by.transform_vector3(camera.up).normalize();
     world
 }

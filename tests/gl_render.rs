@@ -12,11 +12,11 @@ use finalgather::gpu::{Backend, Gpu};
 use finalgather::image::compare::{Selection, compare};
 use finalgather::image::{Channel, Image};
 use finalgather::render::{End, Render};
-use finalgather::scene::{Bvh, Camera, Loaded, RAY_OFFSET, World};
+use finalgather::scene::{Bvh, Loaded, RAY_OFFSET, World, WorldCamera};
 use finalgather::settings::{
     DirectSettings, DirectionSettings, Estimator, LayerSize, PhotonSettings, Pipeline, Settings, Squares,
 };
-use glam::Vec3;
+use glam::DVec3;
 
 /// The Cornell box, small.
 fn cornell() -> (World, Settings) {
@@ -66,7 +66,7 @@ fn begun_again_is_begun_anew() {
     // Away from the scene's own view, in the middle of a block, smaller and by another pipeline; and back.
     let start = gather(&mut render);
     let own = world.cameras[0].1;
-    let camera = Camera { eye: own.eye + Vec3::new(60.0, 40.0, 0.0), ..own };
+    let camera = WorldCamera { eye: own.eye + DVec3::new(60.0, 40.0, 0.0), ..own };
     render.restart(camera, &settings).unwrap();
     render.step().unwrap();
     assert!(render.directions_done() < 64, "something is left to interrupt");

@@ -6,7 +6,7 @@ use std::path::Path;
 use finalgather::error::{Error, Result};
 use finalgather::points::file::{OrientedPoint, read};
 use finalgather::random::Random;
-use glam::{Vec3, vec3};
+use glam::{DVec3, Vec3, vec3};
 
 /// Numbers that every type of float holds exactly.
 const ROWS: [[f64; 6]; 3] = [[1.5, -2.0, 0.25, 0.0, 0.0, 1.0], [0.0, 7.0, -8.0, -1.0, 0.0, 0.0], [3.0, 4.0, 5.0, 0.0, 1.0, 0.0]];
@@ -14,7 +14,7 @@ const NAMES: [&str; 6] = ["x", "y", "z", "nx", "ny", "nz"];
 
 fn expected() -> Vec<OrientedPoint> {
     let vec3 = |row: &[f64]| vec3(row[0] as f32, row[1] as f32, row[2] as f32);
-    ROWS.iter().map(|row| OrientedPoint { position: vec3(&row[..3]), normal: vec3(&row[3..]) }).collect()
+    ROWS.iter().map(|row| OrientedPoint { position: DVec3::from_slice(&row[..3]), normal: vec3(&row[3..]) }).collect()
 }
 
 fn read_bytes(name: &str, bytes: &[u8]) -> Result<Vec<OrientedPoint>> {

@@ -1,7 +1,7 @@
 // The tables of the scene's triangles and materials. Mirrors `Geometry` in src/geometry.rs.
 
 uniform sampler2D triangles;        // three texels each, see Surface
-uniform sampler2D materials;        // three texels each: albedo (a: 1 with a texture), emission, albedo texture
+uniform sampler2D materials;        // three texels each: albedo (a: 1 with a texture), emission (a: 1 if the back emits), albedo texture
 
 struct Surface
 {
@@ -34,9 +34,11 @@ vec3 plain_albedo(Surface surface)
     return texelFetch(materials, table_texel(surface.material), 0).rgb;
 }
 
-vec3 emission(Surface surface)
+// The radiance that the front or the back emits.
+vec3 emission(Surface surface, bool front)
 {
-    return texelFetch(materials, table_texel(surface.material) + ivec2(1, 0), 0).rgb;
+    vec4 emitted = texelFetch(materials, table_texel(surface.material) + ivec2(1, 0), 0);
+    return front || emitted.a > 0.0 ? emitted.rgb : vec3(0.0);
 }
 
 vec2 texture_coordinates(Surface surface, vec3 position)

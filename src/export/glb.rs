@@ -17,10 +17,10 @@
 
 use std::path::Path;
 
-use glam::{Vec2, Vec3};
+use glam::{DVec3, Vec2, Vec3};
 use serde_json::{Map, Value, json};
 
-use super::{ExportMesh, Lightmap, PointValues, snake_case};
+use super::{ExportMesh, Lightmap, PointValues, Positions, snake_case};
 use crate::error::{Error, Result};
 use crate::file::write_file;
 use crate::image::{Channel, Image, WriteOptions, encode_png, tone};
@@ -54,7 +54,7 @@ pub fn write_values(path: &Path, values: &PointValues, options: &WriteOptions) -
     let colours = values.shown(options.exposure).into_iter();
     let colours = colours.flat_map(|colour| colour.extend(1.0).to_array().map(|value| (value * 65535.0).round() as u16));
     let colours: Vec<u8> = colours.flat_map(u16::to_le_bytes).collect();
-    let count = values.positions.len();
+    let count = values.positions.world.len();
     let colours = file.accessor(
         &colours,
         ARRAY_BUFFER,
@@ -95,7 +95,7 @@ pub fn write_lightmap(path: &Path, lightmap: &Lightmap, options: &WriteOptions) 
     let surface = &lightmap.surface;
     let mut file = Builder::default();
     let mut attributes = Map::new();
-    attributes.insert("POSITION".into(), file.positions(&surface.mesh.positions).into());
+    attributes.insert("POSITION".into(), file.positions(surface.positions).into());
     if surface.has_normals() {
         attributes.insert("NORMAL".into(), file.vec3s(&surface.mesh.normals).into());
     }
@@ -185,6 +185,8 @@ struct Builder {
     materials: Vec<Value>,
     primitives: Vec<Value>,
     extensions: Value,
+    /// Of the positions, in world space.
+    origin: DVec3,
 }
 
 impl Builder {
@@ -215,9 +217,12 @@ impl Builder {
         self.floats(3, vectors.iter().flat_map(Vec3::to_array))
     }
 
-    fn positions(&mut self, positions: &[Vec3]) -> usize {
-        let accessor = self.vec3s(positions);
-        let bounds = Aabb::from_points(positions.iter().copied());
+    /// An accessor of the file's positions. The node of the mesh moves them from their origin, because glTF holds 32 bits at a vertex.
+    fn positions(&mut self, positions: Positions) -> usize {
+        let local = positions.local();
+        let accessor = self.vec3s(&local);
+        let bounds = Aabb::from_points(local);
+        self.origin = positions.origin;
         self.accessors[accessor]["min"] = json!(bounds.min.to_array());
         self.accessors[accessor]["max"] = json!(bounds.max.to_array());
         accessor
@@ -252,11 +257,15 @@ impl Builder {
 
     fn write(mut self, path: &Path, extensions_used: &[&str], options: &WriteOptions) -> Result<()> {
         self.bin.resize(self.bin.len().next_multiple_of(4), 0);
+        let mut node = json!({"mesh": 0});
+        if self.origin != DVec3::ZERO {
+            node["translation"] = json!(self.origin.to_array());
+        }
         let mut root = json!({
             "asset": {"version": "2.0", "generator": "finalgather"},
             "scene": 0,
             "scenes": [{"nodes": [0]}],
-            "nodes": [{"mesh": 0}],
+            "nodes": [node],
             "meshes": [{"primitives": self.primitives}],
             "materials": self.materials,
             "accessors": self.accessors,

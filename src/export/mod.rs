@@ -6,7 +6,7 @@ use std::f32::consts::{FRAC_1_PI, PI};
 use std::iter;
 use std::path::{Path, PathBuf};
 
-use glam::{Vec2, Vec3};
+use glam::{DVec3, Vec2, Vec3};
 use serde_json::Value;
 
 use crate::error::{Error, Result};
@@ -21,10 +21,19 @@ mod ply;
 
 pub use npy::{is_of, parse_prt, read_prt};
 
+/// Positions in world space.
+#[derive(Clone, Copy)]
+pub struct Positions<'a> {
+    pub world: &'a [DVec3],
+    /// See [`UnitSpace::local_origin`](crate::scene::UnitSpace::local_origin). Zero: files hold positions in 32 bits. Else they hold 64, or 32 and
+    /// this origin.
+    pub origin: DVec3,
+}
+
 /// Baked values at points, in world space.
 #[derive(Clone, Copy)]
 pub struct PointValues<'a> {
-    pub positions: &'a [Vec3],
+    pub positions: Positions<'a>,
     /// Unit normals, one a point.
     pub normals: &'a [Vec3],
     /// Columns with one sample a point, named as in an EXR: `Irradiance.R`, `AO`, `PRT.04.G`.
@@ -36,7 +45,10 @@ pub struct PointValues<'a> {
 /// A mesh with its materials and their textures.
 #[derive(Clone, Copy)]
 pub struct ExportMesh<'a> {
+    /// Its own positions are not used.
     pub mesh: &'a Mesh,
+    /// One for each vertex.
+    pub positions: Positions<'a>,
     pub materials: &'a [Material],
     pub textures: &'a [ImageTexture],
 }
@@ -49,6 +61,23 @@ pub struct Lightmap<'a> {
     pub uvs: &'a [Vec2],
     /// Irradiance in `R`, `G` and `B`.
     pub irradiance: &'a Image,
+}
+
+impl<'a> Positions<'a> {
+    /// Positions for 32 bits.
+    pub fn near(world: &'a [DVec3]) -> Self {
+        Self { world, origin: DVec3::ZERO }
+    }
+
+    /// Whether files hold 64 bits.
+    fn are_far(&self) -> bool {
+        self.origin != DVec3::ZERO
+    }
+
+    /// Positions relative to the origin.
+    fn local(&self) -> Vec<Vec3> {
+        self.world.iter().map(|&position| (position - self.origin).as_vec3()).collect()
+    }
 }
 
 impl PointValues<'_> {
@@ -68,7 +97,7 @@ impl PointValues<'_> {
 
     /// Checks what the encoders rely on, because the fields are public.
     fn check(&self) -> Result<()> {
-        let count = self.positions.len();
+        let count = self.positions.world.len();
         if count == 0 {
             return Err(Error::usage("there are no points to write", "bake some"));
         }
@@ -77,7 +106,7 @@ impl PointValues<'_> {
             return Err(Error::usage(format!("there are two columns {}", twice.name), "name each quantity once"));
         }
         let lengths = self.columns.iter().map(|column| (column.name.as_str(), column.samples.len()));
-        let vertices = self.surface.map(|surface| ("the mesh", surface.mesh.positions.len()));
+        let vertices = self.surface.map(|surface| ("the mesh", surface.mesh.normals.len()));
         match lengths.chain([("normals", self.normals.len())]).chain(vertices).find(|&(_, length)| length != count) {
             None => Ok(()),
             Some((name, length)) => Err(Error::usage(format!("{name}: {length} values for {count} points"), "give one a point")),
@@ -90,7 +119,11 @@ impl PointValues<'_> {
         let column = |name: &str| self.columns.iter().find(|column| column.name == name).map(|column| column.samples.as_slice());
         let rgb = |name: &str| {
             let [r, g, b] = ["R", "G", "B"].map(|channel| column(&format!("{name}.{channel}")));
-            Some((0..self.positions.len()).zip(std::iter::repeat((r?, g?, b?))).map(|(i, (r, g, b))| Vec3::new(r[i], g[i], b[i])))
+            Some(
+                (0..self.positions.world.len())
+                    .zip(std::iter::repeat((r?, g?, b?)))
+                    .map(|(i, (r, g, b))| Vec3::new(r[i], g[i], b[i])),
+            )
         };
         let toned = |value: Vec3| (value * exposure.exp2()).map(tone);
         // The mean radiance over the sphere is the first coefficient times the first basis function, 1 / sqrt(4π).
@@ -122,7 +155,7 @@ impl Lightmap<'_> {
     /// Writes the format of the path's ending. An OBJ gets a `.mtl` and a `.png` beside it.
     pub fn write(&self, path: &Path, options: &WriteOptions) -> Result<()> {
         let ending = ending(path, Self::ENDINGS)?;
-        let (uvs, vertices) = (self.uvs.len(), self.surface.mesh.positions.len());
+        let (uvs, vertices) = (self.uvs.len(), self.surface.positions.world.len());
         if uvs != vertices {
             return Err(Error::usage(format!("{uvs} coordinates on the light map for {vertices} vertices"), "give one a vertex"));
         }

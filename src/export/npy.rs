@@ -5,10 +5,9 @@
 
 use std::path::Path;
 
-use glam::Vec3;
 use serde_json::{Map, Value, json};
 
-use super::PointValues;
+use super::{PointValues, Positions};
 use crate::blocks::sha256;
 use crate::error::{Error, Result};
 use crate::file::{MOST_BYTES, MOST_WORDS, read_file, write_file};
@@ -108,13 +107,17 @@ fn are_coefficients(quantity: &str, columns: &[Channel]) -> bool {
     order > 0 && 3 * order * order == columns.len() && columns.iter().enumerate().all(|(i, column)| column.name == name(i))
 }
 
-/// The checksum of positions in world space, in their order.
-fn digest(positions: &[Vec3]) -> String {
-    sha256(bytemuck::cast_slice(positions))
+/// The checksum of positions in world space, in their order, as a PLY holds them.
+fn digest(positions: Positions) -> String {
+    if positions.are_far() {
+        sha256(bytemuck::cast_slice(positions.world))
+    } else {
+        sha256(bytemuck::cast_slice(&positions.local()))
+    }
 }
 
 /// Whether a file of [`PointValues::write`] is of these points; `None` if its description does not tell.
-pub fn is_of(path: &Path, positions: &[Vec3]) -> Option<bool> {
+pub fn is_of(path: &Path, positions: Positions) -> Option<bool> {
     Some(description(path)?[POSITIONS].as_str()? == digest(positions))
 }
 

@@ -3,7 +3,7 @@
 use std::fmt::Write;
 use std::path::Path;
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
 use super::Lightmap;
 use crate::error::{Error, Result};
@@ -44,7 +44,14 @@ pub fn write(path: &Path, lightmap: &Lightmap, options: &WriteOptions) -> Result
         }
         text.push('\n');
     };
-    surface.mesh.positions.iter().for_each(|position| line(&mut obj, "v", &position.to_array()));
+    if surface.positions.are_far() {
+        // The shortest digits that give back these 64 bits.
+        for DVec3 { x, y, z } in surface.positions.world {
+            let _ = writeln!(obj, "v {x} {y} {z}");
+        }
+    } else {
+        surface.positions.local().iter().for_each(|position| line(&mut obj, "v", &position.to_array()));
+    }
     lightmap.uvs.iter().for_each(|uv| line(&mut obj, "vt", &uv.to_array()));
     normals.into_iter().flatten().for_each(|normal| line(&mut obj, "vn", &normal.to_array()));
     for (index, indices) in surface.indices_by_material() {

@@ -40,8 +40,12 @@ pub fn write(path: &Path, values: &PointValues, options: &WriteOptions) -> Resul
         let _ = writeln!(header, "{ABOUT}{}", metadata.replace(['\r', '\n'], " "));
         let _ = writeln!(header, "{DATA}{}", sha256(&data));
     }
-    let _ = writeln!(header, "element vertex {}", values.positions.len());
-    for name in ["x", "y", "z", "nx", "ny", "nz"] {
+    let _ = writeln!(header, "element vertex {}", values.positions.world.len());
+    let kind = if values.positions.are_far() { "double" } else { "float" };
+    for name in ["x", "y", "z"] {
+        let _ = writeln!(header, "property {kind} {name}");
+    }
+    for name in ["nx", "ny", "nz"] {
         let _ = writeln!(header, "property float {name}");
     }
     for name in ["red", "green", "blue"] {
@@ -63,11 +67,16 @@ pub fn write(path: &Path, values: &PointValues, options: &WriteOptions) -> Resul
 
 /// The data after the header.
 fn data(values: &PointValues, triangles: &[Triangle], exposure: f32) -> Vec<u8> {
-    let mut bytes = Vec::with_capacity(values.positions.len() * (27 + 4 * values.columns.len()) + 13 * triangles.len());
+    let mut bytes = Vec::with_capacity(values.positions.world.len() * (39 + 4 * values.columns.len()) + 13 * triangles.len());
     for (i, colour) in values.shown(exposure).into_iter().enumerate() {
-        for number in values.positions[i].to_array().into_iter().chain(values.normals[i].to_array()) {
-            bytes.extend(number.to_le_bytes());
+        for number in values.positions.world[i].to_array() {
+            if values.positions.are_far() {
+                bytes.extend(number.to_le_bytes());
+            } else {
+                bytes.extend((number as f32).to_le_bytes());
+            }
         }
+        bytes.extend(values.normals[i].to_array().into_iter().flat_map(f32::to_le_bytes));
         bytes.extend(colour.to_array().map(|value| (encode_srgb(value) * 255.0).round() as u8));
         for column in values.columns {
             bytes.extend(column.samples[i].to_le_bytes());

@@ -37,6 +37,7 @@ pub fn merge(parts: &[PathBuf], outputs: &[String], exposure: Option<f32>, watch
             check_kept(&request.outputs.concat(), inputs)?;
             let mut merge = RenderMerge::new(path, &first)?;
             each(&mut |path, part| merge.add(path, part))?;
+            request.warning_of_origin(merge.job()).iter().for_each(|warning| watch.say(warning));
             let (settings, picture) = (merge.settings(), Results::Picture(merge.picture()?));
             picture.write(&request, merge.job(), exposure.unwrap_or(settings.display.exposure), (settings.directions.count, true))
         }

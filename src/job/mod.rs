@@ -3,6 +3,7 @@
 //! [`Job::new`] checks a request. [`Job::run`] works and reports to a [`Watch`]. [`merge`] merges shards. Requests and results are in world space.
 
 mod checkpoint;
+mod inside_out;
 mod merge;
 mod outputs;
 mod receiver;

@@ -4,14 +4,14 @@ use std::f32::consts::FRAC_1_PI;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
 use crate::bake::vertex_inset;
 use crate::blocks::Part;
 use crate::error::{Error, Result};
-use crate::export::{self, ExportMesh, Lightmap, PointValues};
+use crate::export::{self, ExportMesh, Lightmap, PointValues, Positions};
 use crate::image::{self, Channel, Image, WriteOptions};
 use crate::points::{GBuffer, GatherPoint, LightMap, LightMapOptions, Resolution, Vertices, file};
 use crate::quantity::Quantity;
@@ -51,7 +51,7 @@ pub enum Receiver {
     Points {
         points: Vec<GatherPoint>,
         /// Positions in world space, as in the file.
-        world: Vec<Vec3>,
+        world: Vec<DVec3>,
     },
 }
 
@@ -60,10 +60,12 @@ pub struct ReceiverValues {
     /// Statistics of the points.
     pub counts: Value,
     /// Of the points, or of the vertices of `mesh`.
-    pub positions: Vec<Vec3>,
+    pub positions: Vec<DVec3>,
+    /// See [`UnitSpace::local_origin`].
+    pub origin: DVec3,
     pub normals: Vec<Vec3>,
     pub columns: Vec<Channel>,
-    /// The surface of vertices and light maps. For a light map, its texture coordinates are those in the map.
+    /// The surface of vertices and light maps. Its own positions are in unit space. For a light map, its texture coordinates are those in the map.
     pub mesh: Option<Mesh>,
     /// For light maps, and for the camera if pictures are wanted: one channel for each column.
     pub image: Option<Image>,
@@ -162,8 +164,10 @@ impl Receiver {
     /// [`Error::Usage`] when it sees none.
     pub(super) fn of_camera(visible: &GBuffer, size: [u32; 2], space: &UnitSpace) -> Result<Self> {
         // Rounds positions as in a file in world space. So the same points from a file give the same bits.
+        let is_far = space.local_origin() != DVec3::ZERO;
+        let in_file = |position: DVec3| if is_far { position } else { position.as_vec3().as_dvec3() };
         let through_world =
-            |point: GatherPoint| GatherPoint { position: space.enter_point(space.to_world(point.position)), ..point };
+            |point: GatherPoint| GatherPoint { position: space.enter_point(in_file(space.to_world(point.position))), ..point };
         let [width, height] = size.map(|side| side as usize);
         let from_top = |i: usize| ((height - 1 - i / width) * width + i % width) as u32;
         let seen = visible.pixels().into_iter().enumerate().filter_map(|(i, point)| Some((from_top(i), through_world(point?))));
@@ -215,27 +219,24 @@ impl Receiver {
 
     /// Contents of files. `columns`: a value for each point. `inside`: see [`crate::bake::Bake::columns`]. `picture`: also make the camera's picture.
     pub fn values(&self, mut columns: Vec<Channel>, inside: &[f32], space: &UnitSpace, picture: bool) -> ReceiverValues {
-        let world_of = |mesh: &Mesh| Mesh {
-            positions: mesh.positions.iter().map(|&position| space.to_world(position)).collect(),
-            ..mesh.clone()
-        };
+        let world_of = |mesh: &Mesh| mesh.positions.iter().map(|&position| space.to_world(position)).collect::<Vec<_>>();
         let (mut mesh, mut image) = (None, None);
         let (counts, positions) = match self {
             Self::Vertices(vertices) => {
                 let counts = vertices.fill(&mut columns, inside);
-                let world = mesh.insert(world_of(vertices.mesh()));
-                (json!(counts), world.positions.clone())
+                mesh = Some(vertices.mesh().clone());
+                (json!(counts), world_of(vertices.mesh()))
             }
             Self::LightMap(map) => {
                 let (map_image, mended) = map.image(&columns, inside);
                 image = Some(map_image);
-                mesh = Some(world_of(map.mesh()));
+                mesh = Some(map.mesh().clone());
                 let mut counts = json!(map.counts());
                 counts
                     .as_object_mut()
                     .into_iter()
                     .for_each(|all| all.extend(json!(mended).as_object().cloned().unwrap_or_default()));
-                (counts, Vec::new())
+                (counts, world_of(map.mesh()))
             }
             Self::Camera { size, points, pixels } => {
                 image = picture.then(|| spread(&columns, pixels, *size));
@@ -245,7 +246,7 @@ impl Receiver {
             Self::Points { world, .. } => (json!({ "points": world.len() }), world.clone()),
         };
         let normals = self.points().iter().map(|point| point.normal).collect();
-        ReceiverValues { counts, positions, normals, columns, mesh, image }
+        ReceiverValues { counts, positions, origin: space.local_origin(), normals, columns, mesh, image }
     }
 }
 
@@ -255,7 +256,9 @@ impl ReceiverValues {
     /// # Errors
     /// [`Error::Output`] when the file cannot be written.
     pub fn write(&self, path: &Path, scene: &Scene, options: &WriteOptions) -> Result<()> {
-        let surface = self.mesh.as_ref().map(|mesh| ExportMesh { mesh, materials: &scene.materials, textures: &scene.textures });
+        let positions = Positions { world: &self.positions, origin: self.origin };
+        let of_scene = |mesh| ExportMesh { mesh, positions, materials: &scene.materials, textures: &scene.textures };
+        let surface = self.mesh.as_ref().map(of_scene);
         match (&self.image, surface) {
             (Some(image), _) if is_picture(path) => write_picture(image, path, options),
             (Some(image), Some(surface)) => {
@@ -263,7 +266,7 @@ impl ReceiverValues {
                 Lightmap { surface, uvs: &surface.mesh.uvs, irradiance }.write(path, options)
             }
             _ => {
-                let Self { positions, normals, columns, .. } = self;
+                let Self { normals, columns, .. } = self;
                 PointValues { positions, normals, columns, surface }.write(path, options)
             }
         }

@@ -4,6 +4,7 @@ use std::iter::successors;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
+use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 
@@ -18,7 +19,7 @@ use crate::image::check_writable;
 use crate::points::LightMapOptions;
 use crate::quantity::Quantity;
 use crate::render::{blocks_of, memory_of};
-use crate::scene::{Environment, Files, LoadOptions, Loaded, Material, World};
+use crate::scene::{Environment, Files, LoadOptions, Loaded, Material, UnitSpace, World};
 use crate::settings::{PointSource, Settings};
 
 /// A job. Parts of a bake contain it, because a merge makes the receivers again.
@@ -64,6 +65,8 @@ pub struct SceneRequest {
     pub environment: Option<PathBuf>,
     /// The scene may name files outside its folder.
     pub allow_outside: bool,
+    /// All surfaces are turned, see [`LoadOptions::flip`].
+    pub flip: bool,
     /// Settings that replace the scene's, by their keys in scene files.
     pub settings: Map<String, Value>,
 }
@@ -81,7 +84,7 @@ impl SceneRequest {
     pub fn load(&self, needs_light: bool) -> Result<Loaded> {
         let environment = self.environment.as_deref().map(Environment::load).transpose()?;
         let files = if self.allow_outside { Files::Anywhere } else { Files::Folder };
-        World::load_with(&self.path, LoadOptions { environment, files, unlit: !needs_light })
+        World::load_with(&self.path, LoadOptions { environment, files, unlit: !needs_light, flip: self.flip })
     }
 
     /// Returns `of_scene`, changed by [`Self::settings`].
@@ -175,10 +178,28 @@ impl JobRequest {
         self.memory.map_or(Ok(()), |allowed| check_memory(allowed as u64, world, settings, shard))
     }
 
+    /// A warning if a picture has positions relative to an origin of their own. `job` made it.
+    pub(super) fn warning_of_origin(&self, job: &Value) -> Option<String> {
+        let origin = local_origin(job);
+        let has_positions = |path: &&PathBuf| {
+            self.work == Work::Render && path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("exr"))
+        };
+        let path = self.outputs.iter().flatten().find(has_positions).filter(|_| origin != DVec3::ZERO)?;
+        Some(format!(
+            "warning: {}: 32 bits cannot hold coordinates so far from the origin, so P.X, P.Y and P.Z are relative to {origin}; the metadata \
+             says so too, as position_origin",
+            path.display()
+        ))
+    }
+
     /// Metadata for the files of the picture or of a receiver. `job` made them.
     pub(super) fn metadata(&self, receiver: usize, job: &Value, exposure: f32, done: (u32, bool)) -> String {
         let own = match &self.work {
-            Work::Render => Value::Null,
+            // Where the channels P of an EXR begin. A scene near the origin needs no word of it.
+            Work::Render => match local_origin(job) {
+                DVec3::ZERO => Value::Null,
+                origin => json!({ "position_origin": origin.to_array() }),
+            },
             // Padding is the only light map option that moves no point. So the job does not contain it.
             Work::Bake(BakeRequest { receivers, light_map, .. }) => {
                 json!({ "plan": job["plan"], "receiver": receivers[receiver].name(), "padding": light_map.padding })
@@ -186,6 +207,11 @@ impl JobRequest {
         };
         metadata(job, exposure, &own, done)
     }
+}
+
+/// See [`UnitSpace::local_origin`]; zero if the job does not say its space.
+fn local_origin(job: &Value) -> DVec3 {
+    UnitSpace::deserialize(&job["space"]).map_or(DVec3::ZERO, UnitSpace::local_origin)
 }
 
 /// Checks that a render, or a shard of these blocks, fits into `allowed` MiB.

@@ -7,6 +7,7 @@ use std::time::Instant;
 use glam::Vec2;
 use serde_json::{Value, json};
 
+use super::inside_out::inside_out;
 use super::outputs::are_finished;
 use super::receiver::is_picture;
 use super::report::{ReceiverReport, TaskReport};
@@ -80,7 +81,9 @@ impl<'a> Task<'a> {
         let mut gather = match &request.work {
             Work::Render => {
                 watch.stage("tracing photons");
-                Gather::Render(Box::new(Render::new(gpu, world, settings)?))
+                let render = Render::new(gpu, world, settings)?;
+                render.warnings().iter().for_each(|warning| watch.say(&format!("warning: {warning}")));
+                Gather::Render(Box::new(render))
             }
             Work::Bake(bake) => {
                 watch.stage("placing points");
@@ -97,6 +100,12 @@ impl<'a> Task<'a> {
                     }
                     points = receivers.iter().flat_map(Receiver::points).copied().collect();
                 }
+                let inside_out = receivers.iter().zip(&bake.receivers).filter_map(|(receiver, kind)| {
+                    let plan = &bake.plan;
+                    inside_out(kind.name(), receiver.points(), &prepared.scene, &prepared.bvh, plan)
+                });
+                let warnings = prepared.warnings().into_iter().chain(inside_out);
+                warnings.for_each(|warning| watch.say(&format!("warning: {warning}")));
                 placing = start.elapsed().as_secs_f64();
                 watch.stage("tracing photons");
                 Gather::Bake(Box::new(Bake::new(gpu, prepared, geometry, points, &settings, &bake.plan)?), receivers)
@@ -184,6 +193,7 @@ impl<'a> Task<'a> {
             watch.say("warning: the picture is black: the camera sees no surface that light reaches; turn it or the lights");
         }
         let (job, done) = either!(&self.gather, gather => (gather.job(), (gather.directions_done(), gather.is_done())));
+        self.request.warning_of_origin(&job).iter().for_each(|warning| watch.say(warning));
         let (counts, errors) = results.write(self.request, &job, self.settings.display.exposure, done);
         self.counts = counts;
         errors

@@ -21,7 +21,7 @@ const UNIT: f64 = 1e-6;
 /// A point on a surface, in world space.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OrientedPoint {
-    pub position: Vec3,
+    pub position: DVec3,
     /// Unit normal. A unit normal in the file keeps its bits.
     pub normal: Vec3,
 }
@@ -106,7 +106,7 @@ impl PointReader<'_> {
             // Divided first, because squares of very large or small numbers overflow or underflow.
             (normal / longest).normalize()
         };
-        self.points.push(OrientedPoint { position: position.as_vec3(), normal: normal.as_vec3() });
+        self.points.push(OrientedPoint { position, normal: normal.as_vec3() });
         Ok(())
     }
 

@@ -104,7 +104,7 @@ impl EyeRays<'_> {
     fn emitted(&self, path: &Path, throughput: Vec3, surfaces: u32) -> Vec3 {
         let Some(triangle) = path.triangle else { return Vec3::ZERO };
         let front = self.scene.mesh.geometric_normal(triangle).dot(path.direction) < 0.0;
-        let own = if front { throughput * self.scene.material(triangle).emission } else { Vec3::ZERO };
+        let own = throughput * self.scene.material(triangle).emission_of(front);
         let Some(Split { reflectance, reflected, refracted, kept }) = path.split(self.scene) else { return own };
         let beyond = |(mut way, share): (Path, Vec3)| {
             if share.max_element() <= LEAST || surfaces >= MOST_SPECULAR {

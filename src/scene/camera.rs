@@ -1,16 +1,27 @@
-//! Cameras. [`Camera::check`] refuses an unusable camera. [`Camera::framing`] makes a camera for a scene without one.
+//! Cameras. [`WorldCamera::check`] refuses an unusable camera. [`Camera::framing`] makes a camera for a scene without one.
 
 use std::f32::consts::TAU;
 
-use glam::{Mat3, Vec2, Vec3};
+use glam::{DVec3, Mat3, Vec2, Vec3};
 
 use crate::math::Aabb;
 
-/// A pinhole camera, or a camera with a thin lens.
+/// A pinhole camera, or a camera with a thin lens, in unit space.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Camera {
     pub eye: Vec3,
     pub target: Vec3,
+    pub up: Vec3,
+    /// Full vertical angle of view.
+    pub fov_y_degrees: f32,
+    pub lens: Option<Lens>,
+}
+
+/// A camera in world space, as files and users give it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct WorldCamera {
+    pub eye: DVec3,
+    pub target: DVec3,
     pub up: Vec3,
     /// Full vertical angle of view.
     pub fov_y_degrees: f32,
@@ -63,10 +74,26 @@ impl Camera {
         let origin = self.eye + radius * u.sqrt() * (cos * axes.x_axis + sin * axes.y_axis);
         (origin, (sharp - origin).normalize())
     }
+}
+
+impl WorldCamera {
+    /// As [`Camera::framing`], of the box between two corners.
+    pub fn framing([min, max]: [DVec3; 2], size: [u32; 2]) -> Self {
+        let center = 0.5 * (min + max);
+        let bounds = Aabb { min: (min - center).as_vec3(), max: (max - center).as_vec3() };
+        let Camera { eye, target, up, fov_y_degrees, lens } = Camera::framing(bounds, size);
+        Self { eye: center + eye.as_dvec3(), target: center + target.as_dvec3(), up, fov_y_degrees, lens }
+    }
+
+    /// As [`Camera::axes`].
+    pub fn axes(self) -> Mat3 {
+        let Self { eye, target, up, fov_y_degrees, lens } = self;
+        Camera { eye: Vec3::ZERO, target: (target - eye).normalize().as_vec3(), up, fov_y_degrees, lens }.axes()
+    }
 
     /// Returns the camera with `up` of unit length, or the problem and its cure.
     pub fn check(self) -> Result<Self, (String, &'static str)> {
-        for (name, value) in [("eye", self.eye), ("target", self.target), ("up", self.up)] {
+        for (name, value) in [("eye", self.eye), ("target", self.target), ("up", self.up.as_dvec3())] {
             if !value.is_finite() || value.abs().max_element() > 1e9 {
                 return Err((format!("camera {name} is {value}"), "give three finite numbers, none beyond 1e9"));
             }
@@ -77,7 +104,7 @@ impl Camera {
         let Some(up) = self.up.as_dvec3().try_normalize() else {
             return Err(("camera up is zero".into(), "give a direction, such as [0, 1, 0]"));
         };
-        if forward.as_dvec3().cross(up).length() < 1e-4 {
+        if forward.cross(up).length() < 1e-4 {
             let problem = format!("camera up {} is parallel to the direction of view", self.up);
             return Err((problem, "give an up direction across the view, such as [0, 0, 1] for a view straight down"));
         }

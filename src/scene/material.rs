@@ -9,6 +9,8 @@ pub struct Material {
     pub albedo: Vec3,
     /// Radiance emitted from the front, RGB, W/(m² sr) in each channel.
     pub emission: Vec3,
+    /// Whether the back emits as the front does.
+    pub two_sided: bool,
     /// Index into the textures of the world or scene.
     pub albedo_texture: Option<usize>,
     pub surface: Surface,
@@ -17,6 +19,11 @@ pub struct Material {
 impl Material {
     pub fn is_emissive(&self) -> bool {
         self.emission != Vec3::ZERO
+    }
+
+    /// Radiance that the front or the back emits.
+    pub fn emission_of(&self, front: bool) -> Vec3 {
+        if front || self.two_sided { self.emission } else { Vec3::ZERO }
     }
 
     /// Whether it is a mirror or glass.

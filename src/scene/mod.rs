@@ -8,10 +8,11 @@
 //! | `mesh.rs`, `material.rs`, `texture.rs`, `camera.rs` | the parts of worlds and scenes |
 //! | `unit_space.rs` | transforms between world space and unit space |
 //! | `bvh.rs`, `flat_bvh.rs` | CPU ray queries, and a tree for shaders |
+//! | `winding.rs`, `reversed_lamps.rs` | which side is the front, and lamps of which it is the wrong one |
 //! | `specular.rs` | paths through mirrors and glass |
 //!
-//! Coordinates are right-handed, in any unit of length. Surfaces are Lambertian, mirrors or glass. Both sides reflect with the same albedo. Only the
-//! front emits: the side from which the triangle winds counter-clockwise.
+//! Coordinates are right-handed, in any unit of length. Surfaces are Lambertian, mirrors or glass. Both sides reflect with the same albedo. The front
+//! emits: the side from which the triangle winds counter-clockwise. The back emits only if the material is two-sided.
 //!
 //! In a loaded world every index is in range, every number finite, every albedo in [0, 1], and every triangle has an area. Later stages rely on it.
 
@@ -25,18 +26,21 @@ mod format;
 mod light;
 mod material;
 mod mesh;
+mod reversed_lamps;
 mod specular;
 mod texture;
 mod unit_space;
+mod winding;
 mod world;
 
 pub use bvh::{Bvh, Hit, RAY_OFFSET};
-pub use camera::{Camera, Lens};
+pub use camera::{Camera, Lens, WorldCamera};
 pub use flat_bvh::FlatBvh;
 pub use format::{Files, LoadOptions, LoadReport, Loaded};
 pub use light::{Environment, LightSample, Lights};
 pub use material::{Material, Surface};
 pub use mesh::{Mesh, Triangle};
+pub use reversed_lamps::reversed_lamps;
 pub use specular::{MOST_SPECULAR, Path, Split, fresnel};
 pub use texture::ImageTexture;
 pub use unit_space::UnitSpace;

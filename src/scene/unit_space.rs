@@ -6,7 +6,10 @@
 use glam::{DVec3, Vec3};
 use serde::{Deserialize, Serialize};
 
-use super::{Camera, Lens};
+use super::{Camera, Lens, WorldCamera};
+
+/// A world is far if its centre lies this many of its radii from the origin. Coordinates there round to 2.4e-7 of the radius.
+const FAR: f64 = 8.0;
 
 /// The transform between world space and unit space.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -24,15 +27,15 @@ impl UnitSpace {
     }
 
     /// Converts a camera from world space to unit space.
-    pub fn enter_camera(self, camera: Camera) -> Camera {
+    pub fn enter_camera(self, WorldCamera { eye, target, up, fov_y_degrees, lens }: WorldCamera) -> Camera {
         // The direction is kept instead of the target, because rounding could move the target onto the eye.
-        let forward = (camera.target.as_dvec3() - camera.eye.as_dvec3()).normalize().as_vec3();
-        let eye = self.enter_point(camera.eye);
-        let lens = camera.lens.map(|Lens { radius, focus_distance }| Lens {
+        let forward = (target - eye).normalize().as_vec3();
+        let eye = self.enter_point(eye);
+        let lens = lens.map(|Lens { radius, focus_distance }| Lens {
             radius: self.length_to_unit(radius),
             focus_distance: self.length_to_unit(focus_distance),
         });
-        Camera { eye, target: eye + forward, lens, ..camera }
+        Camera { eye, target: eye + forward, up, fov_y_degrees, lens }
     }
 
     /// Converts a world position to unit space.
@@ -41,8 +44,19 @@ impl UnitSpace {
     }
 
     /// Converts a position in unit space to world space.
-    pub fn to_world(self, position: Vec3) -> Vec3 {
-        (position.as_dvec3() * self.scale + self.center).as_vec3()
+    pub fn to_world(self, position: Vec3) -> DVec3 {
+        position.as_dvec3() * self.scale + self.center
+    }
+
+    /// The origin relative to which 32 bits hold world positions: zero, unless the world lies so far from there that they would round by more than a
+    /// few ten-millionths of its size. Then it is a point near the middle of the world, in few digits.
+    pub fn local_origin(self) -> DVec3 {
+        if self.center.length() > FAR * self.scale && self.scale > 0.0 {
+            let step = self.scale.log2().ceil().exp2();
+            (self.center / step).round() * step
+        } else {
+            DVec3::ZERO
+        }
     }
 
     /// Converts a world length to unit space.

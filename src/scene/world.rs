@@ -5,8 +5,7 @@ use std::collections::HashSet;
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 
 use super::mesh::has_area;
-use super::{Camera, Environment, ImageTexture, Material, Mesh, Scene, Triangle, UnitSpace};
-use crate::math::Aabb;
+use super::{Environment, ImageTexture, Material, Mesh, Scene, Triangle, UnitSpace, WorldCamera};
 
 /// A world of meshes. Each mesh can be placed several times.
 ///
@@ -21,7 +20,7 @@ pub struct World {
     pub materials: Vec<Material>,
     pub textures: Vec<ImageTexture>,
     /// Cameras with their names. A render uses the first. Without a camera it shows the whole world.
-    pub cameras: Vec<(String, Camera)>,
+    pub cameras: Vec<(String, WorldCamera)>,
     /// Radiance from outside the scene. `None` is black.
     pub environment: Option<Environment>,
 }
@@ -49,17 +48,12 @@ impl World {
     }
 
     /// The first camera, or else one that sees the whole world in a picture of `size`.
-    pub fn camera(&self, size: [u32; 2]) -> Camera {
-        self.cameras.first().map_or_else(|| Camera::framing(self.bounds(), size), |(_, camera)| *camera)
-    }
-
-    pub fn bounds(&self) -> Aabb {
-        let [min, max] = self.extremes().map(|corner| corner.as_vec3());
-        Aabb { min, max }
+    pub fn camera(&self, size: [u32; 2]) -> WorldCamera {
+        self.cameras.first().map_or_else(|| WorldCamera::framing(self.bounds(), size), |(_, camera)| *camera)
     }
 
     /// Minimum and maximum coordinates.
-    fn extremes(&self) -> [DVec3; 2] {
+    pub fn bounds(&self) -> [DVec3; 2] {
         let positions = |instance: &'_ Instance| self.meshes[instance.mesh].positions.iter().map(placed(instance.transform));
         let grow = |[min, max]: [DVec3; 2], position: DVec3| [min.min(position), max.max(position)];
         self.instances.iter().flat_map(positions).fold([DVec3::INFINITY, DVec3::NEG_INFINITY], grow)
@@ -67,7 +61,7 @@ impl World {
 
     /// Joins all instances into one mesh in unit space, in f64 up to there. It drops duplicate triangles, and those too small for normals in f32.
     pub fn flatten(&self) -> Scene {
-        let space = UnitSpace::around(self.extremes());
+        let space = UnitSpace::around(self.bounds());
         let mut mesh = Mesh::default();
         for &Instance { mesh: index, transform, .. } in &self.instances {
             let source = &self.meshes[index];

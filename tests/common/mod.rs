@@ -20,7 +20,9 @@ use finalgather::photon::{PhotonGrid, PhotonTexture, PhotonTracer};
 use finalgather::points::{GatherPoint, Interleave, PointList};
 use finalgather::random::Random;
 use finalgather::reference::Reference;
-use finalgather::scene::{Bvh, Camera, Instance, Lights, Material, Mesh, Scene, Surface, Triangle, UnitSpace, World};
+use finalgather::scene::{
+    Bvh, Camera, Instance, Lights, Material, Mesh, Scene, Surface, Triangle, UnitSpace, World, WorldCamera,
+};
 use finalgather::settings::{GatherSettings, LayerSize, Pipeline, Sequence, Settings};
 use glam::{DVec3, Vec2, Vec3, Vec4, vec3};
 
@@ -86,7 +88,14 @@ impl Model {
 
     pub fn material(&mut self, albedo: Vec3, emission: Vec3) -> u32 {
         let name = self.scene.materials.len().to_string();
-        self.scene.materials.push(Material { name, albedo, emission, albedo_texture: None, surface: Surface::Diffuse });
+        self.scene.materials.push(Material {
+            name,
+            albedo,
+            emission,
+            two_sided: false,
+            albedo_texture: None,
+            surface: Surface::Diffuse,
+        });
         self.scene.materials.len() as u32 - 1
     }
 
@@ -187,6 +196,11 @@ impl Model {
     }
 }
 
+/// The camera with the same coordinates.
+fn in_world(Camera { eye, target, up, fov_y_degrees, lens }: Camera) -> WorldCamera {
+    WorldCamera { eye: eye.as_dvec3(), target: target.as_dvec3(), up, fov_y_degrees, lens }
+}
+
 /// A world with the coordinates of `scene`.
 pub fn world_of(scene: Scene) -> World {
     let Scene { mesh, materials, textures, environment, camera, .. } = scene;
@@ -195,7 +209,7 @@ pub fn world_of(scene: Scene) -> World {
         instances: vec![Instance::default()],
         materials,
         textures,
-        cameras: camera.map(|camera| ("camera".into(), camera)).into_iter().collect(),
+        cameras: camera.map(|camera| ("camera".into(), in_world(camera))).into_iter().collect(),
         environment,
     }
 }

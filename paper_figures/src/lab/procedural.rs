@@ -4,8 +4,8 @@ use std::f32::consts::TAU;
 
 use finalgather::points::GatherPoint;
 use finalgather::random::Random;
-use finalgather::scene::{Camera, Instance, Material, Mesh, Scene, Surface, Triangle, World};
-use glam::{Vec2, Vec3, vec3};
+use finalgather::scene::{Instance, Material, Mesh, Scene, Surface, Triangle, World, WorldCamera};
+use glam::{DVec3, Vec2, Vec3, dvec3, vec3};
 
 /// Materials of both scenes.
 const GREY: u32 = 0;
@@ -37,7 +37,7 @@ pub fn hills(triangles: u32) -> Scene {
         }
     }
     let camera =
-        Camera { eye: vec3(0.0, 0.5, 0.95), target: vec3(0.0, -0.6, -0.3), up: Vec3::Y, fov_y_degrees: 70.0, lens: None };
+        WorldCamera { eye: dvec3(0.0, 0.5, 0.95), target: dvec3(0.0, -0.6, -0.3), up: Vec3::Y, fov_y_degrees: 70.0, lens: None };
     scene(mesh, camera)
 }
 
@@ -49,7 +49,8 @@ pub fn plates(layers: u32) -> Scene {
         let material = if layer + 1 == layers { LAMP } else { GREY };
         plate(&mut mesh, height * Vec3::Y, Vec3::X, Vec3::Z, -Vec3::Y, material);
     }
-    scene(mesh, Camera { eye: vec3(0.0, 2.0, 4.0), target: Vec3::ZERO, up: Vec3::Y, fov_y_degrees: 40.0, lens: None })
+    let (eye, target) = (dvec3(0.0, 2.0, 4.0), DVec3::ZERO);
+    scene(mesh, WorldCamera { eye, target, up: Vec3::Y, fov_y_degrees: 40.0, lens: None })
 }
 
 /// Points spread evenly over these triangles of a scene in unit space, on their fronts or on both sides.
@@ -73,11 +74,12 @@ pub fn points_on(scene: &Scene, count: u32, both_sides: bool, triangles: &[usize
 }
 
 /// In unit space.
-fn scene(mesh: Mesh, camera: Camera) -> Scene {
+fn scene(mesh: Mesh, camera: WorldCamera) -> Scene {
     let material = |name: &str, albedo, emission| Material {
         name: name.into(),
         albedo,
         emission,
+        two_sided: false,
         albedo_texture: None,
         surface: Surface::Diffuse,
     };

@@ -11,7 +11,7 @@ use finalgather::scene::Loaded;
 use finalgather::settings::{LayerSize, Squares};
 use serde_json::{Value, json};
 
-use crate::args::{DeviceArgs, FilesArg, auto_or, count, size};
+use crate::args::{DeviceArgs, SceneArgs, auto_or, count, size};
 use crate::report;
 use crate::terminal::Terminal;
 
@@ -28,7 +28,7 @@ pub struct BenchArgs {
     scene: Option<PathBuf>,
 
     #[command(flatten)]
-    files: FilesArg,
+    files: SceneArgs,
 
     /// Picture size in pixels; N is N by N
     #[arg(long, value_name = "WxH|N", default_value = "512", value_parser = size)]

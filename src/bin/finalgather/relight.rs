@@ -4,17 +4,17 @@ use std::f32::consts::{FRAC_1_PI, PI};
 use std::path::{Path, PathBuf};
 
 use finalgather::error::{Error, Result};
-use finalgather::export::{self, ExportMesh, PointValues, read_prt};
+use finalgather::export::{self, ExportMesh, PointValues, Positions, read_prt};
 use finalgather::harmonics::project;
 use finalgather::image::{self, Channel, Image, WriteOptions};
 use finalgather::job::{SceneRequest, check_kept};
 use finalgather::points::Vertices;
 use finalgather::scene::{Bvh, Environment, Loaded, Mesh, Scene};
 use finalgather::settings::Settings;
-use glam::{Vec2, Vec3};
+use glam::{DVec3, Vec2, Vec3};
 use rayon::prelude::*;
 
-use crate::args::{FilesArg, size, stops};
+use crate::args::{SceneArgs, size, stops};
 
 const CURE: &str = "give the scene that it was baked of, with --to vertices";
 /// Rings of sample directions for the projection of the environment.
@@ -42,7 +42,7 @@ pub struct RelightArgs {
     scene: Option<PathBuf>,
 
     #[command(flatten)]
-    files: FilesArg,
+    files: SceneArgs,
 
     /// Picture size in pixels; N is N by N [default: the scene's]
     #[arg(long, value_name = "WxH|N", value_parser = size)]
@@ -53,11 +53,13 @@ pub struct RelightArgs {
     exposure: f32,
 }
 
-/// The model, in world space except `bvh` and `unit`.
+/// The model, in unit space except `positions`.
 struct Model {
     loaded: Loaded,
     /// Has the vertices of a bake. Its triangles are those of the tree.
     mesh: Mesh,
+    /// Of the vertices, in world space.
+    positions: Vec<DVec3>,
     bvh: Bvh,
     unit: Scene,
 }
@@ -89,7 +91,7 @@ pub fn run(args: &RelightArgs) -> Result<u8> {
             format!("transfer of {} points, and the scene has {} vertices", irradiance.len(), model.mesh.positions.len());
         return Err(Error::input(&args.transfer, None, problem, CURE));
     }
-    if model.as_ref().is_some_and(|model| export::is_of(&args.transfer, &model.mesh.positions) == Some(false)) {
+    if model.as_ref().is_some_and(|model| export::is_of(&args.transfer, model.world()) == Some(false)) {
         return Err(Error::input(&args.transfer, None, "transfer of other points than the scene's vertices", CURE));
     }
     let options = WriteOptions { exposure: args.exposure, metadata: None };
@@ -102,14 +104,15 @@ pub fn run(args: &RelightArgs) -> Result<u8> {
                 model.picture(&irradiance, &environment, size).write(path, &options)?;
             }
             (Some(model), _) => {
-                let surface = ExportMesh { mesh: &model.mesh, materials: &model.unit.materials, textures: &model.unit.textures };
-                let (positions, normals) = (&model.mesh.positions, &model.mesh.normals);
+                let surface = model.surface();
+                let (positions, normals) = (surface.positions, &model.mesh.normals);
                 PointValues { positions, normals, columns: &columns, surface: Some(surface) }.write(path, &options)?;
             }
             // A .npy file contains only the columns.
             (None, _) => {
-                let nowhere = vec![Vec3::ZERO; irradiance.len()];
-                PointValues { positions: &nowhere, normals: &nowhere, columns: &columns, surface: None }.write(path, &options)?;
+                let (nowhere, normals) = (vec![DVec3::ZERO; irradiance.len()], &vec![Vec3::ZERO; irradiance.len()]);
+                let positions = Positions::near(&nowhere);
+                PointValues { positions, normals, columns: &columns, surface: None }.write(path, &options)?;
             }
         }
     }
@@ -148,9 +151,17 @@ impl Model {
         let unit = unit.without_glass().unwrap_or(unit);
         // The number of vertices does not depend on the inset.
         let vertices = Vertices::new(&unit.mesh, 0.0);
-        let to_world = |&position: &Vec3| unit.space.to_world(position);
-        let mesh = Mesh { positions: vertices.mesh().positions.iter().map(to_world).collect(), ..vertices.mesh().clone() };
-        Ok(Self { bvh: Bvh::new(&unit.mesh), loaded, mesh, unit })
+        let mesh = vertices.mesh().clone();
+        let positions = mesh.positions.iter().map(|&position| unit.space.to_world(position)).collect();
+        Ok(Self { bvh: Bvh::new(&unit.mesh), loaded, mesh, positions, unit })
+    }
+
+    fn world(&self) -> Positions<'_> {
+        Positions { world: &self.positions, origin: self.unit.space.local_origin() }
+    }
+
+    fn surface(&self) -> ExportMesh<'_> {
+        ExportMesh { mesh: &self.mesh, positions: self.world(), materials: &self.unit.materials, textures: &self.unit.textures }
     }
 
     /// The view of the scene's camera. Front sides show albedo × irradiance / π, interpolated between vertices. Misses show the environment.

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use glam::Vec2;
 
 use super::texture::Textures;
-use super::{Environment, Material, World};
+use super::{Environment, Material, Mesh, World};
 use crate::error::{Error, Result};
 use crate::settings::Settings;
 
@@ -56,6 +56,8 @@ pub struct LoadOptions {
     pub environment: Option<Environment>,
     /// Accepts a world without light. Openness, for example, needs none.
     pub unlit: bool,
+    /// Swaps the fronts and backs of all surfaces, as [`Mesh::turn`](super::Mesh::turn) does. A scene file can ask for it too.
+    pub flip: bool,
     pub files: Files,
 }
 
@@ -67,6 +69,8 @@ struct Loader<'a> {
     warnings: Vec<String>,
     /// The environment of the options, or else of the scene file.
     environment: Option<Environment>,
+    /// Whether all surfaces are to be turned, by the options or the scene file.
+    flip: bool,
 }
 
 impl World {
@@ -85,7 +89,8 @@ impl World {
     pub fn load_with(path: &Path, options: LoadOptions) -> Result<Loaded> {
         let reader = Reader::new(path, &options.files);
         let textures = Textures::new(&reader);
-        let mut loader = Loader { reader: &reader, textures, warnings: Vec::new(), environment: options.environment };
+        let LoadOptions { environment, flip, .. } = options;
+        let mut loader = Loader { reader: &reader, textures, warnings: Vec::new(), environment, flip };
         let ending = path.extension().unwrap_or_default();
         let (mut world, settings) = match format_of(path) {
             _ if ending.eq_ignore_ascii_case("toml") => toml::load(&mut loader, path)?,
@@ -95,6 +100,9 @@ impl World {
                 return Err(Error::input(path, None, problem, "give a scene file (.toml) or a model (.obj)"));
             }
         };
+        if loader.flip {
+            world.flip();
+        }
         world.environment = loader.environment.take();
         loader.check(&world);
         let Loader { textures, warnings, .. } = loader;
@@ -112,6 +120,8 @@ impl World {
 impl Loader<'_> {
     /// Adds the warnings that all formats share, and cuts a list that is too long.
     fn check(&mut self, world: &World) {
+        self.warnings
+            .extend(world.instances.iter().filter_map(|instance| against_normals(&instance.name, &world.meshes[instance.mesh])));
         let untextured = world.meshes.iter().flat_map(|mesh| {
             mesh.triangles.iter().filter(|triangle| {
                 let textured = world.materials[triangle.material as usize].albedo_texture.is_some();
@@ -131,6 +141,19 @@ impl Loader<'_> {
             self.warnings.push(format!("and {more} more of that kind"));
         }
     }
+}
+
+/// A warning if the shading normals of most faces point to their backs.
+fn against_normals(name: &str, mesh: &Mesh) -> Option<String> {
+    let known: Vec<bool> = (0..mesh.triangles.len()).filter_map(|triangle| mesh.is_against_normals(triangle)).collect();
+    let against = known.iter().filter(|against| **against).count();
+    (2 * against > known.len()).then(|| {
+        format!(
+            "the normals (vn) of {name} point to the back of {against} of {} triangles, and its fronts are where the winding says; if the \
+             normals are right, turn these triangles by --flip, or flip = true in a scene file",
+            known.len()
+        )
+    })
 }
 
 fn format_of(path: &Path) -> Option<MeshLoader> {

@@ -2,6 +2,7 @@
 //!
 //! ```toml
 //! mesh = "room.obj"            # in this file's folder or below it, as all files named here
+//! flip = false                 # the default; true: fronts of all surfaces become backs
 //!
 //! [camera]                     # default: shows the whole model from the front
 //! eye = [278, 273, -800]
@@ -22,6 +23,8 @@
 //! [materials.floor]            # a material of the model
 //! albedo = [0.5, 0.5, 0.5]
 //! emission = [0, 0, 0]
+//! two_sided = true             # emits from the back too; false by default
+//! flip = false                 # the default; true: fronts of this material's surfaces become backs
 //! albedo_texture = "tiles.png"
 //! surface = "mirror"           # or "diffuse", or { glass = { index = 1.5, filter = [1, 1, 1] } }; a mirror reflects its albedo
 //! ```
@@ -30,20 +33,22 @@ use std::collections::{BTreeMap, HashMap};
 use std::ops::{Range, RangeInclusive};
 use std::path::Path;
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use serde::Deserialize;
 use toml::Spanned;
 
 use super::{Loader, beside, format_of, names, obj};
 use crate::error::{Error, Result};
 use crate::file::{MOST_BYTES, MOST_WORDS};
-use crate::scene::{Camera, Environment, Lens, Surface, World};
+use crate::scene::{Camera, Environment, Lens, Surface, World, WorldCamera};
 use crate::settings::Settings;
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct SceneFile {
     mesh: String,
+    #[serde(default)]
+    flip: bool,
     camera: Option<Spanned<CameraTable>>,
     environment: Option<Spanned<EnvironmentTable>>,
     #[serde(default)]
@@ -55,8 +60,8 @@ struct SceneFile {
 #[derive(Clone, Copy, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct CameraTable {
-    eye: [f32; 3],
-    target: [f32; 3],
+    eye: [f64; 3],
+    target: [f64; 3],
     up: Option<[f32; 3]>,
     fov_y_degrees: Option<f32>,
     #[serde(default)]
@@ -78,6 +83,9 @@ struct EnvironmentTable {
 struct MaterialTable {
     albedo: Option<Spanned<[f32; 3]>>,
     emission: Option<Spanned<[f32; 3]>>,
+    two_sided: Option<Spanned<bool>>,
+    #[serde(default)]
+    flip: bool,
     albedo_texture: Option<Spanned<String>>,
     surface: Option<Spanned<SurfaceTable>>,
 }
@@ -125,10 +133,10 @@ pub fn load(loader: &mut Loader, path: &Path) -> Result<(World, Settings)> {
 
     let camera = file.camera.map(|table| {
         let CameraTable { eye, target, up, fov_y_degrees, aperture, focus_distance } = *table.get_ref();
-        let [eye, target, up] = [eye, target, up.unwrap_or([0.0, 1.0, 0.0])].map(Vec3::from);
-        let focus_distance = focus_distance.unwrap_or_else(|| eye.distance(target));
+        let ([eye, target], up) = ([eye, target].map(DVec3::from), Vec3::from(up.unwrap_or([0.0, 1.0, 0.0])));
+        let focus_distance = focus_distance.unwrap_or_else(|| eye.distance(target) as f32);
         let lens = (aperture != 0.0).then_some(Lens { radius: aperture, focus_distance });
-        let camera = Camera { eye, target, up, fov_y_degrees: fov_y_degrees.unwrap_or(Camera::DEFAULT_FOV_Y), lens };
+        let camera = WorldCamera { eye, target, up, fov_y_degrees: fov_y_degrees.unwrap_or(Camera::DEFAULT_FOV_Y), lens };
         camera.check().map_err(|(problem, cure)| error(table.span(), problem, cure))
     });
     let camera = camera.transpose()?;
@@ -170,6 +178,7 @@ pub fn load(loader: &mut Loader, path: &Path) -> Result<(World, Settings)> {
     // A model of unknown ending is read as OBJ.
     let mesh = beside(path, &file.mesh);
     let mut world = format_of(&mesh).unwrap_or(obj::load)(loader, &mesh)?;
+    loader.flip |= file.flip;
     world.cameras.splice(0..0, camera.map(|camera| ("camera".to_owned(), camera)));
     let indices: HashMap<_, _> = world.materials.iter().enumerate().map(|(i, material)| (material.name.clone(), i)).collect();
     for (name, table) in file.materials {
@@ -190,6 +199,16 @@ pub fn load(loader: &mut Loader, path: &Path) -> Result<(World, Settings)> {
         if let Some(emission) = table.emission {
             let cure = "give a finite radiance of 0 or more for each of red, green and blue";
             material.emission = color(emission, "emission", 0.0..=f32::MAX, cure)?;
+        }
+        if let Some(two_sided) = table.two_sided {
+            material.two_sided = *two_sided.get_ref();
+            if material.two_sided && !material.is_emissive() {
+                let place = format!("{}:{}", path.display(), line(two_sided.span()));
+                loader.warnings.push(format!("{place}: two_sided has no effect: material \"{}\" does not emit", material.name));
+            }
+        }
+        if table.flip {
+            world.meshes.iter_mut().for_each(|mesh| mesh.turn(|triangle| triangle.material as usize == index));
         }
         if let Some(texture) = table.albedo_texture {
             let named_at = format!("{}:{}", path.display(), line(texture.span()));

@@ -11,8 +11,9 @@ use crate::random::Distribution;
 
 /// All emissive triangles of a scene.
 pub struct AreaLight {
-    pub triangles: Vec<Emitter>,
-    /// Chooses a triangle by power.
+    /// The sides that emit: a two-sided triangle has two.
+    pub sides: Vec<Emitter>,
+    /// Chooses a side by power.
     by_power: Distribution,
     /// Flux of all triangles, sum of the channels. A surface of radiance L emits πL per unit of area.
     pub power: f64,
@@ -43,25 +44,29 @@ impl AreaLight {
     pub fn new(scene: &Scene) -> Self {
         let power =
             |triangle: usize| f64::from(scene.material(triangle).emission.element_sum()) * f64::from(scene.mesh.area(triangle));
-        let emissive = || (0..scene.mesh.triangles.len()).filter(|&triangle| power(triangle) > 0.0);
-        let total: f64 = emissive().map(power).sum();
-        let emitter = |triangle: usize| {
+        let sides = |triangle: usize| [1.0, -1.0].into_iter().take(1 + usize::from(scene.material(triangle).two_sided));
+        let emissive = || {
+            let triangles = (0..scene.mesh.triangles.len()).filter(|&triangle| power(triangle) > 0.0);
+            triangles.flat_map(|triangle| sides(triangle).map(move |side| (triangle, side)))
+        };
+        let total: f64 = emissive().map(|(triangle, _)| power(triangle)).sum();
+        let emitter = |(triangle, side): (usize, f32)| {
             let probability = (power(triangle) / total) as f32;
             Emitter {
                 triangle,
                 corners: scene.mesh.corners(triangle),
-                normal: scene.mesh.geometric_normal(triangle),
+                normal: side * scene.mesh.geometric_normal(triangle),
                 radiance_area: scene.material(triangle).emission * (scene.mesh.area(triangle) / probability),
             }
         };
-        let by_power = Distribution::new(emissive().map(power).collect());
-        Self { triangles: emissive().map(emitter).collect(), by_power, power: PI * total }
+        let by_power = Distribution::new(emissive().map(|(triangle, _)| power(triangle)).collect());
+        Self { sides: emissive().map(emitter).collect(), by_power, power: PI * total }
     }
 
     /// A point by a uniform number, which selects the triangle, and a uniform point of the unit square. The density is proportional to emitted power.
     fn point(&self, pick: f32, [u, v]: [f32; 2]) -> LightPoint {
         let (slot, ..) = self.by_power.pick(pick);
-        let &Emitter { triangle, corners: [a, b, c], normal, radiance_area } = &self.triangles[slot];
+        let &Emitter { triangle, corners: [a, b, c], normal, radiance_area } = &self.sides[slot];
         // Folds the square along its diagonal. Neighbours in the square stay neighbours in the triangle.
         let (u, v) = if u + v > 1.0 { (1.0 - u, 1.0 - v) } else { (u, v) };
         LightPoint { triangle, position: a + u * (b - a) + v * (c - a), normal, radiance_area }

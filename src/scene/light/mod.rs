@@ -140,10 +140,10 @@ impl Lights {
         last.emit(left, [pick, u, v, s, t])
     }
 
-    /// Number of emissive triangles.
+    /// Number of sides of triangles that emit.
     pub fn count(&self) -> usize {
-        let triangles = |(light, _): &(Light, f32)| if let Light::Area(area) = light { area.triangles.len() } else { 0 };
-        self.lights.iter().map(triangles).sum()
+        let sides = |(light, _): &(Light, f32)| if let Light::Area(area) = light { area.sides.len() } else { 0 };
+        self.lights.iter().map(sides).sum()
     }
 
     /// Whether there is direct light.

@@ -105,7 +105,7 @@ pub struct Overrides {
 
     #[command(flatten)]
     #[serde(skip)]
-    files: FilesArg,
+    files: SceneArgs,
 }
 
 /// The photon map of a picture. Bakes choose it by --radiance-cache.
@@ -129,18 +129,22 @@ pub fn choose_photon_map(mut scene: SceneRequest, kind: Option<PhotonMapKind>) -
     scene
 }
 
-/// Which files a scene may read.
+/// How a scene is read.
 #[derive(Clone, Copy, Debug, clap::Args)]
-pub struct FilesArg {
+pub struct SceneArgs {
     /// Let the scene read files outside its folder
     #[arg(long)]
     allow_outside: bool,
+
+    /// Turn all surfaces: fronts become backs, and lamps shine the other way. If the normals of a model (vn) point to the backs of most of its faces, turn only these faces
+    #[arg(long)]
+    flip: bool,
 }
 
-impl FilesArg {
-    /// The scene without changes.
+impl SceneArgs {
+    /// The scene with its own settings.
     pub fn scene(self, path: &Path) -> SceneRequest {
-        SceneRequest { path: path.to_owned(), allow_outside: self.allow_outside, ..SceneRequest::default() }
+        SceneRequest { path: path.to_owned(), allow_outside: self.allow_outside, flip: self.flip, ..SceneRequest::default() }
     }
 }
 

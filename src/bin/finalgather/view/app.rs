@@ -10,7 +10,7 @@ use egui::{
 };
 use egui_file_dialog::FileDialog;
 use finalgather::error::{Error, Result};
-use finalgather::scene::Camera;
+use finalgather::scene::WorldCamera;
 use winit::event_loop::EventLoopProxy;
 
 use super::camera::{KEYS, move_camera};
@@ -82,7 +82,8 @@ fn spawn(options: &WorkerOptions, proxy: &EventLoopProxy<()>) -> Result<Worker> 
 impl App {
     pub fn new(options: WorkerOptions, path: PathBuf, layers: bool, proxy: EventLoopProxy<()>) -> Result<Self> {
         let worker = spawn(&options, &proxy)?;
-        let camera = Camera { eye: glam::Vec3::Z, target: glam::Vec3::ZERO, up: glam::Vec3::Y, fov_y_degrees: 40.0, lens: None };
+        let camera =
+            WorldCamera { eye: glam::DVec3::Z, target: glam::DVec3::ZERO, up: glam::Vec3::Y, fov_y_degrees: 40.0, lens: None };
         let view = ViewState { camera, settings: options.scene.settings(&Default::default())?, moving: false, pace: 0 };
         let mut app = Self {
             options,
@@ -340,7 +341,7 @@ impl App {
         let shown = self.picture(ui, picture);
         self.layer_view.point(ui, shown);
         if let Some(scene) = &self.scene {
-            self.layer_view.stack(ui, stack, scene.bounds.extent() / scene.bounds.diagonal());
+            self.layer_view.stack(ui, stack, scene.extent.normalize());
         }
         self.layer_view.row(ui, row);
     }
@@ -349,7 +350,7 @@ impl App {
     fn picture(&mut self, ui: &mut Ui, area: Rect) -> Rect {
         let response = ui.interact(area, ui.id().with("picture"), Sense::click_and_drag());
         if let Some(scene) = &self.scene
-            && move_camera(ui, &response, &mut self.view.camera, scene.bounds.diagonal())
+            && move_camera(ui, &response, &mut self.view.camera, scene.extent.length())
         {
             self.moved = Some(Instant::now());
         }

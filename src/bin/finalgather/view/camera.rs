@@ -3,7 +3,7 @@
 use std::f32::consts::PI;
 
 use egui::{Key, Modifiers, PointerButton, Response, Ui};
-use finalgather::scene::Camera;
+use finalgather::scene::WorldCamera;
 use glam::{Quat, Vec2, Vec3};
 
 /// Keys and their effects, for the list that F1 shows.
@@ -29,7 +29,7 @@ pub const KEYS: [(&str, &str); 15] = [
 const NEAREST: f32 = 1e-3;
 
 /// Moves `camera` by the frame's input over the picture. `diagonal` is that of the scene. Returns whether there was such input.
-pub fn move_camera(ui: &Ui, response: &Response, camera: &mut Camera, diagonal: f32) -> bool {
+pub fn move_camera(ui: &Ui, response: &Response, camera: &mut WorldCamera, diagonal: f32) -> bool {
     let before = *camera;
     let (shift, time) = ui.input(|input| (input.modifiers.shift, input.stable_dt.min(0.1)));
     let height = response.rect.height().max(1.0);
@@ -70,28 +70,28 @@ pub fn move_camera(ui: &Ui, response: &Response, camera: &mut Camera, diagonal: 
     held || *camera != before
 }
 
-fn shift_camera(camera: &mut Camera, step: Vec3) {
-    camera.eye += step;
-    camera.target += step;
+fn shift_camera(camera: &mut WorldCamera, step: Vec3) {
+    camera.eye += step.as_dvec3();
+    camera.target += step.as_dvec3();
 }
 
 /// Turns the eye about the target. `drag` is in heights of the picture; one height is half a turn.
-fn orbit(camera: &mut Camera, drag: Vec2) {
-    let offset = camera.eye - camera.target;
-    camera.eye = camera.target + turned(camera, offset, -PI * drag);
+fn orbit(camera: &mut WorldCamera, drag: Vec2) {
+    let offset = (camera.eye - camera.target).as_vec3();
+    camera.eye = camera.target + turned(camera, offset, -PI * drag).as_dvec3();
 }
 
 /// Turns the target about the eye. One height of the picture is its field of view.
-fn look(camera: &mut Camera, drag: Vec2) {
-    let ahead = camera.target - camera.eye;
-    camera.target = camera.eye + turned(camera, ahead, drag * camera.fov_y_degrees.to_radians());
+fn look(camera: &mut WorldCamera, drag: Vec2) {
+    let ahead = (camera.target - camera.eye).as_vec3();
+    camera.target = camera.eye + turned(camera, ahead, drag * camera.fov_y_degrees.to_radians()).as_dvec3();
 }
 
 /// Turns `arm` about the upright axis and tilts it about the camera's right axis, but not as far as the poles.
-fn turned(camera: &Camera, arm: Vec3, by: Vec2) -> Vec3 {
+fn turned(camera: &WorldCamera, arm: Vec3, by: Vec2) -> Vec3 {
     let up = camera.up.normalize();
     let right = camera.axes().x_axis;
-    let back = (camera.eye - camera.target).normalize();
+    let back = (camera.eye - camera.target).normalize().as_vec3();
     let height = back.dot(up).clamp(-1.0, 1.0).asin();
     let limit = (0.49 * PI).max(height.abs());
     let tilt = height - (height - by.y).clamp(-limit, limit);
@@ -99,14 +99,14 @@ fn turned(camera: &Camera, arm: Vec3, by: Vec2) -> Vec3 {
 }
 
 /// Moves eye and target so that points as far away as the target stay under the pointer.
-fn pan(camera: &mut Camera, drag: Vec2) {
-    let distance = camera.eye.distance(camera.target);
+fn pan(camera: &mut WorldCamera, drag: Vec2) {
+    let distance = camera.eye.distance(camera.target) as f32;
     let height = 2.0 * distance * (0.5 * camera.fov_y_degrees.to_radians()).tan();
     shift_camera(camera, camera.axes() * Vec3::new(-drag.x, drag.y, 0.0) * height);
 }
 
-fn zoom(camera: &mut Camera, factor: f32, nearest: f32) {
+fn zoom(camera: &mut WorldCamera, factor: f32, nearest: f32) {
     let offset = camera.eye - camera.target;
-    let distance = (offset.length() * factor).max(nearest);
+    let distance = (offset.length() * f64::from(factor)).max(f64::from(nearest));
     camera.eye = camera.target + offset.normalize() * distance;
 }

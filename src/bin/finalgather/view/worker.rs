@@ -16,12 +16,11 @@ use finalgather::error::{Error, Result};
 use finalgather::gpu::{Gpu, StageClock};
 use finalgather::image::{Image, WriteOptions};
 use finalgather::job::{DeviceRequest, SceneRequest, metadata};
-use finalgather::math::Aabb;
 use finalgather::render::{End, Layers, Probe, Render, RenderStatistics};
-use finalgather::scene::{Camera, Loaded};
+use finalgather::scene::{Loaded, WorldCamera};
 use finalgather::settings::{LayerSize, Settings};
 use finalgather::shaders;
-use glam::Vec2;
+use glam::{DVec3, Vec2, Vec3};
 use serde_json::Value;
 
 use super::layers::{LayerImages, LayerRequest};
@@ -46,7 +45,7 @@ pub enum WorkerCommand {
 #[derive(Clone, PartialEq)]
 pub struct ViewState {
     /// In world space.
-    pub camera: Camera,
+    pub camera: WorldCamera,
     pub settings: Settings,
     /// While the camera moves, pictures are smaller and come sooner.
     pub moving: bool,
@@ -83,11 +82,12 @@ pub enum WorkerReport {
 /// The scene that was opened.
 pub struct OpenedScene {
     pub path: PathBuf,
-    pub camera: Camera,
+    pub camera: WorldCamera,
     /// Settings of the scene file, overridden by the command line.
     pub settings: Settings,
     /// The scene's box.
-    pub bounds: Aabb,
+    /// Lengths of the sides of its bounding box.
+    pub extent: Vec3,
     pub warnings: Vec<String>,
     pub renderer: String,
 }
@@ -284,14 +284,14 @@ fn open(gpu: &Gpu, options: &WorkerOptions, path: &Path) -> Result<(OpenedScene,
     let Loaded { world, settings, report } = request.load(true)?;
     let settings = request.settings(&settings)?;
     let render = Render::new(gpu, &world, &settings)?;
-    let bounds = world.bounds();
-    let camera = about(world.camera(settings.film.size), bounds);
+    let [min, max] = world.bounds();
+    let camera = about(world.camera(settings.film.size), 0.5 * (min + max));
     let opened = OpenedScene {
         path: path.to_owned(),
         camera,
         settings,
-        bounds,
-        warnings: report.warnings,
+        extent: (max - min).as_vec3(),
+        warnings: [report.warnings, render.warnings()].concat(),
         renderer: gpu.info().renderer.clone(),
     };
     let scene = SceneRender {
@@ -308,10 +308,10 @@ fn open(gpu: &Gpu, options: &WorkerOptions, path: &Path) -> Result<(OpenedScene,
 }
 
 /// Moves the target, the centre of orbits, along the view axis to the distance of the scene's centre.
-fn about(camera: Camera, bounds: Aabb) -> Camera {
+fn about(camera: WorldCamera, center: DVec3) -> WorldCamera {
     let forward = (camera.target - camera.eye).normalize();
-    let distance = forward.dot(bounds.center() - camera.eye);
-    if distance > 0.0 { Camera { target: camera.eye + distance * forward, ..camera } } else { camera }
+    let distance = forward.dot(center - camera.eye);
+    if distance > 0.0 { WorldCamera { target: camera.eye + distance * forward, ..camera } } else { camera }
 }
 
 impl SceneRender {

@@ -7,7 +7,7 @@ use std::collections::hash_map::Entry;
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
-use glam::{Vec2, Vec3};
+use glam::{DAffine3, DVec2, DVec3, Vec3};
 
 use self::scan::{Named, scan};
 use super::polygon::triangulate;
@@ -15,7 +15,7 @@ use super::{Loader, Reader, Unread, beside, names};
 use crate::error::{Error, Result};
 use crate::file::{MOST_BYTES, MOST_WORDS};
 use crate::scene::mesh::has_area;
-use crate::scene::{Instance, Material, Mesh, Surface, Triangle, World};
+use crate::scene::{Instance, Material, Mesh, Surface, Triangle, UnitSpace, World};
 
 mod mtl;
 mod scan;
@@ -61,15 +61,16 @@ pub fn load(loader: &mut Loader, path: &Path) -> Result<World> {
     let (models, _) =
         tobj::load_obj_buf(&mut scan.text.as_bytes(), &tobj::LoadOptions::default(), |_| Ok((Vec::new(), by_name.clone())))
             .map_err(|error| Error::input(path, None, format!("this is not a valid OBJ: {error}"), "export the model again"))?;
+    let origin = origin_of(&models);
     let mut mesh = Mesh::default();
     let mut skipped = 0;
     for model in models.iter().map(|model| &model.mesh).filter(|model| !model.indices.is_empty()) {
         let material = model.material_id.unwrap_or_else(|| {
             let (name, albedo, surface) = ("default".into(), mtl::GREY, Surface::Diffuse);
-            materials.push(Material { name, albedo, emission: Vec3::ZERO, albedo_texture: None, surface });
+            materials.push(Material { name, albedo, emission: Vec3::ZERO, two_sided: false, albedo_texture: None, surface });
             materials.len() - 1
         });
-        skipped += add_model(&mut mesh, model, material as u32);
+        skipped += add_model(&mut mesh, model, origin, material as u32);
     }
     let total = skipped + mesh.triangles.len();
     match skipped {
@@ -82,7 +83,7 @@ pub fn load(loader: &mut Loader, path: &Path) -> Result<World> {
         _ => loader.warnings.push(format!("{skipped} of {total} triangles have no area and were skipped")),
     }
     let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-    let instances = vec![Instance { name, ..Instance::default() }];
+    let instances = vec![Instance { name, mesh: 0, transform: DAffine3::from_translation(origin) }];
     Ok(World { meshes: vec![mesh], instances, materials, ..World::default() })
 }
 
@@ -96,10 +97,18 @@ fn library_files(reader: &Reader, obj: &Path, statement: &Named) -> Vec<(PathBuf
     statement.name.split_whitespace().map(|name| (beside(obj, name), statement.line)).collect()
 }
 
+/// The origin of the mesh's coordinates, so that f32 holds those of a georeferenced model. Zero for a model that is not far from its own origin.
+fn origin_of(models: &[tobj::Model]) -> DVec3 {
+    let positions = models.iter().flat_map(|model| model.mesh.positions.as_chunks::<3>().0);
+    let grow = |[min, max]: [DVec3; 2], &position: &[f64; 3]| [min.min(position.into()), max.max(position.into())];
+    UnitSpace::around(positions.fold([DVec3::INFINITY, DVec3::NEG_INFINITY], grow)).local_origin()
+}
+
 /// Adds the faces of a model of tobj, which all have the same material. Only faces of the same model share vertices. Returns the number of
 /// triangles without area.
-fn add_model(mesh: &mut Mesh, model: &tobj::Mesh, material: u32) -> usize {
-    let vec3 = |values: &[f32], index: u32| Vec3::from_slice(&values[3 * index as usize..]);
+fn add_model(mesh: &mut Mesh, model: &tobj::Mesh, origin: DVec3, material: u32) -> usize {
+    let vec3 = |values: &[f64], index: u32| DVec3::from_slice(&values[3 * index as usize..]);
+    let position = |index: u32| (vec3(&model.positions, index) - origin).as_vec3();
     let mut shared: HashMap<[u32; 3], u32> = HashMap::new();
     let mut skipped = 0;
     let mut first = 0;
@@ -108,7 +117,7 @@ fn add_model(mesh: &mut Mesh, model: &tobj::Mesh, material: u32) -> usize {
     for &arity in if model.face_arities.is_empty() { &triangles } else { &model.face_arities } {
         let face = first..first + arity as usize;
         first = face.end;
-        let corners: Vec<Vec3> = model.indices[face.clone()].iter().map(|&index| vec3(&model.positions, index)).collect();
+        let corners: Vec<Vec3> = model.indices[face.clone()].iter().map(|&index| position(index)).collect();
         let triangles = triangulate(&corners);
         if triangles.is_empty() {
             skipped += corners.len() - 2;
@@ -122,9 +131,9 @@ fn add_model(mesh: &mut Mesh, model: &tobj::Mesh, material: u32) -> usize {
                 let at = face.start + corner;
                 let key = [model.indices[at], model.texcoord_indices[at], model.normal_indices[at]];
                 *shared.entry(key).or_insert_with(|| {
-                    mesh.positions.push(vec3(&model.positions, key[0]));
-                    mesh.uvs.push(Vec2::from_slice(&model.texcoords[2 * key[1] as usize..]));
-                    mesh.normals.push(vec3(&model.normals, key[2]));
+                    mesh.positions.push(position(key[0]));
+                    mesh.uvs.push(DVec2::from_slice(&model.texcoords[2 * key[1] as usize..]).as_vec2());
+                    mesh.normals.push(vec3(&model.normals, key[2]).as_vec3());
                     mesh.positions.len() as u32 - 1
                 })
             });

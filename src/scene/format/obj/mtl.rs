@@ -37,6 +37,7 @@ pub fn load(loader: &mut Loader, path: &Path, bytes: &[u8]) -> Result<Vec<Materi
             name: said.name,
             albedo: reflectance.or(said.diffuse).unwrap_or(unsaid),
             emission: said.emission,
+            two_sided: false,
             surface,
         })
     };

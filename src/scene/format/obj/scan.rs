@@ -95,21 +95,21 @@ impl<'a> ObjScanner<'a> {
         match keyword {
             "v" => {
                 let [x, y, z] = self.numbers(keyword, rest, 3)?;
-                if let Some(far) = [x, y, z].iter().find(|value| value.abs() > FARTHEST) {
+                if let Some(far) = [x, y, z].iter().map(|&value| value as f32).find(|value| value.abs() > FARTHEST) {
                     let problem = format!("coordinate {far:e} is farther than {FARTHEST:e} from the origin");
                     return self.error(problem, "scale the model down");
                 }
-                self.vertex(POSITION, format_args!("{x} {y} {z}"));
+                self.vertex(POSITION, format_args!("{x:e} {y:e} {z:e}"));
             }
             "vt" => {
                 // The second coordinate is optional.
                 let dimensions = uncomment(rest).split_whitespace().count().clamp(1, 2);
-                let [u, v, _] = self.numbers(keyword, rest, dimensions)?;
+                let [u, v, _] = self.numbers(keyword, rest, dimensions)?.map(|value| value as f32);
                 self.vertex(UV, format_args!("{u} {v}"));
             }
             "vn" => {
                 let normal = self.numbers_or_nan(keyword, rest, 3)?;
-                let [x, y, z] = DVec3::from(normal.map(f64::from)).normalize_or_zero().to_array();
+                let [x, y, z] = DVec3::from(normal.map(|value| f64::from(value as f32))).normalize_or_zero().to_array();
                 self.vertex(NORMAL, format_args!("{} {} {}", x as f32, y as f32, z as f32));
             }
             "f" => self.face(uncomment(rest))?,
@@ -190,23 +190,23 @@ impl<'a> ObjScanner<'a> {
         Ok(())
     }
 
-    /// The first `count` numbers of `text`, which must be finite. The rest of the three are 0.
-    fn numbers(&self, keyword: &str, text: &str, count: usize) -> Result<[f32; 3]> {
+    /// The first `count` numbers of `text`, which must be finite in f32 too. The rest of the three are 0.
+    fn numbers(&self, keyword: &str, text: &str, count: usize) -> Result<[f64; 3]> {
         let values = self.numbers_or_nan(keyword, text, count)?;
-        match values.iter().find(|value| !value.is_finite()) {
+        match values.iter().map(|&value| value as f32).find(|value| !value.is_finite()) {
             Some(value) => self.error(format!("{keyword} has the value {value}"), "give finite numbers"),
             None => Ok(values),
         }
     }
 
-    fn numbers_or_nan(&self, keyword: &str, text: &str, count: usize) -> Result<[f32; 3]> {
+    fn numbers_or_nan(&self, keyword: &str, text: &str, count: usize) -> Result<[f64; 3]> {
         let mut words = uncomment(text).split_whitespace();
         let mut values = [0.0; 3];
         for (found, value) in values[..count].iter_mut().enumerate() {
             let Some(word) = words.next() else {
                 return self.error(format!("{keyword} has {found} of {count} numbers"), "give the missing ones");
             };
-            let Ok(number) = word.parse() else {
+            let Some(number) = number(word) else {
                 return self.error(format!("{keyword} has \"{word}\" for a number"), "give finite numbers");
             };
             *value = number;
@@ -226,6 +226,16 @@ impl<'a> ObjScanner<'a> {
         let text = format!("mtllib all\nvt 0 0\nvn 0 0 0\n{}{}", self.vertices, self.faces);
         Scan { text, libraries: self.libraries, materials: self.materials }
     }
+}
+
+/// Parses a number in f64 so that its rounding to f32 is that of the text. Rounding twice differs where the f64 lies between two f32.
+fn number(word: &str) -> Option<f64> {
+    let (exact, near): (f64, f32) = (word.parse().ok()?, word.parse().ok()?);
+    Some(match f64::from(near) - f64::from(exact as f32) {
+        above if above > 0.0 => exact.next_up(),
+        below if below < 0.0 => exact.next_down(),
+        _ => exact,
+    })
 }
 
 /// The first word and the rest of the text, both trimmed.
