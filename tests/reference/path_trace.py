@@ -3,14 +3,14 @@
     python3 tests/reference/path_trace.py scenes/cornell.toml tests/reference/cornell_256.exr --size 256 --spp 32768
     python3 tests/reference/path_trace.py scenes/cornell_textured.toml tests/reference/cornell_textured_256.exr --size 256 --spp 16384
     python3 tests/reference/path_trace.py scenes/open.toml tests/reference/open_128.exr --size 128 --spp 8192
-    python3 tests/reference/path_trace.py FOLDER/office_a_reference.toml FOLDER/office_a.exr --size 256x192 --spp 4096 --near 7 --blocks tests/reference/office_a.exr
+    python3 tests/reference/path_trace.py FOLDER/office_a_reference.toml FOLDER/office_a.exr --size 256x192 --spp 4096 --many-lamps --blocks tests/reference/office_a.exr
 
 Reads the scene file, OBJ and MTL by itself, so that it shares no code with the renderer: Lambertian two-sided
 surfaces, mirrors (illum 3) and glass (illum 7) of the MTL, emission from the side that the winding faces, an environment as the scene file's, box pixel filter, unlimited path length. Writes half-float linear
 RGB, and where surfaces emit beside it NAME_mask.png: black where a pixel shows a light or lies within two pixels of one, white elsewhere. Prints the image's mean and the standard error of a pixel and of the mean over 8 x 8 pixels, as a share of the mean, from independent passes.
 `--blocks` keeps these means, 32-bit, in a second picture of an eighth of the size; its mask is black where a block has a pixel brighter than 2.5,
 a lamp or a window in the scenes of buildings.py. The error of means leaves out these blocks.
-`--near R` gives half of the light samples to lamps within R of the middle between eye and target, which helps among many lamps in many rooms.
+`--many-lamps` is for scenes of many lamps in many rooms, without an environment (near_lamps.py).
 `--depth 2` stops paths after the first surface that the camera sees: emission and direct light alone.
 """
 import argparse
@@ -98,6 +98,17 @@ def mesh(name, triangles, material):
     return out
 
 
+def connected(triangles):
+    """Lists of triangles that share corners, as those of one lamp do."""
+    bodies = []
+    for triangle in triangles:
+        corners = {tuple(corner[0]) for corner in triangle}
+        touched = [body for body in bodies if body[0] & corners]
+        bodies = [body for body in bodies if not body[0] & corners]
+        bodies.append((corners.union(*(body[0] for body in touched)), [t for body in touched for t in body[1]] + [triangle]))
+    return [body[1] for body in bodies]
+
+
 def environment(table, folder):
     """Of a finalgather picture's texels, whose centres lie within its borders; Mitsuba's first and last rows lie on the poles, and its middle
     column is along +z. So it gets one of its own kind, fine enough that its bilinear look-up adds nothing."""
@@ -132,12 +143,15 @@ def main():
     parser.add_argument("--spp", type=int, default=16384)
     parser.add_argument("--depth", type=int, default=-1, help="most segments of a path; without it, any number")
     parser.add_argument("--seed", type=int, default=0, help="of the first pass; those of the others follow")
-    parser.add_argument("--near", type=float, default=0, help="radius about the middle of the view, in the scene's unit")
+    parser.add_argument("--many-lamps", action="store_true")
     parser.add_argument("--blocks", type=pathlib.Path, help="picture of means over 8 x 8 pixels")
     parser.add_argument("--spp-per-pass", type=int, default=64)
     parser.add_argument("--variant", default="llvm_ad_rgb")
     arguments = parser.parse_args()
     mi.set_variant(arguments.variant)
+    if arguments.many_lamps:
+        from near_lamps import NearLamps
+        mi.register_integrator("near_lamps", NearLamps)
     width, height = map(int, (arguments.size.split("x") * 2)[:2])
 
     scene_file = tomllib.loads(arguments.scene.read_text())
@@ -158,23 +172,23 @@ def main():
             "sampler": {"type": "multijitter", "sample_count": arguments.spp_per_pass},
         },
     }
-    middle = (np.array(camera["eye"]) + np.array(camera["target"])) / 2
     for name, triangles in faces.items():
-        # The path tracer chooses among emitters evenly, and a mesh is one of them.
-        is_near = lambda triangle: np.linalg.norm(np.mean([corner[0] for corner in triangle], axis=0) - middle) < arguments.near
-        near = [triangle for triangle in triangles if any(materials[name]["Ke"]) and is_near(triangle)]
-        for part, some in ((name, [triangle for triangle in triangles if triangle not in near]), (f"{name}_near", near)):
-            if some:
-                scene[part] = mesh(part, some, materials[name])
+        bodies = connected(triangles) if arguments.many_lamps and any(materials[name]["Ke"]) else [triangles]
+        for number, body in enumerate(bodies):
+            scene[f"{name}_{number}"] = mesh(f"{name}_{number}", body, materials[name])
     if "environment" in scene_file:
         scene["environment"] = environment(scene_file["environment"], arguments.scene.parent)
     scene = mi.load_dict(scene)
+    integrator = scene.integrator()
+    if arguments.many_lamps:
+        integrator = mi.load_dict({"type": "near_lamps", "max_depth": arguments.depth})
+        integrator.find_lamps(scene)
 
     passes = max(2, arguments.spp // arguments.spp_per_pass)
     total = squares = block_squares = 0
     start = time.time()
     for i in range(passes):
-        image = np.array(mi.render(scene, spp=arguments.spp_per_pass, seed=arguments.seed + i), np.float64)
+        image = np.array(mi.render(scene, integrator=integrator, spp=arguments.spp_per_pass, seed=arguments.seed + i), np.float64)
         total, squares = total + image, squares + image * image
         if arguments.blocks:
             block_squares = block_squares + blocks(image) ** 2
