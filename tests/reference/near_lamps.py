@@ -15,8 +15,7 @@ class NearLamps(mi.SamplingIntegrator):
 
     def find_lamps(self, scene):
         """Centres and squared radii of the lamps, in the order of the scene's emitters."""
-        boxes = [emitter.shape().bbox() for emitter in scene.emitters()] if hasattr(scene.emitters()[0], "shape") else []
-        boxes = boxes or [shape.bbox() for emitter in scene.emitters() for shape in scene.shapes() if shape.emitter() == emitter]
+        boxes = [emitter.bbox() for emitter in scene.emitters()]
         self.lamps = [(box.center(), dr.squared_norm(box.extents()) / 4) for box in boxes]
 
     def shares(self, point):

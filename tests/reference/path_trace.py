@@ -6,12 +6,16 @@
     python3 tests/reference/path_trace.py FOLDER/office_a_reference.toml FOLDER/office_a.exr --size 256x192 --spp 4096 --many-lamps --blocks tests/reference/office_a.exr
 
 Reads the scene file, OBJ and MTL by itself, so that it shares no code with the renderer: Lambertian two-sided
-surfaces, mirrors (illum 3) and glass (illum 7) of the MTL, emission from the side that the winding faces, an environment as the scene file's, box pixel filter, unlimited path length. Writes half-float linear
-RGB, and where surfaces emit beside it NAME_mask.png: black where a pixel shows a light or lies within two pixels of one, white elsewhere. Prints the image's mean and the standard error of a pixel and of the mean over 8 x 8 pixels, as a share of the mean, from independent passes.
-`--blocks` keeps these means, 32-bit, in a second picture of an eighth of the size; its mask is black where a block has a pixel brighter than 2.5,
-a lamp or a window in the scenes of buildings.py. The error of means leaves out these blocks.
-`--many-lamps` is for scenes of many lamps in many rooms, without an environment (near_lamps.py).
-`--depth 2` stops paths after the first surface that the camera sees: emission and direct light alone.
+surfaces, mirrors (illum 3) and glass (illum 7) of the MTL, emission from the side that the winding faces, an environment as the scene file's, box
+pixel filter, unlimited path length. Writes half-float linear RGB, and where surfaces emit beside it NAME_mask.png: black where a pixel shows a light
+or lies within two pixels of one, white elsewhere. Prints the image's mean and the standard error of a pixel, as a share of the mean, from
+independent passes.
+
+For scenes of buildings.py:
+- `--blocks` writes means over 8 x 8 pixels too, and prints their standard error. Their mask is black where a block has a pixel brighter than 2.5,
+  which is a lamp or a window in these scenes. The whole picture has 32 bits then, and no mask.
+- `--many-lamps` is for many lamps in many rooms, without an environment (near_lamps.py).
+- `--depth 2` stops paths after the first surface that the camera sees: emission and direct light alone.
 """
 import argparse
 import pathlib
@@ -202,7 +206,7 @@ def main():
         counted = mean.max(axis=2).reshape(height // 8, 8, width // 8, 8).max(axis=(1, 3)) <= 2.5
         error = np.sqrt(np.maximum(block_squares / passes - means * means, 0) / (passes - 1))[counted]
         print("of 8 x 8 pixels: root mean square standard error / mean", np.sqrt((error**2).mean()) / means[counted].mean())
-        mi.Bitmap(means.astype(np.float32)).write(str(arguments.blocks))
+        mi.Bitmap(means.astype(np.float32)).convert(component_format=mi.Struct.Type.Float16).write(str(arguments.blocks))
         mask = np.where(counted, 255, 0).astype(np.uint8)[..., None].repeat(3, axis=2)
         mi.Bitmap(mask).write(str(arguments.blocks.with_name(arguments.blocks.stem + "_mask.png")))
         mi.Bitmap(mean.astype(np.float32)).write(str(arguments.output))
