@@ -3,10 +3,19 @@
     python3 tests/reference/path_trace.py scenes/cornell.toml tests/reference/cornell_256.exr --size 256 --spp 32768
     python3 tests/reference/path_trace.py scenes/cornell_textured.toml tests/reference/cornell_textured_256.exr --size 256 --spp 16384
     python3 tests/reference/path_trace.py scenes/open.toml tests/reference/open_128.exr --size 128 --spp 8192
+    python3 tests/reference/path_trace.py FOLDER/office_a_reference.toml FOLDER/office_a.exr --size 256x192 --spp 4096 --many-lamps --blocks tests/reference/office_a.exr
 
 Reads the scene file, OBJ and MTL by itself, so that it shares no code with the renderer: Lambertian two-sided
-surfaces, mirrors (illum 3) and glass (illum 7) of the MTL, emission from the side that the winding faces, an environment as the scene file's, box pixel filter, unlimited path length. Writes half-float linear
-RGB, and where surfaces emit beside it NAME_mask.png: black where a pixel shows a light or lies within two pixels of one, white elsewhere. Prints the image's mean and the standard error of a pixel, as a share of the mean, from independent passes.
+surfaces, mirrors (illum 3) and glass (illum 7) of the MTL, emission from the side that the winding faces, an environment as the scene file's, box
+pixel filter, unlimited path length. Writes half-float linear RGB, and where surfaces emit beside it NAME_mask.png: black where a pixel shows a light
+or lies within two pixels of one, white elsewhere. Prints the image's mean and the standard error of a pixel, as a share of the mean, from
+independent passes.
+
+For scenes of buildings.py:
+- `--blocks` writes means over 8 x 8 pixels too, and prints their standard error. Their mask is black where a block has a pixel brighter than 2.5,
+  which is a lamp or a window in these scenes. The whole picture has 32 bits then, and no mask.
+- `--many-lamps` is for many lamps in many rooms, without an environment (near_lamps.py).
+- `--depth 2` stops paths after the first surface that the camera sees: emission and direct light alone.
 """
 import argparse
 import pathlib
@@ -93,6 +102,17 @@ def mesh(name, triangles, material):
     return out
 
 
+def connected(triangles):
+    """Lists of triangles that share corners, as those of one lamp do."""
+    bodies = []
+    for triangle in triangles:
+        corners = {tuple(corner[0]) for corner in triangle}
+        touched = [body for body in bodies if body[0] & corners]
+        bodies = [body for body in bodies if not body[0] & corners]
+        bodies.append((corners.union(*(body[0] for body in touched)), [t for body in touched for t in body[1]] + [triangle]))
+    return [body[1] for body in bodies]
+
+
 def environment(table, folder):
     """Of a finalgather picture's texels, whose centres lie within its borders; Mitsuba's first and last rows lie on the poles, and its middle
     column is along +z. So it gets one of its own kind, fine enough that its bilinear look-up adds nothing."""
@@ -100,7 +120,8 @@ def environment(table, folder):
         return {"type": "constant", "radiance": {"type": "rgb", "value": [table.get("scale", 1) * c for c in table["radiance"]]}}
     texels = np.array(mi.Bitmap(str(folder / table["file"])).convert(mi.Bitmap.PixelFormat.RGB, mi.Struct.Type.Float32), np.float64)
     rows, columns = texels.shape[:2]
-    width, height = 32 * columns, 32 * rows + 1
+    finer = max(1, min(32, 4096 // columns))
+    width, height = finer * columns, finer * rows + 1
     x = ((np.arange(width) + 0.5) / width + table.get("turn_degrees", 0) / 360) * columns - 0.5
     y = np.clip(np.arange(height) / (height - 1) * rows - 0.5, 0, rows - 1)
     left, above = np.floor(x).astype(int), np.floor(y).astype(int)
@@ -112,58 +133,89 @@ def environment(table, folder):
     return {"type": "envmap", "bitmap": mi.Bitmap(picture.astype(np.float32)), "to_world": turn}
 
 
+def blocks(image):
+    """Means over 8 x 8 pixels."""
+    height, width = image.shape[:2]
+    return image.reshape(height // 8, 8, width // 8, 8, 3).mean(axis=(1, 3))
+
+
 def main():
     parser = argparse.ArgumentParser()
     parser.add_argument("scene", type=pathlib.Path)
     parser.add_argument("output", type=pathlib.Path)
-    parser.add_argument("--size", type=int, default=256)
+    parser.add_argument("--size", default="256", help="N or WxH")
     parser.add_argument("--spp", type=int, default=16384)
+    parser.add_argument("--depth", type=int, default=-1, help="most segments of a path; without it, any number")
+    parser.add_argument("--seed", type=int, default=0, help="of the first pass; those of the others follow")
+    parser.add_argument("--many-lamps", action="store_true")
+    parser.add_argument("--blocks", type=pathlib.Path, help="picture of means over 8 x 8 pixels")
     parser.add_argument("--spp-per-pass", type=int, default=64)
     parser.add_argument("--variant", default="llvm_ad_rgb")
     arguments = parser.parse_args()
     mi.set_variant(arguments.variant)
+    if arguments.many_lamps:
+        from near_lamps import NearLamps
+        mi.register_integrator("near_lamps", NearLamps)
+    width, height = map(int, (arguments.size.split("x") * 2)[:2])
 
     scene_file = tomllib.loads(arguments.scene.read_text())
     camera = scene_file["camera"]
     faces, materials = read_obj(arguments.scene.parent / scene_file["mesh"])
     scene = {
         "type": "scene",
-        "integrator": {"type": "path", "max_depth": -1, "rr_depth": 8},
+        "integrator": {"type": "path", "max_depth": arguments.depth, "rr_depth": 4},
         "sensor": {
             "type": "perspective",
             "fov_axis": "y",
             "fov": camera["fov_y_degrees"],
             "to_world": mi.ScalarTransform4f().look_at(camera["eye"], camera["target"], camera["up"]),
             "film": {
-                "type": "hdrfilm", "width": arguments.size, "height": arguments.size,
+                "type": "hdrfilm", "width": width, "height": height,
                 "rfilter": {"type": "box"}, "pixel_format": "rgb", "component_format": "float32",
             },
-            "sampler": {"type": "independent"},
+            "sampler": {"type": "multijitter", "sample_count": arguments.spp_per_pass},
         },
     }
     for name, triangles in faces.items():
-        scene[name] = mesh(name, triangles, materials[name])
+        bodies = connected(triangles) if arguments.many_lamps and any(materials[name]["Ke"]) else [triangles]
+        for number, body in enumerate(bodies):
+            scene[f"{name}_{number}"] = mesh(f"{name}_{number}", body, materials[name])
     if "environment" in scene_file:
         scene["environment"] = environment(scene_file["environment"], arguments.scene.parent)
     scene = mi.load_dict(scene)
+    integrator = scene.integrator()
+    if arguments.many_lamps:
+        integrator = mi.load_dict({"type": "near_lamps", "max_depth": arguments.depth})
+        integrator.find_lamps(scene)
 
     passes = max(2, arguments.spp // arguments.spp_per_pass)
-    total = squares = 0
+    total = squares = block_squares = 0
     start = time.time()
     for i in range(passes):
-        image = np.array(mi.render(scene, spp=arguments.spp_per_pass, seed=i), np.float64)
+        image = np.array(mi.render(scene, integrator=integrator, spp=arguments.spp_per_pass, seed=arguments.seed + i), np.float64)
         total, squares = total + image, squares + image * image
+        if arguments.blocks:
+            block_squares = block_squares + blocks(image) ** 2
         if i in (0, 9) or i == passes - 1:
             print(f"pass {i + 1} of {passes}: {time.time() - start:.0f} s", flush=True)
     mean = total / passes
     error = np.sqrt(np.maximum(squares / passes - mean * mean, 0) / (passes - 1))
     print("mean", mean.mean(axis=(0, 1)), "root mean square standard error / mean", np.sqrt((error**2).mean()) / mean.mean())
+    if arguments.blocks:
+        means = blocks(mean)
+        counted = mean.max(axis=2).reshape(height // 8, 8, width // 8, 8).max(axis=(1, 3)) <= 2.5
+        error = np.sqrt(np.maximum(block_squares / passes - means * means, 0) / (passes - 1))[counted]
+        print("of 8 x 8 pixels: root mean square standard error / mean", np.sqrt((error**2).mean()) / means[counted].mean())
+        mi.Bitmap(means.astype(np.float32)).convert(component_format=mi.Struct.Type.Float16).write(str(arguments.blocks))
+        mask = np.where(counted, 255, 0).astype(np.uint8)[..., None].repeat(3, axis=2)
+        mi.Bitmap(mask).write(str(arguments.blocks.with_name(arguments.blocks.stem + "_mask.png")))
+        mi.Bitmap(mean.astype(np.float32)).write(str(arguments.output))
+        return
     brightest = max(max(material["Ke"]) for material in materials.values())
     if brightest > 0:
         # Lights are far brighter than all that they light: a pixel that is a twentieth as bright as one shows a part of one.
         light = np.pad(mean.max(axis=2) > 0.05 * brightest, 2)
-        size = arguments.size
-        near = np.any([light[y:y + size, x:x + size] for y in range(5) for x in range(5)], axis=0)
+        near = np.any([light[y:y + height, x:x + width] for y in range(5) for x in range(5)], axis=0)
         mask = np.where(near, 0, 255).astype(np.uint8)[..., None].repeat(3, axis=2)
         mi.Bitmap(mask).write(str(arguments.output.with_name(arguments.output.stem + "_mask.png")))
     mi.Bitmap(mean.astype(np.float32)).convert(component_format=mi.Struct.Type.Float16).write(str(arguments.output))
