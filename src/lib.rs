@@ -28,7 +28,7 @@
 //! E(x) = π Σ L(x, d) w / Σ w   [W/m²]
 //!
 //! where L(x, d) is the radiance that the first surface along d sends back: (albedo/π) E_photons, from the photon map, without the
-//! surface's own emission. Direct light comes from samples on the lights, each with a shadow map. The radiance of a diffuse point is
+//! surface's own emission. Direct light comes from samples on the lights, each with an exact shadow ray. The radiance of a diffuse point is
 //! L = L_emitted + (albedo/π) (E_direct + E). The gather has no factor 1/r², so it makes no bright specks near edges.
 //!
 //! # Stages

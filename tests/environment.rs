@@ -118,7 +118,7 @@ fn a_constant_is_the_same_everywhere() {
         assert!((density * 4.0 * PI - 1.0).abs() < 1e-5, "{density}");
     }
     assert!((environment.power() / (1.5 * 4.0 * std::f64::consts::PI) - 1.0).abs() < 1e-6);
-    assert_eq!(environment.warning(), None);
+    assert_eq!(environment.bright_power(), 0.0);
 }
 
 /// An 8 x 4 picture in Radiance RGBE, not run-length encoded, all texels alike.
@@ -188,16 +188,69 @@ fn what_is_no_environment_is_refused() {
     assert!(missing.contains("none.hdr") && missing.contains("No such file"), "{missing}");
 }
 
-/// A sun of one texel in 64 x 32 fills a share of 1/1304 of the sphere at the equator.
+/// A sky of radiance 1 with a sun of one texel, which fills a share of 1/1304 of the sphere at the equator.
+fn with_sun(sun: f32) -> Environment {
+    let mut texels = vec![vec3(0.5, 0.3, 0.2); 64 * 32];
+    texels[64 * 16 + 20] = vec3(0.5, 0.3, 0.2) * sun;
+    Environment::from_texels([64, 32], texels).unwrap().turned(70.0).scaled(2.0)
+}
+
+/// What is gathered and what is bright make the whole, and the gathered part is at most four times its own mean.
 #[test]
-fn a_small_sun_is_warned_of() {
-    let sky = |sun: f32| {
-        let mut texels = vec![Vec3::ONE; 64 * 32];
-        texels[64 * 16 + 20] = Vec3::splat(sun);
-        Environment::from_texels([64, 32], texels).unwrap()
+fn a_sun_is_split_from_its_sky() {
+    let (environment, directions) = (with_sun(1000.0), Directions::new(Sequence::Sobol, 0));
+    // Towards the sun as well, which hardly any direction of a thousand meets.
+    let of_sun = |i: u32| environment.sample_bright(sobol(i, 1)).expect("the sun is bright").0;
+    let sum = |radiance: Vec3| f64::from(radiance.element_sum());
+    let (mut mean, mut brightest, mut seen) = (0.0, 0.0_f64, 0);
+    for direction in (0..4096).map(|i| directions.get(i).vector).chain((0..256).map(of_sun)) {
+        let [whole, gathered, bright] =
+            [environment.radiance(direction), environment.gathered_radiance(direction), environment.bright_radiance(direction)];
+        assert!((whole - gathered - bright).abs().max_element() <= 1e-6 * whole.max_element(), "{whole}: {gathered}, {bright}");
+        assert!(gathered.min_element() >= 0.0 && bright.min_element() >= 0.0, "{gathered}, {bright}");
+        mean += sum(environment.gathered_radiance(directions.get(seen % 4096).vector)) / 4352.0;
+        brightest = brightest.max(sum(gathered));
+        seen += 1;
+    }
+    assert!(brightest < 4.02 * mean && brightest > 3.9 * mean, "{brightest} of {mean}");
+    // 999 of the sun's 1000 over the rest of the sky: 1303 texels' worth at radiance 1, and 4 at most of the sun's own.
+    let share = environment.bright_power() / environment.power();
+    assert!((share - 996.0 / 2303.0).abs() < 0.002, "{share}");
+}
+
+#[test]
+fn bright_samples_have_their_density() {
+    const SAMPLES: u32 = 1 << 12;
+    let environment = with_sun(1000.0);
+    let mut sum = 0.0;
+    for i in 0..SAMPLES {
+        let (direction, density) = environment.sample_bright(sobol(i, 7)).unwrap();
+        assert!((direction.length() - 1.0).abs() < 1e-5 && density > 0.0, "{direction} of density {density}");
+        sum += f64::from(environment.bright_radiance(direction).element_sum() / density) / f64::from(SAMPLES);
+    }
+    assert!((sum / environment.bright_power() - 1.0).abs() < 1e-3, "{sum} of {}", environment.bright_power());
+}
+
+/// Skies whose light the gather finds well have no bright part, and keep their bits.
+#[test]
+fn smooth_skies_are_gathered_as_a_whole() {
+    let of_rows = |radiance: &dyn Fn(f32) -> f32| {
+        let row = |row: usize| Vec3::splat(radiance((PI * (row as f32 + 0.5) / 64.0).cos()));
+        Environment::from_texels([128, 64], (0..128 * 64).map(|i| row(i / 128)).collect()).unwrap()
     };
-    let warning = sky(1000.0);
-    let warning = warning.warning().expect("a third of the light from a thousandth of the sphere");
-    assert!(warning.contains("43 % of the environment's light comes from 0.08 % of the sphere"), "{warning}");
-    assert_eq!(sky(50.0).warning(), None);
+    let overcast = of_rows(&|y| if y > 0.0 { (1.0 + 2.0 * y) / 3.0 } else { 0.0 });
+    let skies = [of_rows(&|y| 1.0 + y), overcast, with_sun(4.0), Environment::constant(vec3(0.1, 0.7, 0.2)).unwrap()];
+    let directions = Directions::new(Sequence::R2, 0);
+    for environment in skies {
+        assert!(environment.bright_power() == 0.0 && environment.sample_bright([0.5; 2]).is_none());
+        for direction in (0..1000).map(|i| directions.get(i).vector) {
+            assert_eq!(environment.gathered_radiance(direction), environment.radiance(direction));
+            assert_eq!(environment.bright_radiance(direction), Vec3::ZERO);
+        }
+    }
+    // A light in the dark is bright as a whole.
+    let mut texels = vec![Vec3::ZERO; 64 * 32];
+    texels[1000] = Vec3::ONE;
+    let alone = Environment::from_texels([64, 32], texels).unwrap();
+    assert!(alone.bright_power() > 0.99 * alone.power(), "{} of {}", alone.bright_power(), alone.power());
 }

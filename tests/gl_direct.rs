@@ -55,8 +55,8 @@ fn sees_whole_lamp(scene: &Scene, point: &GatherPoint) -> bool {
     before && scene.mesh.positions[..4].iter().all(above)
 }
 
-/// Fails where the irradiance is more than 1 % off. That is what 512 samples of a low-discrepancy sequence leave of the lamp's extent at these
-/// distances, two of its sides and more. Nothing is in the way.
+/// Fails where the irradiance is more than 0.3 % off. That is what 512 samples of a low-discrepancy sequence leave of the lamp's extent at these
+/// distances, two of its sides and more (measured 0.12 % at most). Nothing is in the way.
 fn check(name: &str, scene: &Scene, points: &[GatherPoint], closed_form: impl Fn(&GatherPoint) -> f32) {
     assert!(points.len() > 20, "{name}: only {} points", points.len());
     let found = direct(scene, points);
@@ -64,7 +64,7 @@ fn check(name: &str, scene: &Scene, points: &[GatherPoint], closed_form: impl Fn
     let worst = errors.clone().map(f32::abs).fold(0.0, f32::max);
     eprintln!("{name}: worst of {} points {:.3} %", points.len(), 100.0 * worst);
     for ((point, found), error) in points.iter().zip(&found).zip(errors) {
-        assert!(error.abs() < 0.01, "{name}: {found} for {} at {point:?}", closed_form(point));
+        assert!(error.abs() < 0.003, "{name}: {found} for {} at {point:?}", closed_form(point));
     }
 }
 
@@ -159,6 +159,10 @@ fn by_integration(scene: &Scene, point: &GatherPoint, boxes: &[Block]) -> f64 {
 /// Fails where samples and integration differ by more than `limit` of what an open lamp gives at the brightest point, or where the sums over all
 /// points differ by more than 0.2 %.
 fn check_shadows(name: &str, scene: &Scene, points: &[GatherPoint], boxes: &[Block], limit: f64) {
+    // Close to the lamp its parts are too coarse.
+    let center = 0.5 * (scene.mesh.positions[0] + scene.mesh.positions[2]);
+    let far = |point: &&GatherPoint| scene.space.length_to_world(point.position.distance(center)) > 0.45;
+    let points = &points.iter().filter(far).copied().collect::<Vec<_>>();
     let found = direct(scene, points);
     let expected: Vec<f64> = points.iter().map(|point| by_integration(scene, point, boxes)).collect();
     let brightest = points.iter().map(|point| by_integration(scene, point, &[])).fold(0.0, f64::max);
@@ -171,7 +175,12 @@ fn check_shadows(name: &str, scene: &Scene, points: &[GatherPoint], boxes: &[Blo
     let worst = errors.clone().map(f64::abs).fold(0.0, f64::max) / brightest;
     let bias = errors.sum::<f64>() / expected.iter().sum::<f64>();
     let leaks = found.iter().zip(&expected).filter(|(found, expected)| **expected == 0.0 && **found > 0.0).count();
-    eprintln!("{name}: {} points, {lit} lit, {partial} in part: worst {:.2} %, bias {:+.3} %, {leaks} leaks", points.len(), 100.0 * worst, 100.0 * bias);
+    eprintln!(
+        "{name}: {} points, {lit} lit, {partial} in part: worst {:.2} %, bias {:+.3} %, {leaks} leaks",
+        points.len(),
+        100.0 * worst,
+        100.0 * bias
+    );
     assert!(worst < limit && bias.abs() < 0.002 && leaks == 0, "{name}");
     assert!(lit < points.len() && partial > 50, "{name}: no shadow to test");
 }
@@ -241,8 +250,35 @@ fn the_leg_of_a_table() {
     add(&mut model, top);
     model.plate(vec3(0.15, -0.5, 0.05), 0.3 * Vec3::Z, 0.3 * Vec3::X, 0);
     let scene = model.finish();
-    let points: Vec<_> = points_on(&scene, 8000).into_iter().filter(|point| point.position.y < scene.mesh.positions[0].y - 1.0).collect();
+    let points: Vec<_> =
+        points_on(&scene, 8000).into_iter().filter(|point| point.position.y < scene.mesh.positions[0].y - 1.0).collect();
     check_shadows("leg of a table", &scene, &points, &[leg, top], 0.02);
+}
+
+/// The sun shines from +x, half way up, and a wall of no thickness stands in its way.
+#[test]
+fn a_thin_wall_hides_the_sun() {
+    let mut texels = vec![Vec3::ONE; 256 * 128];
+    texels[32 * 256 + 192] = Vec3::splat(1e5);
+    let mut model = Model::new();
+    model.plate(Vec3::ZERO, Vec3::Z, Vec3::X, 0);
+    model.plate(vec3(0.0, 0.25, 0.0), 0.25 * Vec3::Y, 0.9 * Vec3::Z, 0);
+    let mut scene = model.finish();
+    scene.environment = Some(Environment::from_texels([256, 128], texels).unwrap());
+    let sun = scene.environment.as_ref().unwrap().bright_power() as f32 / 3.0;
+    let at = |x: f32, y: f32, z: f32, normal: Vec3| GatherPoint::flat(scene.space.enter_point(vec3(x, y, z)), normal);
+    let spread = |low: f32, high: f32| (0..40).map(move |i| low + (high - low) * i as f32 / 39.0);
+    // The sun is 2.8 degrees wide where it is not black.
+    let floor = spread(-0.47, -1e-4).map(|x| at(x, 0.0, 0.7 * (9.0 * x).sin(), Vec3::Y));
+    let dark: Vec<_> = floor.chain(spread(1e-4, 0.49).map(|y| at(0.0, y, y, Vec3::NEG_X))).collect();
+    assert!(direct(&scene, &dark).iter().all(|&irradiance| irradiance == 0.0));
+    let floor = spread(-0.55, -0.9).chain(spread(1e-4, 0.9)).map(|x| at(x, 0.0, 0.7 * (9.0 * x).sin(), Vec3::Y));
+    let lit: Vec<_> = floor.chain(spread(1e-4, 0.49).map(|y| at(0.0, y, y, Vec3::X))).collect();
+    // The sun's middle is half a texel from half way: 0.5 % more on the wall than on the floor.
+    let expected = sun * 0.5_f32.sqrt();
+    for (point, found) in lit.iter().zip(direct(&scene, &lit)) {
+        assert!((found / expected - 1.0).abs() < 0.015, "{found} for {expected} at {point:?}");
+    }
 }
 
 /// The parts of the samples have the mean of the whole, and neighbours have different samples.

@@ -10,11 +10,15 @@ use common::{
     sized, vectors,
 };
 use finalgather::Environment;
+use finalgather::bake::{Bake, Plan, RadianceCache};
+use finalgather::geometry::Geometry;
 use finalgather::gpu::Gpu;
 use finalgather::image::Image;
 use finalgather::image::compare::{Selection, compare};
 use finalgather::photon::{PhotonGrid, PhotonTexture, PhotonTracer};
 use finalgather::points::GatherPoint;
+use finalgather::prepared::Prepared;
+use finalgather::quantity::Quantity;
 use finalgather::reference::Reference;
 use finalgather::render::Render;
 use finalgather::scene::{Bvh, Camera, Lights, Loaded, Scene, World};
@@ -224,4 +228,103 @@ fn pipelines_agree_under_a_sky() {
     check("kill and rays of one end", &kill, &rays, 0.01);
     check("early KILL and kill", &early, &kill, 0.001);
     check("both ends and one", &rays_gl, &rays, 0.1);
+}
+
+/// A dim sky with a square sun of `side` texels, radiance `sun`, behind the default camera and above it.
+fn sunny(side: usize, sun: f32) -> Environment {
+    let mut texels = vec![vec3(0.1, 0.2, 0.4); 256 * 128];
+    for (row, column) in (0..side).flat_map(|row| (0..side).map(move |column| (50 + row, 20 + column))) {
+        texels[256 * row + column] = vec3(1.0, 0.8, 0.6) * sun;
+    }
+    Environment::from_texels([256, 128], texels).unwrap()
+}
+
+/// ∫ L `weight` dd over the sphere, by the midpoints of 2048 × 1024 parts of the picture.
+fn integral(environment: &Environment, weight: impl Fn(Vec3) -> f32) -> Vec3 {
+    let mut sum = glam::DVec3::ZERO;
+    for row in 0..1024 {
+        let (sin, cos) = (PI * (row as f32 + 0.5) / 1024.0).sin_cos();
+        for column in 0..2048 {
+            let (x, z) = (2.0 * PI * ((column as f32 + 0.5) / 2048.0 - 0.5)).sin_cos();
+            let direction = vec3(sin * x, cos, -sin * z);
+            sum += (environment.radiance(direction) * weight(direction) * sin).as_dvec3();
+        }
+    }
+    (sum * f64::from(PI / 1024.0) * f64::from(PI / 1024.0)).as_vec3()
+}
+
+/// A plate that faces the camera, and its points.
+fn plate_under(environment: Environment) -> (World, Vec<GatherPoint>) {
+    let mut model = Model::new();
+    let material = model.material(Vec3::splat(0.5), Vec3::ZERO);
+    model.plate(Vec3::ZERO, 1.5 * Vec3::X, 1.5 * Vec3::Y, material);
+    model.scene.environment = Some(environment);
+    let world = model.world();
+    let points = points_on(&world.flatten(), 64);
+    (world, points)
+}
+
+fn baked(gpu: &Gpu, world: &World, points: &[GatherPoint], settings: &Settings) -> Vec<finalgather::image::Channel> {
+    let what = vec![Quantity::Irradiance, Quantity::Sh];
+    let radiance_cache = RadianceCache::Photons;
+    let plan = Plan { what, order: 1, gather_bounces: 0, ao_distance: None, radiance_cache, memory: 256 };
+    let prepared = Prepared::without_glass(world).unwrap();
+    let geometry = Geometry::upload(gpu, &prepared.scene).unwrap();
+    let mut bake = Bake::new(gpu, prepared, geometry, points.to_vec(), settings, &plan).unwrap();
+    while !bake.is_done() {
+        bake.step().unwrap();
+    }
+    bake.columns().unwrap().0
+}
+
+/// A sun of one texel, which one of 5000 directions meets, lights a bake and a render as it should, with the default number of samples.
+#[test]
+fn a_small_sun_lights_bakes_and_renders() {
+    let gpu = gpu();
+    let environment = sunny(1, 2e4);
+    let expected = integral(&environment, |direction| direction.z.max(0.0));
+    let of_sky = PI * vec3(0.1, 0.2, 0.4);
+    assert!(expected.x > 10.0 * of_sky.x, "the sun is most of the light: {expected}");
+    let (world, points) = plate_under(environment);
+    let settings = Settings::default().with(|s| (s.film.size, s.directions.count, s.photons.count) = ([16, 16], 256, 20_000));
+    let columns = baked(&gpu, &world, &points, &settings);
+    let of = |name: &str| &columns.iter().find(|column| column.name == name).unwrap().samples;
+    let mut worst: f32 = 0.0;
+    for (k, channel) in ["R", "G", "B"].into_iter().enumerate() {
+        for i in 0..points.len() {
+            // The sky and its sun are direct light.
+            let [total, direct] =
+                ["Irradiance", "IrradianceDirect"].map(|name| of(&format!("{name}.{channel}"))[i] / expected[k]);
+            assert!((total - 1.0).abs() < 0.01 && (direct - total).abs() < 1e-5, "{channel}, {i}: {total} {direct}");
+            worst = worst.max((total - 1.0).abs());
+        }
+    }
+    let image = picture(&gpu, &world, &settings);
+    let (coverage, rgb) = (image.channel("A").unwrap(), image.rgb().unwrap());
+    for pixel in 0..coverage.len() {
+        assert_eq!(coverage[pixel], 1.0, "the plate fills the picture");
+        let found = Vec3::from(rgb.map(|samples| samples[pixel])) * PI / 0.5;
+        assert!((found / expected - 1.0).abs().max_element() < 0.01, "{pixel}: {found} for {expected}");
+        worst = worst.max((found / expected - 1.0).abs().max_element());
+    }
+    eprintln!("the sun: at most {:.2} % off", 100.0 * worst);
+}
+
+/// Spherical harmonics have no direct light apart: shared directions bring them all of the environment.
+#[test]
+fn harmonics_have_the_bright_parts() {
+    let gpu = gpu();
+    let environment = sunny(24, 40.0);
+    let hemisphere = |direction: Vec3| if direction.z > 0.0 { 0.282_094_8 } else { 0.0 };
+    let expected = integral(&environment, hemisphere);
+    let gathered = environment.power() - environment.bright_power();
+    assert!(gathered < 0.8 * environment.power(), "a fifth is bright");
+    let (world, points) = plate_under(environment);
+    let settings = Settings::default().with(|s| (s.directions.count, s.photons.count) = (2048, 20_000));
+    let columns = baked(&gpu, &world, &points[..8], &settings);
+    for (k, channel) in ["R", "G", "B"].into_iter().enumerate() {
+        let name = format!("SH.00.{channel}");
+        let found = columns.iter().find(|column| column.name == name).unwrap().samples[3];
+        assert!((found / expected[k] - 1.0).abs() < 0.03, "{name}: {found} for {}", expected[k]);
+    }
 }

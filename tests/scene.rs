@@ -311,6 +311,21 @@ fn scene_files_override_the_model() {
     assert_eq!(scene.flatten().albedo(1, Vec3::X), vec3(0.2, 0.0, 0.0));
 }
 
+/// A key that changed shadow maps, of which there are none any more.
+#[test]
+fn keys_without_effect_are_told() {
+    let toml = b"mesh = 'm.obj'\n[settings]\nshadow_size = 64\nseed = 7\n";
+    let folder = Folder::new(&[("m.obj", LIT.as_bytes()), ("m.mtl", MTL.as_bytes()), ("s.toml", toml)]);
+    let Loaded { settings, report, .. } = folder.load("s.toml");
+    assert_eq!(settings, Settings::default().with(|s| s.seed = 7));
+    assert!(
+        report.warnings.len() == 1 && report.warnings[0].contains("s.toml:3: shadow_size has no effect"),
+        "{:?}",
+        report.warnings
+    );
+    assert!(!toml::to_string(&settings).unwrap().contains("shadow_size"));
+}
+
 /// Settings that were renamed are read by their old keys too: from a scene file, and from a request.
 #[test]
 fn old_keys_of_settings() {

@@ -114,9 +114,8 @@ impl Integrals {
     /// `source`: where radiance comes from. `textured`: the scene has albedo textures. `transfer`: hits have transfer.
     pub fn new(gpu: &Gpu, wanted: Wanted, textured: bool, source: RadianceSource, transfer: bool) -> Result<Self> {
         let radiance = HitRadiance { source, textured };
-        let pass = |consumer, outputs, reads| {
-            Ok(IntegralPass { pass: GatherPass::new(gpu, Finder::Stored, consumer)?, outputs, reads })
-        };
+        let pass =
+            |consumer, outputs, reads| Ok(IntegralPass { pass: GatherPass::new(gpu, Finder::Stored, consumer)?, outputs, reads });
         let harmonics = |wanted_so: bool| HarmonicsPass::all(wanted.order).filter(move |_| wanted_so);
         let hemisphere = pass(Consumer::Hemisphere(wanted.radiance.then_some(radiance)), HEMISPHERE, PassInput::Gathered);
         let incident = |part| Consumer::IncidentHarmonics(radiance, part);

@@ -160,7 +160,14 @@ impl JobRequest {
         shard: Option<&Range<u32>>,
         watch: &mut dyn Watch,
     ) -> Result<()> {
-        if let Work::Bake(_) = &self.work {
+        if let Work::Bake(bake) = &self.work {
+            let bright = world.environment.as_ref().is_some_and(|environment| environment.bright_power() > 0.0);
+            if bright && bake.plan.what.contains(&Quantity::Sh) {
+                watch.say(
+                    "warning: sh has small bright parts of the environment, as the sun, from few of the shared directions; more \
+                     --directions make it less noisy",
+                );
+            }
             return match serde_json::to_value(self) {
                 Err(_) if shard.is_some() => {
                     Err(Error::usage("a path is not UTF-8, and a part is to hold it", "give names in UTF-8"))
