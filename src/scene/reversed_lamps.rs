@@ -8,14 +8,18 @@ use super::{Bvh, RAY_OFFSET, Scene};
 use crate::math::cosine_direction;
 use crate::random::Random;
 
-/// Rays to each side of a lamp.
-const RAYS: usize = 256;
+/// Rays to each side of a lamp, and to the front of one that looks turned: a warning must not hang on a small thing that few rays meet.
+const RAYS: usize = 1024;
+const CERTAIN: usize = 16 * RAYS;
 
 /// Of a material with more lamps, so many are examined.
-const MOST_LAMPS: usize = 256;
+const MOST_LAMPS: usize = 64;
 
-/// A front that sees nothing is taken for a back if at least this share of the rays from the other side meets fronts.
-const SEES: f32 = 0.015;
+/// A lamp sees something if so many of its rays meet fronts.
+const LEAST: f32 = 4.0;
+
+/// A front is taken for a back if it sees less than this share of what the other side sees.
+const BLIND: f32 = 0.05;
 
 /// A lamp that shines up is taken for one that hangs under a ceiling the wrong way if the gap above it is narrower than twice the lamp, and the gap
 /// below is wider by this factor.
@@ -83,8 +87,9 @@ fn root(parents: &mut [usize], mut index: usize) -> usize {
 }
 
 fn is_reversed(scene: &Scene, bvh: &Bvh, lamp: &[usize]) -> bool {
-    let [front, back] = [1.0, -1.0].map(|side| look(scene, bvh, lamp, side));
-    if front.fronts < 1.5 / RAYS as f32 && back.fronts >= SEES {
+    let [front, back] = [1.0, -1.0].map(|side| look(scene, bvh, lamp, side, RAYS));
+    let is_blind = |front: &LampSide| front.fronts < BLIND * back.fronts;
+    if back.fronts >= LEAST / RAYS as f32 && is_blind(&front) && is_blind(&look(scene, bvh, lamp, 1.0, CERTAIN)) {
         return true;
     }
     let mesh = &scene.mesh;
@@ -97,16 +102,16 @@ fn is_reversed(scene: &Scene, bvh: &Bvh, lamp: &[usize]) -> bool {
 }
 
 /// Looks from points spread over the front (`side` 1) or back (-1) of a lamp.
-fn look(scene: &Scene, bvh: &Bvh, lamp: &[usize], side: f32) -> LampSide {
+fn look(scene: &Scene, bvh: &Bvh, lamp: &[usize], side: f32, rays: usize) -> LampSide {
     let mesh = &scene.mesh;
     let areas: Vec<f32> = lamp.iter().map(|&triangle| mesh.area(triangle)).collect();
     let total: f32 = areas.iter().sum();
     let material = mesh.triangles[lamp[0]].material;
     let mut random = Random::new(0, 0);
-    let (mut seen, mut gaps) = (LampSide::default(), Vec::with_capacity(RAYS));
+    let (mut seen, mut gaps) = (LampSide::default(), Vec::with_capacity(rays));
     let (mut slot, mut before) = (0, 0.0);
-    for ray in 0..RAYS {
-        let place = (ray as f32 + 0.5) / RAYS as f32 * total;
+    for ray in 0..rays {
+        let place = (ray as f32 + 0.5) / rays as f32 * total;
         while slot + 1 < lamp.len() && before + areas[slot] < place {
             before += areas[slot];
             slot += 1;
@@ -123,13 +128,13 @@ fn look(scene: &Scene, bvh: &Bvh, lamp: &[usize], side: f32) -> LampSide {
         };
         let direction = cosine_direction(normal, s, t);
         if let Some(hit) = other(direction) {
-            seen.surfaces += 1.0 / RAYS as f32;
+            seen.surfaces += 1.0 / rays as f32;
             if mesh.geometric_normal(hit.triangle).dot(direction) < 0.0 {
-                seen.fronts += 1.0 / RAYS as f32;
+                seen.fronts += 1.0 / rays as f32;
             }
         }
         gaps.push(other(normal).map_or(f32::INFINITY, |hit| hit.distance));
     }
     gaps.sort_unstable_by(f32::total_cmp);
-    LampSide { gap: gaps[RAYS / 2], ..seen }
+    LampSide { gap: gaps[rays / 2], ..seen }
 }
