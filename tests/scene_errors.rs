@@ -159,7 +159,7 @@ fn scene_files() {
     for (toml, place, fragment) in &owned {
         check("s.toml", "s.toml", toml.as_bytes(), place, fragment);
     }
-    let cases: [(&[u8], &str, &str); 32] = [
+    let cases: [(&[u8], &str, &str); 34] = [
         (b"", "s.toml:1", "mesh"),
         (b"mesh = \n", "s.toml:1", ""),
         ("mesh = 'm.obj'\n# \u{e9}\u{1f4a1}\n\u{e9} = 1".as_bytes(), "s.toml:3", ""),
