@@ -204,13 +204,14 @@ fn json_tells_all_about_the_run() {
         keys.sort();
         keys.join(" ")
     };
-    let top = "error gather gl interrupted outputs peak_memory_bytes photons scene seconds settings";
+    let top = "error gather gl interrupted outputs peak_memory_bytes photons pipeline scene seconds settings";
     assert_eq!(keys(&report), top);
     assert_eq!(keys(&report["gl"]), "backend renderer version");
     for (section, numbers) in [
         ("scene", "triangles lights"),
         ("seconds", "load photons visible_points direct gather write total"),
-        ("gather", "points directions layer_size layers_mean layers_max ms_per_direction samples_per_second"),
+        ("gather", "points directions distinct_directions rays_per_point layer_size layers_mean layers_max"),
+        ("gather", "ms_per_direction samples_per_second"),
         ("photons", "emitted stored absorbed escaped cut"),
     ] {
         for key in numbers.split(' ') {
@@ -220,6 +221,7 @@ fn json_tells_all_about_the_run() {
     assert_eq!(report["settings"]["size"], serde_json::json!([32, 24]));
     assert_eq!(report["settings"]["seed"], 7);
     assert_eq!(report["settings"]["directions"], 16);
+    assert_eq!([&report["settings"]["pipeline"], &report["pipeline"]], ["auto", "fused"]);
     assert_eq!(report["outputs"], serde_json::json!(["a.png", "b.exr"]));
     assert_eq!(report["interrupted"], false);
     if cfg!(target_os = "linux") {

@@ -4,7 +4,9 @@ mod common;
 
 use std::path::Path;
 
-use common::{Model, cornell, directions, gather_fused, gpu, irradiance, photon_grid, points_on, sized, vectors, world_of};
+use common::{
+    Model, both_ends, cornell, directions, gather_fused, gpu, irradiance, photon_grid, points_on, sized, vectors, world_of,
+};
 use finalgather::gather::{chosen_for_bake, chosen_for_picture};
 use finalgather::photon::PhotonTexture;
 use finalgather::points::GatherPoint;
@@ -44,9 +46,9 @@ fn layers_serve_large_surfaces_and_many_points() {
 #[test]
 fn thin_walls_and_fine_surfaces_need_rays() {
     assert_eq!([0.01, 0.2].map(room), [Pipeline::RaycastGl, Pipeline::Fused]);
-    // Triangles as wide as two texels of 128².
+    // The inside of a ball, of triangles as wide as two texels of 128²: each point's neighbours rise above its tangent plane.
     let mut model = Model::new();
-    model.sphere(Vec3::ZERO, 1.0, 64, false, 0);
+    model.sphere(Vec3::ZERO, 1.0, 64, true, 0);
     let scene = model.finish();
     assert_eq!(for_bake(&scene, &points_on(&scene, 20_000)), Pipeline::RaycastGl);
 }
@@ -89,12 +91,13 @@ fn bundles_that_fit_their_receivers_find_the_hits_of_rays() {
     let directions = directions(Sequence::R2, number);
     let bvh = Bvh::new(&scene.mesh);
     let grid = photon_grid(&scene, &bvh, 200_000);
-    let rays = irradiance(&Reference::new(&scene, &bvh, &grid).gather(&points, &vectors(&directions)));
+    let rays = irradiance(&Reference::new(&scene, &bvh, &grid).gather(&points, &vectors(&both_ends(&directions))));
     let photons = PhotonTexture::upload(&gpu, &grid).unwrap();
-    let layers = irradiance(&gather_fused(&gpu, &scene, &photons, &points, &directions, 128));
+    let layers = irradiance(&gather_fused(&gpu, &scene, &photons, &points, &directions, 128).0);
     let difference = common::Difference::between(&layers, &rays);
     eprintln!("fitted to a patch: mean {:.3} %, bias {:+.3} %", 100.0 * difference.mean, 100.0 * difference.bias);
-    assert!(difference.mean < 0.02 && difference.bias.abs() < 0.005, "{difference:?}");
+    // Measured 0.07 %.
+    assert!(difference.mean < 0.005 && difference.bias.abs() < 0.002, "{difference:?}");
 }
 
 #[test]
