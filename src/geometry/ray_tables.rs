@@ -21,7 +21,6 @@ pub struct RayTables {
 }
 
 impl RayTables {
-
     /// Bytes for each triangle: the tables, and the same again while they are made.
     pub(crate) const BYTES: usize = 2 * 130;
 
