@@ -1,16 +1,32 @@
 #version 330 core
-// Irradiance from a batch of samples on the lights, each with an exact shadow ray (additive blending). Mirrors src/direct.rs.
+// Irradiance from a batch of samples on the lights, with exact shadow rays (additive blending). Mirrors src/direct.rs.
 
 #include "include/points.glsl"
 #include "include/bvh.glsl"
 
+#define LIGHTS 32
+
 uniform ivec2 first_texel;          // of the subset in the sums
-uniform vec4 light_places[BATCH];   // w 1: position; w 0: unit vector towards a light outside the scene
-uniform vec4 light_normals[BATCH];  // unit normal of the emitting side; outside the scene the vector towards it, turned round
-uniform vec4 light_weights[BATCH];  // radiance over the density of the sample, per area or per solid angle
+uniform vec4 light_places[LIGHTS];  // w 1: position; w 0: unit vector towards a light outside the scene
+uniform vec4 light_normals[LIGHTS]; // unit normal of the emitting side; outside the scene the vector towards it, turned round
+uniform vec4 light_weights[LIGHTS]; // radiance over the density of the sample, per area or per solid angle
 uniform int sample_count;
+uniform int ray_samples;            // samples that share a ray; the last ray may have fewer
+uniform float choice;               // in [0, 1): to which of its samples the first ray goes; each point shifts it
+
+const float GOLDEN = 0.618034;      // its multiples fill the unit interval evenly
 
 layout(location = 0) out vec4 irradiance;
+
+// A number in [0, 1) from a position.
+float hash(vec3 position)
+{
+    uvec3 bits = floatBitsToUint(position) * uvec3(73856093u, 19349663u, 83492791u);
+    uint h = bits.x ^ bits.y ^ bits.z;
+    h = (h ^ (h >> 16)) * 0x7feb352du;
+    h = (h ^ (h >> 15)) * 0x846ca68bu;
+    return float((h ^ (h >> 16)) >> 8) / 16777216.0;
+}
 
 void main()
 {
@@ -18,18 +34,35 @@ void main()
     if (!point.exists)
         discard;
     vec3 origin = point.position + RAY_OFFSET * point.surface_normal;
-    vec3 sum = vec3(0.0);
+    float first = choice + hash(point.position);
+    vec3 irradiance_sum = vec3(0.0);
     int i = 0;
     do {
-        bool near = light_places[i].w > 0.0;
-        vec3 way = light_places[i].xyz - (near ? origin : vec3(0.0));
-        float distance = length(way);
-        vec3 direction = way / distance;
-        float received = cosine(point, direction) * max(-dot(light_normals[i].xyz, direction), 0.0) / (near ? distance * distance : 1.0);
-        float reach = near ? distance : FARTHEST;
-        BvhHit hit = nearest_hit(origin, direction, received > 0.0 ? reach : NOWHERE);
-        // Not the product alone: at a distance of 0 it is no number.
-        sum += received > 0.0 && hit.place < 0 ? received * light_weights[i].rgb : vec3(0.0);
-    } while (++i < sample_count);
-    irradiance = vec4(sum, 1.0);
+        float left = fract(first);                          // renewed by what remains of it after each decision
+        first += GOLDEN;
+        vec3 sum = vec3(0.0);
+        float total = 0.0;
+        vec4 chosen = vec4(0.0, 0.0, 1.0, NOWHERE);         // xyz: direction; w: reach
+        int end = min(i + ray_samples, sample_count);
+        do {
+            bool near = light_places[i].w > 0.0;
+            vec3 way = light_places[i].xyz - (near ? origin : vec3(0.0));
+            float distance = length(way);
+            vec3 direction = way / distance;
+            float received =
+                cosine(point, direction) * max(-dot(light_normals[i].xyz, direction), 0.0) / (near ? distance * distance : 1.0);
+            // At a distance of 0 it is no number.
+            vec3 light = received > 0.0 ? received * light_weights[i].rgb : vec3(0.0);
+            float power = light.r + light.g + light.b;
+            sum += light;
+            total += power;
+            float share = power > 0.0 ? power / total : 0.0;
+            bool takes = left < share;
+            chosen = takes ? vec4(direction, near ? distance : FARTHEST) : chosen;
+            left = takes ? left / share : (left - share) / max(1.0 - share, 1e-7);
+        } while (++i < end);
+        BvhHit hit = nearest_hit(origin, chosen.xyz, chosen.w);
+        irradiance_sum += hit.place < 0 ? sum : vec3(0.0);
+    } while (i < sample_count);
+    irradiance = vec4(irradiance_sum, 1.0);
 }

@@ -1,7 +1,11 @@
-//! Direct light: irradiance from samples on the lights. Each sample has an exact shadow ray from each point. Mirrors `glsl/direct.frag`.
+//! Direct light: irradiance from samples on the lights, with exact shadow rays. Mirrors `glsl/direct.frag`.
 //!
 //! E(x) = 1/S Σ L A/p cos θ cos θ' / r² V over S samples of the area lights. A bright part of the environment has no distance: there the term is
 //! L Ω/p cos θ V.
+//!
+//! Of many lamps most are far, and rays to them would be wasted. So several samples share a ray: a point casts it to one of them, chosen by the light
+//! that it would bring, and what the ray finds counts for all. The mean is the same (Talbot, Cline and Egbert 2005, "Importance resampling for global
+//! illumination").
 //!
 //! Samples are points of one Sobol' sequence, of which each pixel of a square of 4 × 4 takes a run of its own. So neighbours have different samples,
 //! a soft shadow has fine grain and no bands, and a square together has sixteen times the samples of a point.
@@ -14,10 +18,15 @@ use crate::gpu::{Gpu, Program, Uniform};
 use crate::points::{Accumulator, Interleave, Points, Subset};
 use crate::random::{shuffled, sobol};
 use crate::scene::{LightSample, Lights};
-use crate::shaders::{self, BATCH};
+use crate::shaders;
 
 /// Side in pixels of the squares whose pixels have different samples.
 const STRIDE: u32 = 4;
+
+/// Most samples in one draw: `LIGHTS` in the shader.
+const LIGHTS: usize = 32;
+/// Emitting triangles for each sample that shares a ray. One lamp of two triangles needs no choice.
+const EMITTERS: usize = 4;
 
 /// Computes the irradiance from the lights at gather points.
 pub struct Direct {
@@ -29,7 +38,7 @@ pub struct Direct {
 /// A part of the samples of each point. All parts together cover the lights evenly.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SampleShare {
-    /// Number of samples of a point, in all parts.
+    /// Number of shadow rays of a point, in all parts.
     pub samples: u32,
     pub part: u32,
     pub parts: u32,
@@ -41,9 +50,14 @@ impl SampleShare {
         Self { samples, part: 0, parts: 1 }
     }
 
-    /// Places in the sequence for a square's pixel of this rank. Aligned runs of a power of two are spread evenly.
-    fn places(self, rank: u32) -> impl Iterator<Item = u32> {
-        let each = self.samples.div_ceil(self.parts);
+    /// Rays of a point in each part.
+    fn rays(self) -> u32 {
+        self.samples.div_ceil(self.parts)
+    }
+
+    /// Places in the sequence for a square's pixel of this rank, `of_ray` for each ray. Aligned runs of a power of two are spread evenly.
+    fn places(self, rank: u32, of_ray: u32) -> impl Iterator<Item = u32> {
+        let each = self.rays() * of_ray;
         let run = u64::from(each) * u64::from(self.parts);
         let first = u64::from(rank) * run.next_power_of_two() + u64::from(self.part) * u64::from(each);
         // After 2^32 places the sequence begins anew.
@@ -68,13 +82,16 @@ impl Direct {
             return Ok(vec![Vec3::ZERO; (width * height) as usize]);
         }
         let tables = geometry.ray_tables()?;
+        let of_ray = lights.count().div_ceil(EMITTERS).clamp(1, LIGHTS);
+        let in_draw = LIGHTS / of_ray * of_ray;
         let squares = Interleave::new(STRIDE, points.size(), self.seed);
         let sums = Accumulator::new(&self.gpu, squares.sums_size())?;
         sums.clear();
         for y in 0..STRIDE {
             for x in 0..STRIDE {
-                let samples: Vec<LightSample> = share.places(rank([x, y])).map(|place| self.sample(lights, place)).collect();
-                for batch in samples.chunks(BATCH) {
+                let samples: Vec<LightSample> =
+                    share.places(rank([x, y]), of_ray as u32).map(|place| self.sample(lights, place)).collect();
+                for (index, batch) in samples.chunks(in_draw).enumerate() {
                     let each = |value: fn(&LightSample) -> Vec4| batch.iter().map(value).collect::<Vec<_>>();
                     let places = each(|sample| sample.place);
                     let normals = each(|sample| sample.normal.extend(0.0));
@@ -84,13 +101,16 @@ impl Direct {
                         ("light_normals", Uniform::Vec4s(&normals)),
                         ("light_weights", Uniform::Vec4s(&weights)),
                         ("sample_count", Uniform::Int(batch.len() as i32)),
+                        ("ray_samples", Uniform::Int(of_ray as i32)),
+                        // A point's choices are spread evenly over its rays, by multiples of the golden ratio.
+                        ("choice", Uniform::Float((0.618_034 * (index * in_draw / of_ray) as f32).fract())),
                     ];
                     let subset = points.only(Subset { stride: STRIDE, offset: [x, y] });
                     sums.add(subset, &self.program, &[&own[..], &tables.uniforms()].concat());
                 }
             }
         }
-        let mean = 1.0 / share.samples.div_ceil(share.parts) as f32;
+        let mean = 1.0 / (share.rays() * of_ray as u32) as f32;
         Ok(squares.in_order(sums.read()).into_iter().map(|sum| mean * sum.truncate()).collect())
     }
 
