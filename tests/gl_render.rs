@@ -197,7 +197,7 @@ fn osmesa_and_egl_give_the_same_picture() {
     let (egl, osmesa) = (&egl.info().renderer, &osmesa.info().renderer);
     eprintln!("{egl} and {osmesa}: same bits {}, {found:?}", same(&a, &b));
     // Two builds of one software driver agree to rounding. A GPU rounds vertices to another grid, which moves outlines by 1/256 of a texel
-    // of the layers, shadow maps and pixels: some points see another surface in some directions.
+    // of the layers and pixels: some points see another surface in some directions.
     let limit = if egl == osmesa { 1e-5 } else { 0.05 };
     assert!(found.relative_rmse < limit, "{found:?}");
 }

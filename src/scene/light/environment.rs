@@ -141,74 +141,73 @@ impl Environment {
 
     /// Radiance that arrives from the direction to which the unit vector `direction` points.
     pub fn radiance(&self, direction: Vec3) -> Vec3 {
-        self.interpolated(direction, |_, texel| texel)
+        self.scale * self.interpolated(direction, |_, texel| texel)
     }
 
     /// The part of the radiance up to the cap. Without bright parts it is all of it.
     pub fn gathered_radiance(&self, direction: Vec3) -> Vec3 {
         let cap = self.picture.cap;
-        self.interpolated(direction, |_, texel| texel * gathered_share(texel, cap))
+        self.scale * self.interpolated(direction, |_, texel| texel * gathered_share(texel, cap))
     }
 
     /// The part of the radiance above the cap.
     pub fn bright_radiance(&self, direction: Vec3) -> Vec3 {
         let cap = self.picture.cap;
-        self.interpolated(direction, |_, texel| above(texel, cap))
+        self.scale * self.interpolated(direction, |_, texel| above(texel, cap))
     }
 
-    /// The interpolated radiance of texels after `change`, which gets their rows too.
-    fn interpolated(&self, direction: Vec3, change: impl Fn(usize, Vec3) -> Vec3) -> Vec3 {
+    /// Interpolates a value of texels, each given by its row and radiance.
+    fn interpolated(&self, direction: Vec3, value: impl Fn(usize, Vec3) -> Vec3) -> Vec3 {
         let Picture { width, height, texels, .. } = &*self.picture;
         let u = 0.5 + direction.x.atan2(-direction.z) / TAU + self.turn;
         let (left, right, across) = neighbours(u, *width);
         let v = direction.x.hypot(direction.z).atan2(direction.y) / PI;
         let y = (v * *height as f32 - 0.5).clamp(0.0, (height - 1) as f32);
         let row = |row: usize| {
-            let [left, right] = [left, right].map(|column| change(row, texels[row * width + column]));
+            let [left, right] = [left, right].map(|column| value(row, texels[row * width + column]));
             left + across * (right - left)
         };
         let (above, below) = (row(y as usize), row((y as usize + 1).min(height - 1)));
-        self.scale * (above + y.fract() * (below - above))
+        above + y.fract() * (below - above)
     }
 
     /// Maps a uniform point of the unit square to a unit vector towards the light and its density per steradian, which follows radiance and is positive
     /// wherever radiance is. If all is black, both are meaningless.
     pub fn sample(&self, square: [f32; 2]) -> (Vec3, f32) {
-        self.sample_by(&self.picture.by_power, square)
-    }
-
-    /// The same by the radiance above the cap. `None` if no part is bright. The density follows the interpolated radiance, up to the ratio of
-    /// neighbouring rows. So the samples of a sun of few texels all bring about the same light.
-    pub fn sample_bright(&self, square: [f32; 2]) -> Option<(Vec3, f32)> {
-        let Picture { width, height, cap, bright, .. } = &*self.picture;
-        let choice = bright.as_ref()?;
-        let ([row, column], [down, across], _) = choice.pick(square);
-        // Interpolation spreads a texel over its neighbours as a tent. Beyond the centres of the outermost rows it is constant.
-        let x = column as f32 + 0.5 + tent(across);
-        let y = match down < 0.5 {
-            true if row == 0 => down,
-            false if row + 1 == *height => row as f32 + down,
-            _ => row as f32 + 0.5 + tent(down),
-        };
-        let (azimuth, polar) = (TAU * (x / *width as f32 - 0.5 - self.turn), PI * y / *height as f32);
-        let to_light = Vec3::new(polar.sin() * azimuth.sin(), polar.cos(), -polar.sin() * azimuth.cos());
-        let size = [*width, *height];
-        let power = |row: usize, texel: Vec3| Vec3::splat(above(texel, *cap).element_sum() * solid_angle(row, size) as f32);
-        let of_place = Self { scale: 1.0, ..self.clone() }.interpolated(to_light, power).x;
-        let texel = TAU * PI * polar.sin() / (width * height) as f32;
-        Some((to_light, of_place / (choice.power as f32 * texel)))
-    }
-
-    fn sample_by(&self, choice: &TexelChoice, square: [f32; 2]) -> (Vec3, f32) {
-        let Picture { width, height, .. } = &*self.picture;
-        let ([row, column], [down, across], of_texel) = choice.pick(square);
-        let azimuth = TAU * ((column as f32 + across) / *width as f32 - 0.5 - self.turn);
+        let Picture { width, height, by_power, .. } = &*self.picture;
+        let ([row, column], [down, across], of_texel) = by_power.pick(square);
         // Uniform in solid angle within the texel.
         let (top, bottom) = band(row, *height);
         let y = top + down * (bottom - top);
-        let radius = (1.0 - y * y).max(0.0).sqrt();
         let density = of_texel * *width as f32 / (TAU * (top - bottom));
-        (Vec3::new(radius * azimuth.sin(), y, -radius * azimuth.cos()), density)
+        (self.towards(column as f32 + across, [(1.0 - y * y).max(0.0).sqrt(), y]), density)
+    }
+
+    /// The same by the part above the cap. Its sum of channels over the density is nearly constant: noise is left to colour and to what the light meets.
+    /// `None` if no part is bright.
+    pub fn sample_bright(&self, square: [f32; 2]) -> Option<(Vec3, f32)> {
+        let Picture { width, height, cap, bright, .. } = &*self.picture;
+        let choice = bright.as_ref()?;
+        let ([row, column], place, _) = choice.pick(square);
+        // Interpolation spreads a texel over a tent about its centre. Tents of the outermost rows fold at the poles: beyond their centres radiance is
+        // constant.
+        let [down, across] =
+            place.map(|number| if number < 0.5 { (2.0 * number).sqrt() - 1.0 } else { 1.0 - (2.0 - 2.0 * number).sqrt() });
+        let y = (row as f32 + 0.5 + down).abs();
+        let (sin, cos) = (PI * y.min(2.0 * *height as f32 - y) / *height as f32).sin_cos();
+        let direction = self.towards(column as f32 + 0.5 + across, [sin.abs(), cos]);
+        let probability = |row: usize, texel: Vec3| {
+            let power = f64::from(above(texel, *cap).element_sum()) * solid_angle(row, [*width, *height]);
+            Vec3::splat((power / choice.power) as f32)
+        };
+        let texel = sin.abs() * PI / *height as f32 * TAU / *width as f32;
+        Some((direction, self.interpolated(direction, probability).x / texel))
+    }
+
+    /// The unit vector to a place across the picture, in texels, with this sine and cosine of the angle to +y.
+    fn towards(&self, x: f32, [sin, cos]: [f32; 2]) -> Vec3 {
+        let azimuth = TAU * (x / self.picture.width as f32 - 0.5 - self.turn);
+        Vec3::new(sin * azimuth.sin(), cos, -sin * azimuth.cos())
     }
 
     /// A photon from a direction chosen by radiance, through a random point of the perpendicular disc that covers the scene; as
@@ -240,13 +239,14 @@ impl Environment {
 
 impl Picture {
     fn new(width: usize, height: usize, texels: Vec<Vec3>) -> Self {
-        let radiance = |row: usize, column: usize| f64::from(texels[row * width + column % width].element_sum());
         // The weight of a texel is the mean of the interpolated radiance on it. So a black texel beside a bright one has weight too.
         let mean = |row: usize, column: usize| {
-            let rows = [(row.saturating_sub(1), 0.125), (row, 0.75), ((row + 1).min(height - 1), 0.125)];
-            let across =
-                |row| 0.75 * radiance(row, column) + 0.125 * (radiance(row, column + 1) + radiance(row, column + width - 1));
-            rows.into_iter().map(|(row, weight)| weight * across(row)).sum()
+            let mut sum = 0.0;
+            for (above, weight) in [(row.saturating_sub(1), 0.125), (row, 0.75), ((row + 1).min(height - 1), 0.125)] {
+                let at = |column: usize| f64::from(texels[above * width + column % width].element_sum());
+                sum += weight * (0.75 * at(column) + 0.125 * (at(column + 1) + at(column + width - 1)));
+            }
+            sum
         };
         let by_power = TexelChoice::new([width, height], mean);
         let cap = cap_of(&texels, width);
@@ -257,7 +257,7 @@ impl Picture {
 }
 
 impl TexelChoice {
-    /// For a picture whose texels, by row and column, have these radiances, sum of the channels.
+    /// `radiance`: of a row and column, sum of the channels.
     fn new([width, height]: [usize; 2], radiance: impl Fn(usize, usize) -> f64 + Sync) -> Self {
         let weights_of = |row: usize| -> Vec<f64> { (0..width).map(|column| radiance(row, column)).collect() };
         let (columns, sums): (Vec<_>, Vec<f64>) = (0..height)
@@ -281,20 +281,15 @@ impl TexelChoice {
     }
 }
 
-/// The share of a texel's radiance that the gather brings.
-fn gathered_share(texel: Vec3, cap: f32) -> f32 {
-    let radiance = texel.element_sum();
-    if radiance > cap { cap / radiance } else { 1.0 }
-}
-
-/// The radiance of a texel that direct light brings.
+/// The part of a texel's radiance that the gather leaves to direct light.
 fn above(texel: Vec3, cap: f32) -> Vec3 {
     texel - texel * gathered_share(texel, cap)
 }
 
-/// Maps a uniform number to an offset in [-1, 1], whose density falls evenly to both ends.
-fn tent(uniform: f32) -> f32 {
-    if uniform < 0.5 { (2.0 * uniform).sqrt() - 1.0 } else { 1.0 - (2.0 - 2.0 * uniform).sqrt() }
+/// The share of a texel's radiance that the gather brings.
+fn gathered_share(texel: Vec3, cap: f32) -> f32 {
+    let radiance = texel.element_sum();
+    if radiance > cap { cap / radiance } else { 1.0 }
 }
 
 /// The most radiance of a texel, sum of the channels, that shared directions are left to find. Infinite if they find all of it well.
