@@ -14,7 +14,7 @@ use super::{GBuffer, GatherPoint};
 use crate::random::Random;
 
 /// Least sum of the weights of a window's pixels, as a share of a square's: with less, too much noise is left, and the window grows.
-const ENOUGH: f32 = 0.5;
+const ENOUGH: f32 = 0.75;
 /// Farthest that a window grows, in pixels.
 const FARTHEST: i32 = 8;
 /// Pixels share sums only if the surface between them bends and steps less than this, as the sine of an angle.
