@@ -19,7 +19,11 @@ Some views have a twin for the path tracer, NAME_a_reference.toml, with the same
 window, so in the twin a black panel in each window shines as the sky does, and there is no sky; nothing stands outside of these windows. And the
 lamps of the office lack their upper halves, which light the inside of the slab alone. References come from the twin where there is one:
 
-    python3 tests/reference/path_trace.py FOLDER/window_a_reference.toml FOLDER/window_a.exr --size 256x192 --spp 4096 --blocks tests/reference/window_a.exr
+    python3 tests/reference/path_trace.py FOLDER/window_a_reference.toml FOLDER/window_a.exr --size 256x192 --spp 1280 \\
+        --blocks tests/reference/buildings/window_a.exr
+
+The office, the maze and the thin walls take `--many-lamps`. The references kept here have 256 paths a pixel (house, sun, kilometre_b), 512 (thin),
+768 (maze_b, doors_b, kilometre_a), 1280 (office_a, maze_a, window), 1536 (doors_a) or 1792 (office_b); office_a_direct.exr has `--depth 2`.
 """
 import argparse
 import pathlib

@@ -3,7 +3,8 @@
     python3 tests/reference/path_trace.py scenes/cornell.toml tests/reference/cornell_256.exr --size 256 --spp 32768
     python3 tests/reference/path_trace.py scenes/cornell_textured.toml tests/reference/cornell_textured_256.exr --size 256 --spp 16384
     python3 tests/reference/path_trace.py scenes/open.toml tests/reference/open_128.exr --size 128 --spp 8192
-    python3 tests/reference/path_trace.py FOLDER/office_a_reference.toml FOLDER/office_a.exr --size 256x192 --spp 4096 --many-lamps --blocks tests/reference/office_a.exr
+    python3 tests/reference/path_trace.py FOLDER/office_a_reference.toml FOLDER/office_a.exr --size 256x192 --spp 1280 --many-lamps \\
+        --blocks tests/reference/buildings/office_a.exr
 
 Reads the scene file, OBJ and MTL by itself, so that it shares no code with the renderer: Lambertian two-sided
 surfaces, mirrors (illum 3) and glass (illum 7) of the MTL, emission from the side that the winding faces, an environment as the scene file's, box
