@@ -5,10 +5,12 @@
 
 use std::rc::Rc;
 
+use glam::Vec3;
+
 use crate::error::{Error, Result};
 use crate::geometry::triangle_order;
 use crate::gpu::Gpu;
-use crate::photon::{PhotonAtlas, PhotonCounts, PhotonGrid, PhotonStore, PhotonTexture, PhotonTracer};
+use crate::photon::{Guide, PhotonAtlas, PhotonCounts, PhotonGrid, PhotonStore, PhotonTexture, PhotonTracer};
 use crate::scene::{Bvh, Lights, Scene, World, reversed_lamps};
 use crate::settings::{PhotonMapKind, PhotonSettings};
 
@@ -96,13 +98,14 @@ pub struct Photons {
     pub counts: PhotonCounts,
     /// Number of the current map, from 0.
     pub number: u64,
+    guide: Option<Guide>,
     settings: PhotonSettings,
     seed: u64,
 }
 
 impl Photons {
-    /// Traces the first map through `all`. Its flux decides, for all maps, which surface area of `gathered` light reaches. When the device has no
-    /// memory left, `make_room` frees some and returns true, or returns false.
+    /// Traces the first map through `all`. Its flux decides, for all maps, which surface area of `gathered` light reaches. Photons are guided to what
+    /// `points` see, each with its unit normal; without points they are not guided. When the device has no memory left, `make_room` frees some and returns true, or returns false.
     ///
     /// # Errors
     /// [`Error::Usage`] when all lights are too small to trace from, or the grid exceeds the device's limits; [`Error::Gl`] when the device fails.
@@ -110,6 +113,7 @@ impl Photons {
         gpu: &Gpu,
         [all, gathered]: [&Prepared; 2],
         (settings, seed): (&PhotonSettings, u64),
+        points: &[(Vec3, Vec3)],
         mut make_room: impl FnMut() -> bool,
     ) -> Result<Self> {
         if all.lights.is_dark() {
@@ -118,16 +122,20 @@ impl Photons {
                 "enlarge the lights, or leave out what lies far away",
             ));
         }
+        let guided = settings.map == PhotonMapKind::Surface && !points.is_empty();
+        let tracer = all.photons(settings, seed);
+        let guide = guided.then(|| Guide::new(&tracer, &gathered.scene.mesh, &gathered.bvh, points));
+        let tracer = tracer.guided(guide.as_ref());
         let mut map = match settings.map {
             PhotonMapKind::Surface => {
                 let Prepared { scene, bvh, .. } = all;
-                let arrivals = |groups: &[u32], count| all.photons(settings, seed).arrivals(settings.count, groups, count);
+                let arrivals = |groups: &[u32], count| tracer.arrivals(settings.count, groups, count);
                 let kept = (all.scene.mesh.triangles.len() != gathered.scene.mesh.triangles.len()).then(|| scene.not_glass());
                 FluxMap::Atlas(Box::new(PhotonAtlas::new(&scene.mesh, bvh, kept, arrivals)))
             }
             PhotonMapKind::Grid => FluxMap::Grid(PhotonGrid::new(&all.scene.mesh, settings.grid_cells)),
         };
-        let counts = all.photons(settings, seed).trace(settings.numbers(0), map.store_mut());
+        let counts = tracer.trace(settings.numbers(0), map.store_mut());
         if let FluxMap::Grid(grid) = &mut map {
             grid.add_area(&gathered.scene.mesh, &gathered.bvh, seed);
         }
@@ -141,7 +149,7 @@ impl Photons {
                 uploaded => break uploaded?,
             }
         };
-        Ok(Self { texture, map, counts, number: 0, settings: *settings, seed })
+        Ok(Self { texture, map, counts, number: 0, guide, settings: *settings, seed })
     }
 
     /// Replaces the map by the one with this number, unless it is that one already.
@@ -154,7 +162,8 @@ impl Photons {
             self.number = u64::MAX;
             let store = self.map.store_mut();
             store.clear_flux();
-            let counts = all.photons(&self.settings, self.seed).trace(self.settings.numbers(number), store);
+            let tracer = all.photons(&self.settings, self.seed).guided(self.guide.as_ref());
+            let counts = tracer.trace(self.settings.numbers(number), store);
             match &self.map {
                 FluxMap::Atlas(atlas) => self.texture.renew(gpu, atlas)?,
                 FluxMap::Grid(grid) => self.texture = PhotonTexture::upload(gpu, grid)?,

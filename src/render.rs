@@ -32,7 +32,7 @@ use crate::gpu::Gpu;
 use crate::image::Image;
 use crate::photon::{CausticMap, PhotonCounts};
 use crate::photon_map::PhotonMap;
-use crate::points::{CameraPoints, EyeRays, GBuffer, GatherPoint, Interleave, PointTextures, Points};
+use crate::points::{CameraPoints, EyeRays, GBuffer, GatherPoint, Interleave, PointTextures, Points, sides};
 use crate::prepared::{Photons, Prepared};
 use crate::random::sobol;
 use crate::reference::Reference;
@@ -40,7 +40,7 @@ use crate::scene::{Camera, World, WorldCamera};
 use crate::settings::{DIRECTIONS_PER_PHOTON_MAP, Estimator, PointSource, Settings};
 
 use self::merge::{FILM, film_of_part};
-use self::method::method;
+use self::method::{method, seen};
 use self::statistics::layer_size;
 
 pub use crate::memory::of_render as memory_of;
@@ -132,7 +132,9 @@ impl Render {
         let mut passes = Passes::new(gpu, &gathered, settings, *interleave)?;
 
         let start = Instant::now();
-        let photons = Photons::new(gpu, [&all, &gathered], (&settings.photons, settings.seed), || passes.gather.shrink())?;
+        let seen = seen(&gathered, &camera, settings.film.size);
+        let of = (&settings.photons, settings.seed);
+        let photons = Photons::new(gpu, [&all, &gathered], of, &sides(&seen), || passes.gather.shrink())?;
         let mut statistics = RenderStatistics {
             scene: SceneCounts { triangles: scene.mesh.triangles.len(), lights: all.lights.count() },
             photons: photons.counts,

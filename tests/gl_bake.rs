@@ -12,7 +12,7 @@ use finalgather::gpu::Gpu;
 use finalgather::harmonics::{basis, cosine_lobe};
 use finalgather::image::Channel;
 use finalgather::math::cosine_direction;
-use finalgather::points::{GatherPoint, Vertices};
+use finalgather::points::{GatherPoint, Vertices, sides};
 use finalgather::prepared::{Photons, Prepared};
 use finalgather::quantity::Quantity;
 use finalgather::scene::{RAY_OFFSET, World};
@@ -148,7 +148,9 @@ fn irradiance_is_that_of_the_gather() {
     let plan = Plan { what: vec![Quantity::Irradiance], ..PLAN };
     let baked = bake(&gpu, &world, &points, &settings, &plan).0;
     let prepared = Prepared::without_glass(&world).unwrap();
-    let photons = Photons::new(&gpu, [&prepared, &prepared], (&settings.photons, settings.seed), || false).unwrap().texture;
+    let photons = Photons::new(&gpu, [&prepared, &prepared], (&settings.photons, settings.seed), &sides(&points), || false)
+        .unwrap()
+        .texture;
     let sums = gather_fused(&gpu, &prepared.scene, &photons, &points, &directions(Sequence::R2, along), settings.layers()).0;
     for (i, expected) in irradiance(&sums).iter().enumerate() {
         let found = Vec3::from(["R", "G", "B"].map(|c| column(&baked, &format!("IrradianceIndirect.{c}"))[i]));

@@ -37,7 +37,7 @@ use crate::geometry::Geometry;
 use crate::gpu::Gpu;
 use crate::image::Channel;
 use crate::photon::PhotonCounts;
-use crate::points::GatherPoint;
+use crate::points::{GatherPoint, sides};
 use crate::prepared::{Photons, Prepared};
 use crate::scene::Scene;
 use crate::settings::{DIRECTIONS_PER_PHOTON_MAP, Pipeline, Settings};
@@ -118,7 +118,8 @@ impl Bake {
         }
         let settings = &settings;
         let start = Instant::now();
-        let traced = || Photons::new(gpu, [&prepared, &prepared], (&settings.photons, settings.seed), || false);
+        let of = (&settings.photons, settings.seed);
+        let traced = || Photons::new(gpu, [&prepared, &prepared], of, &sides(&points), || false);
         let photons = plan.needs_photons().then(traced).transpose()?;
         let seconds = Seconds { photons: start.elapsed().as_secs_f64(), ..Seconds::default() };
         let cache = (plan.stages() > 0).then(|| VertexCache::new(gpu, &prepared.scene, vertex_inset(settings)));

@@ -23,7 +23,7 @@ use crate::direction::{Direction, Directions};
 use crate::error::{Error, Result};
 use crate::geometry::Geometry;
 use crate::gpu::{Gpu, StageClock};
-use crate::points::{CameraPoints, GBuffer, GatherPoint, PointList, Points};
+use crate::points::{CameraPoints, GBuffer, GatherPoint, PointList, Points, sides};
 use crate::prepared::{Photons, Prepared};
 use crate::reference::Reference;
 use crate::scene::Scene;
@@ -145,7 +145,9 @@ impl Bench {
         if prepared.lights.is_dark() {
             return Err(Error::usage("the scene has no light that is large enough beside it", "enlarge the lights"));
         }
-        let photons = Photons::new(gpu, [&prepared, &prepared], (&settings.photons, settings.seed), || false)?;
+        let seen: Vec<GatherPoint> = pixels.iter().flatten().copied().collect();
+        let of = (&settings.photons, settings.seed);
+        let photons = Photons::new(gpu, [&prepared, &prepared], of, &sides(&seen), || false)?;
         gpu.finish();
         gpu.check("preparing a bench")?;
         Ok(Self { gpu: gpu.clone(), settings: *settings, prepared, photons, geometry, source, pixels })

@@ -13,10 +13,11 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use super::caustics::CausticPhoton;
+use super::guide::Guide;
 use super::store::PhotonStore;
 use crate::math::cosine_direction;
 use crate::random::{Random, Recurrence};
-use crate::scene::{Bvh, Lights, MOST_SPECULAR, Path, Scene, Surface};
+use crate::scene::{Bvh, Focus, Lights, MOST_SPECULAR, Path, Scene, Surface};
 
 /// Number of photons between two sums. It limits the memory of their hits.
 const ROUND: u64 = 1 << 18;
@@ -33,6 +34,7 @@ pub struct PhotonTracer<'a> {
     starts: Recurrence<5>,
     seed: u64,
     depth: u32,
+    guide: Option<&'a Guide>,
 }
 
 /// The place of a stored hit: of the triangle that a path has just met.
@@ -72,7 +74,36 @@ impl AddAssign for PhotonCounts {
 impl<'a> PhotonTracer<'a> {
     /// `depth` is the most surfaces that store one photon. `scene` is in unit space.
     pub fn new(scene: &'a Scene, bvh: &'a Bvh, lights: &'a Lights, seed: u64, depth: u32) -> Self {
-        Self { scene, bvh, lights, starts: Recurrence::new(seed), seed, depth }
+        Self { scene, bvh, lights, starts: Recurrence::new(seed), seed, depth, guide: None }
+    }
+
+    /// The same photons' numbers, with starts by `guide`.
+    pub fn guided(self, guide: Option<&'a Guide>) -> Self {
+        Self { guide, ..self }
+    }
+
+    /// The numbers of a photon's start, without a guide.
+    pub(super) fn start(&self, photon: u64) -> [f32; 5] {
+        self.starts.point(photon)
+    }
+
+    pub(super) fn side_met(&self, triangle: usize, direction: Vec3) -> Vec3 {
+        self.scene.mesh.side_met(triangle, direction)
+    }
+
+    /// The flux that a photon with this start brings to surfaces, each counted by its `score`: of a triangle, met at a position along a direction.
+    pub(super) fn brought(
+        &self,
+        photon: u64,
+        start: [f32; 5],
+        focus: &Focus,
+        score: &(dyn Fn(usize, Vec3, Vec3) -> f32 + Sync),
+    ) -> f32 {
+        let (path, flux) = self.lights.emit_at(start, focus);
+        let mut hits = Vec::new();
+        let index = |triangle: usize, path: &Path| score(triangle, path.origin, path.direction).to_bits() as usize;
+        self.follow(path, flux, Random::new(self.seed, photon), &index, &mut hits);
+        hits.into_iter().map(|(score, flux)| f32::from_bits(score as u32) * flux.element_sum()).sum()
     }
 
     /// Emits the photons with these numbers, which share the whole power of lights and environment, and adds their flux at surfaces to `store`.
@@ -147,12 +178,30 @@ impl<'a> PhotonTracer<'a> {
 
     /// The start of a photon's path, its flux, and its random numbers.
     fn emit(&self, photon: u64, share: f32) -> (Path, Vec3, Random) {
-        let (path, flux) = self.lights.emit(self.starts.point(photon));
+        let (path, flux) = match self.guide {
+            None => self.lights.emit(self.starts.point(photon)),
+            Some(guide) => {
+                let (start, density) = guide.start(self.starts.point(photon));
+                let (path, flux) = self.lights.emit_at(start, &guide.focus);
+                (path, flux / density)
+            }
+        };
         (path, share * flux, Random::new(self.seed, photon))
     }
 
     fn trace_one(&self, photon: u64, share: f32, index: &HitIndex, hits: &mut Vec<(usize, Vec3)>) -> PhotonEnd {
-        let (mut path, mut flux, mut random) = self.emit(photon, share);
+        let (path, flux, random) = self.emit(photon, share);
+        self.follow(path, flux, random, index, hits)
+    }
+
+    fn follow(
+        &self,
+        mut path: Path,
+        mut flux: Vec3,
+        mut random: Random,
+        index: &HitIndex,
+        hits: &mut Vec<(usize, Vec3)>,
+    ) -> PhotonEnd {
         let mesh = &self.scene.mesh;
         // Numbers of diffuse surfaces so far, and of mirrors and glass since the last of them.
         let (mut diffuse, mut specular) = (0, 0);

@@ -18,7 +18,7 @@ pub use list::{GatherPoint, PointList};
 pub use traced::EyeRays;
 pub use vertices::{VertexCounts, Vertices};
 
-use glam::Vec4;
+use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 
 use crate::error::Result;
@@ -27,6 +27,11 @@ use crate::gpu::{Blend, DepthTest, Draw, Filter, Format, Gpu, Program, Shape, Ta
 /// A point lies inside something if more than this fraction of its hits are back faces. Inside, all hits are, except for leaks. Outside none are,
 /// except on surfaces without thickness, such as leaves, of which about half show their backs.
 const INSIDE: f32 = 0.5;
+
+/// Positions of points with the normals of their surfaces, for [`Photons::new`](crate::prepared::Photons::new).
+pub fn sides(points: &[GatherPoint]) -> Vec<(Vec3, Vec3)> {
+    points.iter().map(|point| (point.position, point.surface_normal)).collect()
+}
 
 /// Owned point textures, one texel for each point.
 pub struct PointTextures {

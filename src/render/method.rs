@@ -30,7 +30,7 @@ pub(super) fn method(gathered: &Prepared, camera: &Camera, asked: &Settings) -> 
 }
 
 /// Points that the camera sees, through a pinhole and on the first surface.
-fn seen(gathered: &Prepared, camera: &Camera, [width, height]: [u32; 2]) -> Vec<GatherPoint> {
+pub(super) fn seen(gathered: &Prepared, camera: &Camera, [width, height]: [u32; 2]) -> Vec<GatherPoint> {
     let see = |number: u32| {
         let place = (Vec2::new((number % SIDE) as f32, (number / SIDE) as f32) + 0.5) / SIDE as f32;
         let ray = camera.ray(place, width as f32 / height as f32);

@@ -37,7 +37,7 @@ pub use bvh::{Bvh, Hit, RAY_OFFSET};
 pub use camera::{Camera, Lens, WorldCamera};
 pub use flat_bvh::FlatBvh;
 pub use format::{Files, LoadOptions, LoadReport, Loaded};
-pub use light::{Environment, LightSample, Lights};
+pub use light::{Environment, Focus, LightSample, Lights};
 pub use material::{Material, Surface};
 pub use mesh::{Mesh, Triangle};
 pub use reversed_lamps::reversed_lamps;

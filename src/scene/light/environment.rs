@@ -20,6 +20,7 @@ use image::{DynamicImage, ImageDecoder, ImageError};
 use rayon::prelude::*;
 
 use super::super::Path as LightPath;
+use super::focus::Focus;
 use crate::blocks::sha256;
 use crate::error::{Error, Result};
 use crate::file::{MOST_BYTES, can_hold, read_file};
@@ -210,15 +211,17 @@ impl Environment {
         Vec3::new(sin * azimuth.sin(), cos, -sin * azimuth.cos())
     }
 
-    /// A photon from a direction chosen by radiance, through a random point of the perpendicular disc that covers the scene; as
-    /// [`super::Lights::emit`]. The first number is unused.
-    pub(super) fn emit(&self, probability: f32, [_, u, v, s, t]: [f32; 5]) -> (LightPath, Vec3) {
+    /// A photon from a direction chosen by radiance, through a random point of the perpendicular disc that covers a sphere of `focus`; as
+    /// [`super::Lights::emit_at`]. The first number selects the sphere.
+    pub(super) fn emit(&self, probability: f32, [pick, u, v, s, t]: [f32; 5], focus: &Focus) -> (LightPath, Vec3) {
         let (to_light, density) = self.sample([u, v]);
         let (sin, cos) = (TAU * s).sin_cos();
-        // The scene lies in the unit sphere. The disc lies before it.
-        let disc = frame(to_light) * (t.sqrt() * vec3(cos, sin, 0.0));
-        let path = LightPath { origin: disc + 1.1 * to_light, direction: -to_light, triangle: None };
-        (path, self.radiance(to_light) * (PI / (density * probability)))
+        let (center, radius) = focus.sphere(pick);
+        let through = center + frame(to_light) * (radius * t.sqrt() * vec3(cos, sin, 0.0));
+        // The scene lies in the unit sphere. The photon starts before it.
+        let origin = through.reject_from_normalized(to_light) + 1.1 * to_light;
+        let path = LightPath { origin, direction: -to_light, triangle: None };
+        (path, self.radiance(to_light) * (PI / (density * probability * focus.density(through, to_light))))
     }
 
     /// Integral of radiance over the sphere, sum of the channels: 4π times the mean of this sum.

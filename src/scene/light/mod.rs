@@ -12,9 +12,11 @@ use super::{Path, RAY_OFFSET, Scene};
 
 mod area;
 mod environment;
+mod focus;
 
 use area::{AreaLight, LightPoint};
 pub use environment::Environment;
+pub use focus::Focus;
 
 /// Height above its surface at which a shadow ray towards a lamp ends, in unit space. A lamp that is flush with a ceiling has neighbours in its own
 /// plane. A ray of length 2 has an error of some 1e-7 at its end, and so has its hit with a plane.
@@ -71,10 +73,10 @@ impl Light {
         }
     }
 
-    /// As [`Lights::emit`], for a light that is chosen with this probability.
-    fn emit(&self, probability: f32, numbers: [f32; 5]) -> (Path, Vec3) {
+    /// As [`Lights::emit_at`], for a light that is chosen with this probability.
+    fn emit(&self, probability: f32, numbers: [f32; 5], focus: &Focus) -> (Path, Vec3) {
         match self {
-            Self::Environment(environment) => environment.emit(probability, numbers),
+            Self::Environment(environment) => environment.emit(probability, numbers, focus),
             Self::Area(area) => area.emit(probability, numbers),
         }
     }
@@ -123,21 +125,31 @@ impl Lights {
         self.lights.is_empty()
     }
 
-    /// Start and flux (RGB) of a photon; the mean flux is that of all lights. The numbers are uniform in [0, 1). The first selects the light.
+    /// Start and flux (RGB) of a photon; the mean flux is that of all lights. The numbers are uniform in [0, 1). The first selects the light, by power.
     ///
     /// # Panics
     /// When there is no light.
-    pub fn emit(&self, [mut pick, u, v, s, t]: [f32; 5]) -> (Path, Vec3) {
+    pub fn emit(&self, numbers: [f32; 5]) -> (Path, Vec3) {
+        self.emit_by(|share| share, numbers, &Focus::NONE)
+    }
+
+    /// The same for places that are small beside the scene: photons of the environment go to `focus`, and no light gets so few that it has no part.
+    pub fn emit_at(&self, numbers: [f32; 5], focus: &Focus) -> (Path, Vec3) {
+        self.emit_by(|share| share.clamp(LEAST_SHARE, 1.0 - LEAST_SHARE), numbers, focus)
+    }
+
+    fn emit_by(&self, share_of: impl Fn(f32) -> f32, [mut pick, u, v, s, t]: [f32; 5], focus: &Focus) -> (Path, Vec3) {
         let ((last, _), others) = self.lights.split_last().expect("photons come from a light");
         let mut left = 1.0;
         for (light, share) in others {
-            if pick < *share {
-                return light.emit(left * share, [pick / share, u, v, s, t]);
+            let share = share_of(*share);
+            if pick < share {
+                return light.emit(left * share, [pick / share, u, v, s, t], focus);
             }
             pick = (pick - share) / (1.0 - share);
             left *= 1.0 - share;
         }
-        last.emit(left, [pick, u, v, s, t])
+        last.emit(left, [pick, u, v, s, t], focus)
     }
 
     /// Number of sides of triangles that emit.
