@@ -13,7 +13,7 @@ use glam::{IVec3, Vec3};
 use rayon::prelude::*;
 
 use super::trace::PhotonTracer;
-use crate::math::{Aabb, cosine_direction, dominant_axis};
+use crate::math::{cosine_direction, dominant_axis};
 use crate::random::Random;
 use crate::scene::{Bvh, Focus, Mesh, RAY_OFFSET};
 
@@ -65,9 +65,9 @@ struct Seen {
 impl Guide {
     /// Guides the photons of `tracer` for points, each with its unit normal. `bvh` belongs to `mesh`, the surfaces that gather rays see.
     pub fn new(tracer: &PhotonTracer, mesh: &Mesh, bvh: &Bvh, points: &[(Vec3, Vec3)]) -> Self {
-        let bounds = Aabb::from_points(points.iter().map(|(position, _)| *position));
-        let mut guide = Self { focus: Focus::around(bounds.center(), 0.5 * bounds.diagonal()), nodes: Vec::new() };
-        let seen = Seen::new(mesh, bvh, points, 0.5 * bounds.diagonal() / CELLS);
+        let (center, radius) = most_of(points);
+        let mut guide = Self { focus: Focus::around(center, radius), nodes: Vec::new() };
+        let seen = Seen::new(mesh, bvh, points, radius / CELLS);
         let mut pilots: Vec<Pilot> = Vec::new();
         for round in 0..ROUNDS {
             let score = |triangle: usize, position: Vec3, direction: Vec3| {
@@ -153,6 +153,16 @@ fn divide(nodes: &mut Vec<GuideNode>, pilots: Vec<Pilot>, bounds: [[f32; 2]; 5],
     let halves = [divide(nodes, below, first, depth + 1), divide(nodes, above, second, depth + 1)];
     nodes[index] = GuideNode { axis: Some(axis), lower: shares[axis].clamp(0.02, 0.98), halves };
     index
+}
+
+/// A sphere that holds most of the points: far ones, as hills behind a house, need no fine light.
+fn most_of(points: &[(Vec3, Vec3)]) -> (Vec3, f32) {
+    let middle = |mut values: Vec<f32>, share: f32| {
+        values.sort_unstable_by(f32::total_cmp);
+        values[((values.len() - 1) as f32 * share) as usize]
+    };
+    let center = Vec3::from_array([0, 1, 2].map(|axis| middle(points.iter().map(|(position, _)| position[axis]).collect(), 0.5)));
+    (center, middle(points.iter().map(|(position, _)| position.distance(center)).collect(), 0.8))
 }
 
 impl Seen {

@@ -72,7 +72,7 @@ impl PhotonAtlas {
         let arrivals = arrivals(&charts.of, charts.planes.len());
         let pages = size_pages(mesh, &charts, &arrivals, equal);
         let sides: Vec<f32> = pages.iter().map(|pages| pages.side).collect();
-        let pieces = Pieces::new(mesh, &charts, &pages, &contacts(mesh, bvh, &charts, &sides));
+        let pieces = Pieces::new(mesh, bvh, &charts, &pages, &contacts(mesh, bvh, &charts, &sides));
         let map = |(plane, &pages): (&ChartPlane, &ChartPages)| {
             let [u, v] = plane.axes();
             let low = plane.low / pages.side;
@@ -180,7 +180,7 @@ impl PhotonStore for PhotonAtlas {
         self.irradiance = sums.iter().map(|sum| if sum.w > 0.0 { sum.truncate() / sum.w } else { Vec3::ZERO }).collect();
         for (seam, beside) in &self.pieces.seams {
             for side in 0..2 {
-                let darkest = beside.iter().map(|&piece| self.irradiance[2 * piece as usize + side]).reduce(Vec3::min);
+                let darkest = beside[side].iter().map(|&piece| self.irradiance[2 * piece as usize + side]).reduce(Vec3::min);
                 self.irradiance[2 * *seam as usize + side] = darkest.unwrap_or(Vec3::ZERO);
             }
         }

@@ -4,7 +4,8 @@
 //! that light of one part never shows on another. Such a page has a raster of cells, and each cell belongs to a piece.
 //!
 //! Cells that a contact crosses belong to a *seam*. Nobody can tell on which side of the contact a ray meets them, so they count as dark as the darkest
-//! piece beside them, and no light leaks. Photons and area in seams do not count.
+//! piece beside them, and no light leaks. Photons and area in seams do not count, nor do pieces inside solid things: a few rays from a piece tell. Else
+//! the floor below a wall would draw dark lines along it.
 
 use glam::{IVec2, UVec2, UVec3, Vec2, Vec3};
 use rayon::prelude::*;
@@ -12,12 +13,16 @@ use rayon::prelude::*;
 use super::super::clip::{area, slice};
 use super::chart::Charts;
 use super::contact::Contact;
-use crate::scene::Mesh;
+use crate::math::cosine_direction;
+use crate::random::Random;
+use crate::scene::{Bvh, Mesh, RAY_OFFSET};
 
 /// Binary logarithms of the fewest and most cells along a side of a divided page.
 const SHIFTS: [u32; 2] = [3, 8];
 /// A page whose pieces have less than this share of its cells is cut into too many parts to tell apart. It stays one piece.
 const LEAST: f32 = 0.25;
+/// Cells of a part from which rays tell whether it lies inside something.
+const PROBES: usize = 8;
 /// Marks of cells that are no piece: outside the chart, and on a contact.
 const OUTSIDE: u32 = u32::MAX;
 const SEAM: u32 = u32::MAX - 1;
@@ -42,8 +47,8 @@ pub struct Pieces {
     pub cells: Vec<u32>,
     /// Surface area of each piece, in unit space. That of a seam is 0.
     pub areas: Vec<f32>,
-    /// Seams, with the pieces beside them.
-    pub seams: Vec<(u32, Vec<u32>)>,
+    /// Seams, with the pieces beside them on the front and on the back of their chart.
+    pub seams: Vec<(u32, [Vec<u32>; 2])>,
     /// Pairs of pieces with a common border, and its length as a share of a page's side.
     pub borders: Vec<([u32; 2], f32)>,
 }
@@ -56,8 +61,8 @@ struct DividedPage {
     /// Number of cells of each part, and of all parts and seams.
     counts: Vec<u32>,
     inner: usize,
-    /// The parts beside each seam. Seams have the numbers after those of the parts.
-    seams: Vec<Vec<u32>>,
+    /// The parts beside each seam that count, on the front and on the back. Seams have the numbers after those of the parts.
+    seams: Vec<[Vec<u32>; 2]>,
 }
 
 impl ChartPages {
@@ -81,7 +86,7 @@ impl Pieces {
     /// Most cells of all divided pages, unless there are so many that the fewest cells of each exceed it.
     pub const MOST_CELLS: usize = 1 << 21;
 
-    pub fn new(mesh: &Mesh, charts: &Charts, pages: &[ChartPages], contacts: &[Contact]) -> Self {
+    pub fn new(mesh: &Mesh, bvh: &Bvh, charts: &Charts, pages: &[ChartPages], contacts: &[Contact]) -> Self {
         let place = |chart: usize, corner: Vec3| {
             let plane = &charts.planes[chart];
             (plane.place(corner) - plane.low) / pages[chart].side
@@ -116,7 +121,11 @@ impl Pieces {
                 let page = crossings[0].0;
                 let first = triangles.partition_point(|&(other, _)| other < page);
                 let triangles = triangles[first..].iter().take_while(|&&(other, _)| other == page);
-                divide(page, &pages[chart], shift, triangles.map(|&(_, triangle)| own(chart, triangle)), lines)
+                let triangles: Vec<_> = triangles.map(|&(_, triangle)| (triangle, own(chart, triangle))).collect();
+                divide((page, &pages[chart]), shift, &triangles, lines, |triangle, position, side| {
+                    let turned = charts.turned[triangle as usize] != side;
+                    is_inside(mesh, bvh, triangle as usize, position, turned)
+                })
             })
             .collect();
 
@@ -139,7 +148,11 @@ impl Pieces {
 
     /// Bytes of the tables.
     pub fn size(&self) -> usize {
-        let seams: usize = self.seams.iter().map(|(_, beside)| size_of_val(&beside[..])).sum();
+        let seams: usize = self
+            .seams
+            .iter()
+            .map(|(_, beside)| size_of_val(beside) + beside.iter().map(|b| size_of_val(&b[..])).sum::<usize>())
+            .sum();
         size_of_val(&self.pages[..])
             + size_of_val(&self.cells[..])
             + size_of_val(&self.areas[..])
@@ -153,7 +166,7 @@ impl Pieces {
         self.cells.extend(divided.cells.iter().map(|cell| first + cell));
         self.areas.extend(divided.counts.iter().map(|&count| area * count as f32 / divided.inner as f32));
         for beside in divided.seams {
-            self.seams.push((self.areas.len() as u32, beside.iter().map(|part| first + part).collect()));
+            self.seams.push((self.areas.len() as u32, beside.map(|parts| parts.iter().map(|part| first + part).collect())));
             self.areas.push(0.0);
         }
     }
@@ -268,11 +281,11 @@ fn page_areas(
 
 /// Divides a page by lines. `None`: it stays one piece.
 fn divide(
-    page: u32,
-    pages: &ChartPages,
+    (page, pages): (u32, &ChartPages),
     shift: u32,
-    triangles: impl Iterator<Item = [Vec2; 3]>,
+    triangles: &[(u32, [Vec2; 3])],
     lines: impl Iterator<Item = [Vec2; 2]>,
+    is_inside: impl Fn(u32, Vec2, bool) -> bool,
 ) -> Option<DividedPage> {
     let side = 1i32 << shift;
     let at = UVec2::new((page - pages.first) % pages.size.x, (page - pages.first) / pages.size.x).as_vec2();
@@ -280,10 +293,12 @@ fn divide(
     let index = |cell: IVec2| (cell.y * side + cell.x) as usize;
     let is_cell = |cell: IVec2| cell.cmpge(IVec2::ZERO).all() && cell.cmplt(IVec2::splat(side)).all();
     let mut cells = vec![OUTSIDE; (side * side) as usize];
+    // The triangle at the centre of each cell, by its place in the list.
+    let mut owners = vec![0; cells.len()];
 
     // The surface: cells whose centres lie in a triangle. Parts get their numbers below.
     const BLANK: u32 = u32::MAX - 2;
-    for corners in triangles {
+    for (owner, (_, corners)) in triangles.iter().enumerate() {
         let corners = corners.map(in_cells);
         let low = corners[0].min(corners[1]).min(corners[2]).max(Vec2::ZERO).as_ivec2();
         let high = corners[0].max(corners[1]).max(corners[2]).min(Vec2::splat(side as f32)).as_ivec2();
@@ -291,6 +306,7 @@ fn divide(
             for x in low.x..=high.x.min(side - 1) {
                 if holds(corners, Vec2::new(x as f32 + 0.5, y as f32 + 0.5)) {
                     cells[index(IVec2::new(x, y))] = BLANK;
+                    owners[index(IVec2::new(x, y))] = owner;
                 }
             }
         }
@@ -354,6 +370,19 @@ fn divide(
             break;
         }
     }
+    // Whether each part lies inside something, on the front and on the back, by what most of some of its cells see.
+    let inside: Vec<[bool; 2]> = (0..counts.len() as u32)
+        .map(|part| {
+            let own: Vec<usize> = (0..cells.len()).filter(|&i| cells[i] == part).collect();
+            let probes = own.len().min(PROBES);
+            let probe = |k: usize, side: bool| {
+                let i = own[k * own.len() / probes];
+                let (triangle, corners) = triangles[owners[i]];
+                is_inside(triangle, weights(corners, (cell_at(i).as_vec2() + 0.5) / side_of(shift) + at), side)
+            };
+            [false, true].map(|side| 2 * (0..probes).filter(|&k| probe(k, side)).count() > probes)
+        })
+        .collect();
     let mut seams: Vec<Vec<u32>> = Vec::new();
     for i in 0..cells.len() {
         if cells[i] == SEAM {
@@ -365,7 +394,30 @@ fn divide(
         }
     }
     spread(&mut cells, side);
+    let counted = |parts: &Vec<u32>, side: usize| parts.iter().copied().filter(|&part| !inside[part as usize][side]).collect();
+    let seams = seams.iter().map(|parts| [0, 1].map(|side| counted(parts, side))).collect();
     Some(DividedPage { page, cells, counts, inner, seams })
+}
+
+fn side_of(shift: u32) -> f32 {
+    (1u32 << shift) as f32
+}
+
+/// Barycentric weights of the second and third corner of a triangle at a place.
+fn weights([a, b, c]: [Vec2; 3], place: Vec2) -> Vec2 {
+    let area = (b - a).perp_dot(c - a);
+    Vec2::new((place - a).perp_dot(c - a), (b - a).perp_dot(place - a)) / if area == 0.0 { 1.0 } else { area }
+}
+
+/// Whether a ray from a place of a triangle, given by its weights, meets the back side of a surface. `back`: from the triangle's back.
+fn is_inside(mesh: &Mesh, bvh: &Bvh, triangle: usize, weights: Vec2, back: bool) -> bool {
+    let [a, b, c] = mesh.corners(triangle);
+    let normal = if back { -mesh.geometric_normal(triangle) } else { mesh.geometric_normal(triangle) };
+    let position = a + weights.x * (b - a) + weights.y * (c - a);
+    let mut random = Random::new(triangle as u64, u64::from(weights.x.to_bits()) << 32 | u64::from(weights.y.to_bits()));
+    let direction = cosine_direction(normal, random.uniform(), random.uniform());
+    let hit = bvh.nearest(position + RAY_OFFSET * normal, direction, Some(triangle));
+    hit.is_some_and(|hit| mesh.geometric_normal(hit.triangle).dot(direction) > 0.0)
 }
 
 /// Gives each cell outside the chart the part of the nearest cell inside.
