@@ -20,7 +20,7 @@ const DRIVER: usize = 96 << 20;
 const TRIANGLE: usize = 376;
 
 /// Bytes that every job takes: driver, scene, photons, tables of rays, and the layers of a batch of directions.
-pub fn common(scene: &Scene, settings: &Settings) -> usize {
+pub fn common(scene: &Scene, settings: &Settings, has_photons: bool) -> usize {
     // A scene with glass is held twice: with its glass for eye rays and photons, without it for gather rays.
     let is_glass = |triangle: &Triangle| scene.materials[triangle.material as usize].is_glass();
     let scenes = if scene.mesh.triangles.iter().any(is_glass) { 2 } else { 1 };
@@ -29,7 +29,8 @@ pub fn common(scene: &Scene, settings: &Settings) -> usize {
     let environment = scene.environment.as_ref().map_or(0, Environment::bytes);
     let triangles = scene.mesh.triangles.len();
     let photons = match settings.photons.map {
-        PhotonMapKind::Surface => PhotonAtlas::bytes(triangles),
+        _ if !has_photons => 0,
+        PhotonMapKind::Surface => PhotonAtlas::bytes(triangles, settings.photons.count),
         PhotonMapKind::Grid => {
             let cells = settings.photons.grid_cells;
             PhotonGrid::bytes(cells) + PhotonTexture::bytes(cells) + PhotonGrid::area_bytes(triangles)
@@ -58,5 +59,5 @@ pub fn of_render(scene: &Scene, settings: &Settings, blocks: u32, shard: bool) -
     let films = FilmSum::most_nodes(blocks) as usize;
     // The tree, when its size is no power of two, and its two halves or its whole; the picture's channels, a copy for the writer, and the file.
     let writing = if shard { 0 } else { Film::bytes(films.max(2) * pixels) + 3 * 32 * size_of::<f32>() * pixels };
-    (common(scene, settings) + gl + rays + (block + Film::bytes(films * pixels)).max(writing)) as u64
+    (common(scene, settings, true) + gl + rays + (block + Film::bytes(films * pixels)).max(writing)) as u64
 }

@@ -250,7 +250,8 @@ fn pipelines_go_by_name() {
             let differ = (0..32 * 32).filter(|&pixel| (0..3).any(|c| a[c][pixel] != b[c][pixel])).count();
             // With layers as coarse as here, one of 8000 hits is early KILL's own.
             let alike = (i, j) == (0, 1);
-            assert!(if alike { differ < 5 } else { differ > 500 }, "pipelines {i} and {j}: {differ} of 1024 pixels differ");
+            // Hits on the same piece of the photon map bring the same light, so rays and layers often agree to the bit.
+            assert!(if alike { differ < 5 } else { differ > 100 }, "pipelines {i} and {j}: {differ} of 1024 pixels differ");
         }
     }
 }

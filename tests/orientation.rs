@@ -220,7 +220,7 @@ fn info_of_a_scene_tells_what_looks_wrong() {
 #[test]
 fn normals_against_the_winding_are_told_and_cured() {
     let folder = folder();
-    write(folder.path(), &square("1").replace("f 1//1 2//1 3//1 4//1", "f 4//1 3//1 2//1 1//1"), "");
+    write(folder.path(), &square("1").replace("f 1//1 2//1 3//1 4//1", "f 4//1 3//1 2//1 1//1"), "settings.light_samples = 2048");
     let what = ["--to", "vertices", "--what", "irradiance"];
     let (said, values) = bake(folder.path(), &what, "irradiance_r");
     assert!(said.contains("point to the back of 2 of 2 triangles"), "{said}");

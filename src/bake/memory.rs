@@ -81,7 +81,7 @@ impl Plan {
         // Sums of a stage, their total, and cached values.
         let cached = vertices * sums(false) * (nodes(all.clone()) + 2);
         let summed = receivers * sums(true) * nodes(own.clone());
-        let during = common(scene, settings) + PROGRAMS + hits + points + cached + summed;
+        let during = common(scene, settings, self.needs_photons()) + PROGRAMS + hits + points + cached + summed;
         // Totals: of a round and of all rounds. Columns: of all points, of one receiver, and in the file.
         let columns: usize = self.what.iter().map(|quantity| quantity.columns(self.order).len()).sum();
         let written = if own == all { 2 * sums(true) + 4 * size_of::<f32>() * columns } else { sums(true) };

@@ -39,7 +39,12 @@ impl Bundle {
         let axes = frame(direction.vector) * Mat3::from_rotation_z(direction.turn);
         let to_axes = axes.transpose();
         let along = |points: &[Vec3]| Aabb::from_points(points.iter().map(|&position| to_axes * position));
-        let (bounds, seen) = (along(positions), along(receivers));
+        let (bounds, mut seen) = (along(positions), along(receivers));
+        // Receivers beside the scene have no hits. If all are beside it, any fit will do.
+        let both = Aabb { min: seen.min.max(bounds.min), max: seen.max.min(bounds.max) };
+        if both.extent().truncate().min_element() >= 0.0 {
+            seen = both;
+        }
         // Two texels are the border, and one leaves room for the shift.
         let texel = (seen.extent().truncate() / (size as f32 - 3.0).max(1.0)).max(Vec2::splat(LEAST_TEXEL));
         let corner = seen.min.truncate() - (1.0 + direction.shift) * texel;

@@ -111,12 +111,15 @@ impl PhotonAtlas {
         [sum(&mut (0..self.flux.len())), sum(&mut { seams })]
     }
 
-    /// Bytes that an atlas and its textures take at most: that many pages and cells, and the charts of so many triangles.
-    pub fn bytes(triangles: usize) -> usize {
+    /// Bytes that an atlas of so many triangles and photons and its textures take at most, if each photon meets eight surfaces.
+    pub fn bytes(triangles: usize, photons: u64) -> usize {
         const PIECE: usize =
             size_of::<f32>() + 2 * (2 * size_of::<Vec3>() + 2 * size_of::<Vec4>()) + 2 * size_of::<([u32; 2], f32)>();
-        let pages = MOST_PAGES as usize * (PIECE + 4 * size_of::<u32>());
-        pages + 2 * Pieces::MOST_CELLS * size_of::<u32>() + triangles * (6 * size_of::<u32>() + size_of::<ChartMap>())
+        let lit = 8.0 * photons as f32 / PHOTONS;
+        let pages = (lit + PAGES + LEAST_PAGES.powi(2) * triangles as f32).min(MOST_PAGES) as usize;
+        pages * (PIECE + 4 * size_of::<u32>())
+            + 2 * Pieces::MOST_CELLS * size_of::<u32>()
+            + triangles * (6 * size_of::<u32>() + size_of::<ChartMap>())
     }
 
     /// Bytes that the atlas takes on the CPU.
