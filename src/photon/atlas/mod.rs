@@ -20,7 +20,7 @@ use super::store::PhotonStore;
 use crate::scene::{Bvh, Mesh};
 
 /// Photons on a page, on average over its chart. With its neighbours that is four times as many.
-const PHOTONS: f32 = 32.0;
+const PHOTONS: f32 = 64.0;
 /// Most pages of all charts.
 const MOST_PAGES: f32 = (1 << 18) as f32;
 /// Pages if all were equal. They are at most four times as wide as that.
