@@ -26,7 +26,7 @@ const STRIDE: u32 = 4;
 /// Most samples in one draw: `LIGHTS` in the shader.
 const LIGHTS: usize = 32;
 /// Most draws before a wait for the device.
-const DRAWS: usize = 4;
+const DRAWS: usize = 2;
 /// Emitting triangles for each sample that shares a ray. One lamp of two triangles needs no choice.
 const EMITTERS: usize = 4;
 

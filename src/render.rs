@@ -37,10 +37,10 @@ use crate::prepared::{Photons, Prepared};
 use crate::random::sobol;
 use crate::reference::Reference;
 use crate::scene::{Camera, World, WorldCamera};
-use crate::settings::{DIRECTIONS_PER_PHOTON_MAP, Estimator, PointSource, Settings};
+use crate::settings::{DIRECTIONS_PER_PHOTON_MAP, Estimator, PhotonMapKind, PointSource, Settings};
 
 use self::merge::{FILM, film_of_part};
-use self::method::{method, seen};
+use self::method::{method, seen, view_of};
 use self::statistics::layer_size;
 
 pub use crate::memory::of_render as memory_of;
@@ -66,6 +66,8 @@ pub struct Render {
     directions: Directions,
     /// Checksums of the scene.
     digest: Value,
+    /// The view to which the photons are guided: the first one, also after a restart elsewhere.
+    guided: String,
     /// The blocks to do; `None`: all.
     shard: Option<Range<u32>>,
     /// The block in progress.
@@ -149,6 +151,7 @@ impl Render {
             directions: Directions::new(settings.directions.sequence, settings.seed),
             settings: *settings,
             digest: scene.digest(),
+            guided: view_of(&camera, settings),
             all,
             gathered,
             geometry,
@@ -253,6 +256,7 @@ impl Render {
             "camera": format!("{:?}", self.camera),
             "settings": self.settings.of_sums(),
             "interleave": self.passes.interleave,
+            "guided": (self.settings.photons.map == PhotonMapKind::Surface).then_some(&self.guided),
         })
     }
 

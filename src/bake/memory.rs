@@ -23,7 +23,8 @@ const PROGRAMS: usize = 24 << 20;
 /// Maximum number of points in a round of the last stage, or of an earlier one: whole tiles, or less than one tile.
 pub fn most_points(plan: &Plan, blocks: Blocks, last: bool) -> usize {
     let fit = (plan.memory << 20) / bytes_of_point(plan, blocks, last);
-    if fit < TILE { fit.max(LEAST) } else { fit / TILE * TILE }
+    // A point's light samples depend on its place among four rows of its texture, so rounds begin at whole groups of them.
+    if fit < TILE { (fit / LEAST * LEAST).max(LEAST) } else { fit / TILE * TILE }
 }
 
 /// Bytes of a point of the round in progress: its textures, and its sums on the GL side, in the pairwise tree and in the total.

@@ -119,7 +119,8 @@ impl Plan {
 }
 
 /// Distance in unit space from a vertex to its gather point. Closer to the foot of a wall than half a texel, layers lose light. Rays need the distance
-/// only to tell the two sides of an edge apart: at a tenth of it, rays on the GL side and on the CPU differ by 0.6 % in transfer. Before [`Pipeline::Auto`] has chosen, the points are those for rays.
+/// only to tell the two sides of an edge apart: at a tenth of it, rays on the GL side and on the CPU differ by 0.6 % in transfer. Before
+/// [`Pipeline::Auto`] has chosen, the points are those for rays.
 pub fn vertex_inset(settings: &Settings) -> f32 {
     match settings.gather.pipeline {
         Pipeline::Kill | Pipeline::EarlyKill | Pipeline::Fused => 1.0 / settings.layers() as f32,

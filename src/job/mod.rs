@@ -22,7 +22,7 @@ use crate::scene::Loaded;
 
 pub use checkpoint::Keeping;
 pub use merge::merge;
-pub use outputs::{check_kept, metadata};
+pub use outputs::{check_kept, metadata, of_picture};
 pub use receiver::{Receiver, ReceiverKind, ReceiverValues, outputs_of};
 pub use report::{JobReport, JobSeconds, ReceiverReport, TaskReport};
 pub use request::{BakeRequest, DeviceRequest, JobRequest, SceneRequest, Work};

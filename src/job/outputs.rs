@@ -3,12 +3,15 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use glam::DVec3;
+use serde::Deserialize;
 use serde_json::{Value, json};
 
 use crate::blocks::sha256;
 use crate::error::{Error, Result};
 use crate::export::{metadata_of, written_with};
 use crate::file::place_of;
+use crate::scene::UnitSpace;
 
 /// # Errors
 /// [`Error::Usage`] when an output is also an input or another output.
@@ -28,6 +31,20 @@ pub fn check_kept<'a>(outputs: &[PathBuf], inputs: impl IntoIterator<Item = &'a 
             Err(Error::usage(format!("{}: is an input, and would be written over", output.display()), "give another name"))
         }
     }
+}
+
+/// See [`UnitSpace::local_origin`]; zero if the job does not say its space.
+pub(super) fn local_origin(job: &Value) -> DVec3 {
+    UnitSpace::deserialize(&job["space"]).map_or(DVec3::ZERO, UnitSpace::local_origin)
+}
+
+/// Facts of a picture for [`metadata`]: how its pixels shared the directions, and where the channels P of an EXR begin, if far from the origin.
+pub fn of_picture(job: &Value) -> Value {
+    let mut own = json!({ "interleave": job["interleave"] });
+    if local_origin(job) != DVec3::ZERO {
+        own["position_origin"] = json!(local_origin(job).to_array());
+    }
+    own
 }
 
 /// JSON metadata: `job` ([`crate::Render::job`], [`crate::bake::Bake::job`]), `own` facts, progress. No times or paths, so equal jobs give equal files.

@@ -8,7 +8,7 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 
-use super::outputs::metadata;
+use super::outputs::{local_origin, metadata, of_picture};
 use super::receiver::check_kinds;
 use super::{ReceiverKind, Watch};
 use crate::bake::{Plan, blocks_of as blocks_of_bake};
@@ -19,7 +19,7 @@ use crate::image::check_writable;
 use crate::points::LightMapOptions;
 use crate::quantity::Quantity;
 use crate::render::{blocks_of, memory_of};
-use crate::scene::{Environment, Files, LoadOptions, Loaded, Material, UnitSpace, World};
+use crate::scene::{Environment, Files, LoadOptions, Loaded, Material, World};
 use crate::settings::{PointSource, Settings};
 
 /// A job. Parts of a bake contain it, because a merge makes the receivers again.
@@ -202,11 +202,7 @@ impl JobRequest {
     /// Metadata for the files of the picture or of a receiver. `job` made them.
     pub(super) fn metadata(&self, receiver: usize, job: &Value, exposure: f32, done: (u32, bool)) -> String {
         let own = match &self.work {
-            // Where the channels P of an EXR begin. A scene near the origin needs no word of it.
-            Work::Render => match local_origin(job) {
-                DVec3::ZERO => Value::Null,
-                origin => json!({ "position_origin": origin.to_array() }),
-            },
+            Work::Render => of_picture(job),
             // Padding is the only light map option that moves no point. So the job does not contain it.
             Work::Bake(BakeRequest { receivers, light_map, .. }) => {
                 json!({ "plan": job["plan"], "receiver": receivers[receiver].name(), "padding": light_map.padding })
@@ -214,11 +210,6 @@ impl JobRequest {
         };
         metadata(job, exposure, &own, done)
     }
-}
-
-/// See [`UnitSpace::local_origin`]; zero if the job does not say its space.
-fn local_origin(job: &Value) -> DVec3 {
-    UnitSpace::deserialize(&job["space"]).map_or(DVec3::ZERO, UnitSpace::local_origin)
 }
 
 /// Checks that a render, or a shard of these blocks, fits into `allowed` MiB.

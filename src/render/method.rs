@@ -39,3 +39,8 @@ pub(super) fn seen(gathered: &Prepared, camera: &Camera, [width, height]: [u32; 
     };
     (0..SIDE * SIDE).filter_map(see).collect()
 }
+
+/// What decides which points a picture sees.
+pub(super) fn view_of(camera: &Camera, settings: &Settings) -> String {
+    format!("{camera:?} at {:?}", settings.film.size)
+}

@@ -182,8 +182,8 @@ impl PhotonStore for PhotonAtlas {
         }
         self.irradiance = sums.iter().map(|sum| if sum.w > 0.0 { sum.truncate() / sum.w } else { Vec3::ZERO }).collect();
         for (seam, beside) in &self.pieces.seams {
-            for side in 0..2 {
-                let darkest = beside[side].iter().map(|&piece| self.irradiance[2 * piece as usize + side]).reduce(Vec3::min);
+            for (side, parts) in beside.iter().enumerate() {
+                let darkest = parts.iter().map(|&piece| self.irradiance[2 * piece as usize + side]).reduce(Vec3::min);
                 self.irradiance[2 * *seam as usize + side] = darkest.unwrap_or(Vec3::ZERO);
             }
         }

@@ -124,8 +124,12 @@ pub fn load(loader: &mut Loader, path: &Path) -> Result<(World, Settings)> {
     })?;
 
     for (number, text) in (1..).zip(text.lines()) {
-        let name = text.split('=').next().unwrap_or_default().trim();
-        if let Some((key, reason)) = Settings::WITHOUT_EFFECT.iter().find(|(key, _)| *key == name) {
+        // Also as settings.KEY and in a table on one line.
+        let is_name = |c: char| c.is_alphanumeric() || c == '_';
+        let code = text.split('#').next().unwrap_or_default();
+        let mut names = code.split('=').map(|part| part.trim_end().rsplit(|c| !is_name(c)).next().unwrap_or_default());
+        let without = Settings::WITHOUT_EFFECT.iter().find(|(key, _)| names.any(|name| name == *key));
+        if let Some((key, reason)) = without {
             let warning = format!("{}:{number}: {key} has no effect, for {reason}; leave it out", path.display());
             loader.warnings.push(warning);
         }

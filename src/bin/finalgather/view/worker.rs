@@ -85,7 +85,6 @@ pub struct OpenedScene {
     pub camera: WorldCamera,
     /// Settings of the scene file, overridden by the command line.
     pub settings: Settings,
-    /// The scene's box.
     /// Lengths of the sides of its bounding box.
     pub extent: Vec3,
     pub warnings: Vec<String>,
@@ -453,7 +452,8 @@ impl SceneRender {
         // The exposure is the view's. Its other settings may belong to the next render.
         let exposure = self.view.settings.display.exposure;
         let done = (self.render.directions_done(), self.render.is_done());
-        let metadata = metadata(&self.render.job(), exposure, &Value::Null, done);
+        let job = self.render.job();
+        let metadata = metadata(&job, exposure, &of_picture(&job), done);
         self.render.picture().write(path, &WriteOptions { exposure, metadata: Some(&metadata) })
     }
 }
