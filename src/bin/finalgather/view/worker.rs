@@ -15,13 +15,12 @@ use egui::ColorImage;
 use finalgather::error::{Error, Result};
 use finalgather::gpu::{Gpu, StageClock};
 use finalgather::image::{Image, WriteOptions};
-use finalgather::job::{DeviceRequest, SceneRequest, metadata};
+use finalgather::job::{DeviceRequest, SceneRequest, metadata, of_picture};
 use finalgather::render::{End, Layers, Probe, Render, RenderStatistics};
 use finalgather::scene::{Loaded, WorldCamera};
 use finalgather::settings::{LayerSize, Settings};
 use finalgather::shaders;
 use glam::{DVec3, Vec2, Vec3};
-use serde_json::Value;
 
 use super::layers::{LayerImages, LayerRequest};
 use super::picture::{DisplayOptions, develop};
