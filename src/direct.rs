@@ -91,9 +91,10 @@ impl Direct {
         sums.clear();
         for y in 0..STRIDE {
             for x in 0..STRIDE {
-                let samples: Vec<LightSample> =
-                    share.places(rank([x, y]), of_ray as u32).map(|place| self.sample(lights, place)).collect();
-                for (index, batch) in samples.chunks(in_draw).enumerate() {
+                let samples = share.places(rank([x, y]), of_ray as u32).map(|place| self.sample(lights, place));
+                // Lamps and environment share no ray: indoors nearly all rays would go to a sun that walls hide.
+                let (lamps, sky): (Vec<LightSample>, Vec<LightSample>) = samples.partition(|sample| sample.place.w > 0.0);
+                for (index, batch) in lamps.chunks(in_draw).chain(sky.chunks(in_draw)).enumerate() {
                     let each = |value: fn(&LightSample) -> Vec4| batch.iter().map(value).collect::<Vec<_>>();
                     let places = each(|sample| sample.place);
                     let normals = each(|sample| sample.normal.extend(0.0));

@@ -137,7 +137,7 @@ settings! {
 
     /// Direct light.
     direct: DirectSettings {
-        /// Samples on the lights for each point. Neighbouring pixels have different ones.
+        /// Shadow rays of each point to the lights. Neighbouring pixels have different ones.
         light_samples => light_samples: u32 = 128,
     }
 

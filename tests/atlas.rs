@@ -176,7 +176,7 @@ fn turns_of_a_ramp_stay_apart() {
     for point in ramp {
         // In steps of the ramp, from its foot.
         let height = (point.position.y - lit.scene.mesh.bounds().min.y) * lit.scene.space.length_to_world(1.0) / 0.008;
-        let up = GatherPoint::flat(point.position, Vec3::Y * point.normal.y.signum() * point.normal.y.signum());
+        let up = GatherPoint::flat(point.position, Vec3::Y);
         let found = lit.at(&up).x;
         match height {
             5.0..25.0 => low.push(found),

@@ -299,3 +299,33 @@ fn parts_of_the_samples_are_the_whole() {
     // A list has four points of a row in each square.
     assert!((0..16).all(|i| (whole[i] == whole[i % 4]) && (i % 4 == 0 || whole[i] != whole[0])), "{whole:?}");
 }
+
+/// Many lamps in a closed room, with and without a sun outside, against the closed form of each lamp.
+#[test]
+fn many_lamps_and_a_sun_that_walls_hide() {
+    let mut model = Model::new();
+    let lamp = model.material(Vec3::ZERO, Vec3::splat(RADIANCE));
+    let centers: Vec<Vec3> = (0..16).map(|i| vec3((i % 4) as f32 * 0.5 - 0.75, 0.9, (i / 4) as f32 * 0.5 - 0.75)).collect();
+    centers.iter().for_each(|&center| model.plate(center, 0.06 * Vec3::X, 0.06 * Vec3::Z, lamp));
+    model.cuboid(Vec3::ZERO, Vec3::ONE, 0.0, true, 0);
+    let mut scene = model.finish();
+    let points: Vec<_> =
+        points_on(&scene, 4000).into_iter().filter(|point| point.normal.y > 0.9 && point.position.y < 0.0).collect();
+    let corners = |lamp: usize| &scene.mesh.positions[4 * lamp..4 * lamp + 4];
+    let of_lamps = |point: &GatherPoint| -> f64 {
+        (0..16).map(|lamp| form_factor_of_polygon(corners(lamp), point.position, point.normal)).sum::<f64>()
+            * f64::from(RADIANCE * PI)
+    };
+    let expected: Vec<f64> = points.iter().map(of_lamps).collect();
+    let mut sun = vec![Vec3::ZERO; 64 * 32];
+    sun[6 * 64 + 20] = Vec3::splat(1e4);
+    for sky in [None, Some(Environment::from_texels([64, 32], sun).unwrap())] {
+        let has_sun = sky.is_some();
+        scene.environment = sky;
+        let found = direct(&scene, &points);
+        let errors: Vec<f64> = found.iter().zip(&expected).map(|(&found, expected)| f64::from(found) / expected - 1.0).collect();
+        let rms = (errors.iter().map(|error| error * error).sum::<f64>() / errors.len() as f64).sqrt();
+        eprintln!("{} points, sun {has_sun}: RMS {:.3} %", points.len(), 100.0 * rms);
+        assert!(points.len() > 100 && rms < 0.01, "with a sun {has_sun}: {rms}");
+    }
+}

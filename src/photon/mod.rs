@@ -1,8 +1,8 @@
-//! The photon map on a grid. Gather rays read the light of surfaces from it.
+//! The photon map. Gather rays read the light of surfaces from it.
 //!
-//! Lights and environment emit photons in proportion to their power. The CPU traces them (`trace.rs`) and stores them in a uniform grid
-//! (`grid.rs`). The irradiance of a surface is estimated as the flux in its cell over the surface area in that cell. [`PhotonTexture`] takes
-//! the grid to the shaders. Caustics need a finer resolution and are estimated at the points themselves (`caustics.rs`). Lengths are in unit space.
+//! Lights and environment emit photons. The CPU traces them (`trace.rs`), guided to what gather rays see (`guide.rs`), and stores their flux on the
+//! surfaces (`atlas/`) or, as in 2004, in a uniform grid (`grid.rs`). Irradiance is flux over area. [`PhotonTexture`] takes either to the shaders.
+//! Caustics need a finer resolution and are estimated at the points themselves (`caustics.rs`). Lengths are in unit space.
 //!
 //! Source: Jensen 1996, "Global illumination using photon maps". The grid follows Hachisuka 2004, "Final gathering on GPU".
 

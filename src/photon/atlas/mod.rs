@@ -111,15 +111,19 @@ impl PhotonAtlas {
         [sum(&mut (0..self.flux.len())), sum(&mut { seams })]
     }
 
-    /// Bytes that an atlas of so many triangles and photons and its textures take at most, if each photon meets eight surfaces.
+    /// Bytes that an atlas of so many triangles and photons and its textures take, if each photon meets eight surfaces, a chart has eight triangles and a
+    /// page in eight is divided, in four.
     pub fn bytes(triangles: usize, photons: u64) -> usize {
         const PIECE: usize =
             size_of::<f32>() + 2 * (2 * size_of::<Vec3>() + 2 * size_of::<Vec4>()) + 2 * size_of::<([u32; 2], f32)>();
+        let charts = triangles.div_ceil(8);
         let lit = 8.0 * photons as f32 / PHOTONS;
-        let pages = (lit + PAGES + LEAST_PAGES.powi(2) * triangles as f32).min(MOST_PAGES) as usize;
-        pages * (PIECE + 4 * size_of::<u32>())
-            + 2 * Pieces::MOST_CELLS * size_of::<u32>()
-            + triangles * (6 * size_of::<u32>() + size_of::<ChartMap>())
+        let pages = charts + (lit + PAGES + LEAST_PAGES.powi(2) * charts as f32).min(MOST_PAGES) as usize;
+        let cells = Pieces::MOST_CELLS.max(64 * pages / 8);
+        pages * (11 * PIECE / 8 + 4 * size_of::<u32>())
+            + 3 * cells * size_of::<u32>()
+            + triangles * 4 * size_of::<u32>()
+            + charts * 3 * size_of::<ChartMap>()
     }
 
     /// Bytes that the atlas takes on the CPU.
@@ -209,13 +213,14 @@ fn size_pages(mesh: &Mesh, charts: &Charts, arrivals: &[f32], equal: f32) -> Vec
         })
         .collect();
     let size = |side: f32, plane: &ChartPlane| ((plane.high - plane.low) / side).ceil().max(Vec2::ONE);
-    // Too many pages become wider together. A chart has one page at least.
+    // Too many pages become wider together. A chart has one page at least, beside the pages of larger charts.
+    let most = MOST_PAGES + charts.planes.len() as f32;
     loop {
         let count: f32 = sides.iter().zip(&charts.planes).map(|(&side, plane)| size(side, plane).element_product()).sum();
-        if count <= MOST_PAGES.max(charts.planes.len() as f32) {
+        if count <= most {
             break;
         }
-        let wider = (count / MOST_PAGES).sqrt().max(1.1);
+        let wider = (count / most).sqrt().max(1.1);
         sides.iter_mut().for_each(|side| *side *= wider);
     }
     let mut first = 0;

@@ -370,7 +370,8 @@ fn divide(
             break;
         }
     }
-    // Whether each part lies inside something, on the front and on the back, by what most of some of its cells see.
+    // Whether each part lies inside something, on the front and on the back, by what almost all of some of its cells see. On the back of a sheet half see
+    // backs too.
     let inside: Vec<[bool; 2]> = (0..counts.len() as u32)
         .map(|part| {
             let own: Vec<usize> = (0..cells.len()).filter(|&i| cells[i] == part).collect();
@@ -380,7 +381,7 @@ fn divide(
                 let (triangle, corners) = triangles[owners[i]];
                 is_inside(triangle, weights(corners, (cell_at(i).as_vec2() + 0.5) / side_of(shift) + at), side)
             };
-            [false, true].map(|side| 2 * (0..probes).filter(|&k| probe(k, side)).count() > probes)
+            [false, true].map(|side| 8 * (0..probes).filter(|&k| probe(k, side)).count() >= 7 * probes)
         })
         .collect();
     let mut seams: Vec<Vec<u32>> = Vec::new();
@@ -394,7 +395,11 @@ fn divide(
         }
     }
     spread(&mut cells, side);
-    let counted = |parts: &Vec<u32>, side: usize| parts.iter().copied().filter(|&part| !inside[part as usize][side]).collect();
+    let counted = |parts: &Vec<u32>, side: usize| -> Vec<u32> {
+        let outside: Vec<u32> = parts.iter().copied().filter(|&part| !inside[part as usize][side]).collect();
+        // In a room whose fronts look outward all seem to lie inside something.
+        if outside.is_empty() { parts.clone() } else { outside }
+    };
     let seams = seams.iter().map(|parts| [0, 1].map(|side| counted(parts, side))).collect();
     Some(DividedPage { page, cells, counts, inner, seams })
 }
