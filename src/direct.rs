@@ -89,6 +89,7 @@ impl Direct {
         let squares = Interleave::new(STRIDE, points.size(), self.seed);
         let sums = Accumulator::new(&self.gpu, squares.sums_size())?;
         sums.clear();
+        let mut draws = 0;
         for y in 0..STRIDE {
             for x in 0..STRIDE {
                 let samples = share.places(rank([x, y]), of_ray as u32).map(|place| self.sample(lights, place));
@@ -111,7 +112,8 @@ impl Direct {
                     let subset = points.only(Subset { stride: STRIDE, offset: [x, y] });
                     sums.add(subset, &self.program, &[&own[..], &tables.uniforms()].concat());
                     // Draws of few points are not measured, but their rays take long on slow devices.
-                    if index % DRAWS == DRAWS - 1 {
+                    draws += 1;
+                    if draws % DRAWS == 0 {
                         self.gpu.finish();
                     }
                 }

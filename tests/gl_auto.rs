@@ -18,7 +18,7 @@ use glam::{Vec3, vec3};
 
 /// What a bake of points on the scene's surfaces chooses.
 fn for_bake(scene: &Scene, points: &[GatherPoint]) -> Pipeline {
-    chosen_for_bake(&Settings::default(), &Bvh::new(&scene.mesh), points)
+    chosen_for_bake(&Settings::default(), &scene.mesh, &Bvh::new(&scene.mesh), points)
 }
 
 /// Points of a room whose walls, floor and ceiling are `thickness` thick. Half the points look into the room.
@@ -46,6 +46,12 @@ fn layers_serve_large_surfaces_and_many_points() {
 #[test]
 fn thin_walls_and_fine_surfaces_need_rays() {
     assert_eq!([0.01, 0.2].map(room), [Pipeline::RaycastGl, Pipeline::Fused]);
+    // A sheet without thickness between two rooms.
+    let mut model = Model::new();
+    model.cuboid(Vec3::ZERO, Vec3::ONE, 0.0, true, 0);
+    model.plate(Vec3::ZERO, Vec3::Y, Vec3::Z, 0);
+    let scene = model.finish();
+    assert_eq!(for_bake(&scene, &points_on(&scene, 20_000)), Pipeline::RaycastGl);
     // The inside of a ball, of triangles as wide as two texels of 128²: each point's neighbours rise above its tangent plane.
     let mut model = Model::new();
     model.sphere(Vec3::ZERO, 1.0, 64, true, 0);

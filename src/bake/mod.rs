@@ -114,7 +114,7 @@ impl Bake {
         }
         let mut settings = *settings;
         if settings.gather.pipeline == Pipeline::Auto {
-            settings.gather.pipeline = chosen_for_bake(&settings, &prepared.bvh, &points);
+            settings.gather.pipeline = chosen_for_bake(&settings, &prepared.scene.mesh, &prepared.bvh, &points);
         }
         let settings = &settings;
         let start = Instant::now();

@@ -2,10 +2,11 @@
 //! device. It casts some thousands of rays on the CPU, always the same ones.
 //!
 //! A texel of a layer is seen at its centre, half a texel beside the ray of a point. So layers are right where surfaces go on for half a texel around
-//! the points. Two shares of a sample of points tell where not:
+//! the points. Three shares of a sample of points tell where not:
 //! - *crossed*: of the steps from a point, within its tangent plane, to a ray through another place of the same texel, those that meet a surface.
 //!   Points near walls have such steps; in scans and terrains, whose triangles are about as wide as a texel, most points have.
 //! - *thin*: of the points, those with a second surface within a texel, behind their own or before it. Light leaks past the edges of thin walls.
+//! - *dividing*: of the points, those on sheets without thickness between two rooms.
 
 use glam::{Mat3, Vec3};
 use rayon::prelude::*;
@@ -15,7 +16,7 @@ use super::outline::outline;
 use crate::direction::Directions;
 use crate::points::GatherPoint;
 use crate::random::Random;
-use crate::scene::{Bvh, RAY_OFFSET, Scene};
+use crate::scene::{Bvh, Mesh, RAY_OFFSET, Scene};
 use crate::settings::{Pipeline, Sequence, Settings};
 
 /// Most points that stand for all, and the directions of each.
@@ -29,6 +30,8 @@ const BUNDLES: u32 = 64;
 const CROSSED: f64 = 0.02;
 /// Largest share of points at thin walls. Measured: 0.6 % in the Cornell box, at its lamp; 22 to 47 % in rooms with thin walls.
 const THIN: f64 = 0.05;
+/// Largest share of points on sheets between two rooms. Tops of blocks without a bottom, as in the Cornell box, count too: 5 % of its points.
+const DIVIDING: f64 = 0.1;
 /// Fewer points than this do not pay for the peeling of a direction.
 const FEW: usize = 16_384;
 /// Cosine of the steepest angle of a direction to the normal that counts. A step along the tangent plane is longest there, and the weight least.
@@ -37,12 +40,12 @@ const GRAZING: f32 = 0.05;
 /// The pipeline of a picture that sees `points`, of the scene without glass. The light of an environment comes along the directions alone. So few
 /// directions show its shadows as bands, unless neighbours have different ones, which rays give for nothing.
 pub fn chosen_for_picture(settings: &Settings, scene: &Scene, bvh: &Bvh, points: &[GatherPoint]) -> Pipeline {
-    by_rays(scene.environment.is_some() || !resolves(settings.layers(), bvh, points))
+    by_rays(scene.environment.is_some() || !resolves(settings.layers(), &scene.mesh, bvh, points))
 }
 
 /// The pipeline of a bake of `points`.
-pub fn chosen_for_bake(settings: &Settings, bvh: &Bvh, points: &[GatherPoint]) -> Pipeline {
-    by_rays(points.len() < FEW || !resolves(settings.layers(), bvh, points))
+pub fn chosen_for_bake(settings: &Settings, mesh: &Mesh, bvh: &Bvh, points: &[GatherPoint]) -> Pipeline {
+    by_rays(points.len() < FEW || !resolves(settings.layers(), mesh, bvh, points))
 }
 
 fn by_rays(rays: bool) -> Pipeline {
@@ -50,7 +53,7 @@ fn by_rays(rays: bool) -> Pipeline {
 }
 
 /// Whether layers with this side in texels, fitted to `points`, resolve what lies around them.
-fn resolves(layers: u32, bvh: &Bvh, points: &[GatherPoint]) -> bool {
+fn resolves(layers: u32, mesh: &Mesh, bvh: &Bvh, points: &[GatherPoint]) -> bool {
     let positions: Vec<Vec3> = points.iter().map(|point| point.position).collect();
     let outline = outline(&positions);
     let directions = Directions::new(Sequence::R2, 0);
@@ -64,6 +67,10 @@ fn resolves(layers: u32, bvh: &Bvh, points: &[GatherPoint]) -> bool {
         let mut random = Random::new(0, number as u64);
         let from = |side: f32| point.position + side * 3.0 * RAY_OFFSET * point.surface_normal;
         let meets = |origin: Vec3, way: Vec3, reach: f32| bvh.nearest(origin, way, None).is_some_and(|hit| hit.distance < reach);
+        // A sheet without thickness divides two rooms where its back sees the front of a surface. Behind the wall of a solid there are backs.
+        let divides = bvh
+            .nearest(from(-1.0), -point.surface_normal, None)
+            .is_some_and(|hit| mesh.geometric_normal(hit.triangle).dot(point.surface_normal) > 0.0);
         let thin = [-1.0, 1.0].iter().any(|&side| meets(from(side), side * point.surface_normal, texel));
         let (mut crossed, mut all) = (0.0, 0.0);
         for turn in 0..DIRECTIONS {
@@ -77,11 +84,11 @@ fn resolves(layers: u32, bvh: &Bvh, points: &[GatherPoint]) -> bool {
             all += f64::from(cosine.abs());
             crossed += if meets(from(1.0), along, 1.0) { f64::from(cosine.abs()) } else { 0.0 };
         }
-        [f64::from(u8::from(thin)), crossed, all]
+        [f64::from(u8::from(thin)), f64::from(u8::from(divides)), crossed, all]
     };
     let shares: Vec<_> = (0..count).into_par_iter().map(of_point).collect();
-    let [thin, crossed, all] = shares.iter().fold([0.0; 3], |sum, share| [0, 1, 2].map(|i| sum[i] + share[i]));
-    crossed <= CROSSED * all && thin <= THIN * count as f64
+    let [thin, divides, crossed, all] = shares.iter().fold([0.0; 4], |sum, share| [0, 1, 2, 3].map(|i| sum[i] + share[i]));
+    crossed <= CROSSED * all && thin <= THIN * count as f64 && divides <= DIVIDING * count as f64
 }
 
 /// The steps in unit space to the next texel in x and in y.
