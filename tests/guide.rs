@@ -79,9 +79,9 @@ fn guided_photons_bring_the_same_light() {
         let mean = mean(runs, region);
         (runs.iter().map(|run| (run[region] / expected[region] - mean).powf(2.0)).sum::<DVec3>() / 7.0).powf(0.5)
     };
-    for region in 0..expected.len() {
+    for (region, flux) in expected.iter().enumerate() {
         let (found, noise) = (mean(&guided, region), spread(&guided, region));
-        eprintln!("{region}: {found:.4} of {:.5}, noise {noise:.4} for {:.4}", expected[region], spread(&even, region));
+        eprintln!("{region}: {found:.4} of {flux:.5}, noise {noise:.4} for {:.4}", spread(&even, region));
         // Green is the sky's. Four standard errors of the mean of eight runs, and what the expected value may be off.
         assert!((found.y - 1.0).abs() < 4.0 * noise.y / 8f64.sqrt() + 0.01, "{region}: {found}");
     }

@@ -97,7 +97,7 @@ impl Texture {
         Self::new(gpu, glow::TEXTURE_2D, format, [width, height, 1], filter, wrap, Some(bytemuck::cast_slice(texels)))
     }
 
-    /// A list of texels as a 2D texture, [`Self::TABLE_WIDTH`] in a row, padded with zeros. Fails as [`Self::empty`].
+    /// A list of texels as a 2D texture, 1024 in a row, padded with zeros. Fails as [`Self::empty`].
     pub fn table<T: Pod>(gpu: &Gpu, format: Format, mut texels: Vec<T>) -> Result<Self> {
         let rows = texels.len().div_ceil(Self::TABLE_WIDTH).max(1);
         texels.resize(rows * Self::TABLE_WIDTH, T::zeroed());

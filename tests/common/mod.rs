@@ -325,9 +325,10 @@ fn gather_by(
     directions: &[Direction],
     layer_size: u32,
 ) -> (Vec<Vec4>, u32) {
-    let mut settings = Settings::default();
-    settings.gather = GatherSettings { pipeline, layer_size: LayerSize::Texels(layer_size), stop_fraction: 0.0 };
-    settings.photons.map = photons.kind();
+    let settings = Settings::default().with(|s| {
+        s.gather = GatherSettings { pipeline, layer_size: LayerSize::Texels(layer_size), stop_fraction: 0.0 };
+        s.photons.map = photons.kind();
+    });
     let geometry = &Geometry::upload(gpu, scene).unwrap();
     let list = PointList::upload(gpu, points).unwrap();
     let points = list.points();

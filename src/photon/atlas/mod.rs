@@ -64,7 +64,8 @@ pub(super) struct AtlasTables {
 
 impl PhotonAtlas {
     /// An atlas of `mesh`, to which `bvh` belongs. `arrivals` tells how many photons of a map each group of triangles gets, from the group of each
-    /// triangle and the number of groups. `gathered`: see [`Self::gathered`].
+    /// triangle and the number of groups. `gathered`: the index in `mesh` of each triangle of the
+    /// gathered mesh, if the two differ.
     pub fn new(mesh: &Mesh, bvh: &Bvh, gathered: Option<Vec<u32>>, arrivals: impl FnOnce(&[u32], usize) -> Vec<f32>) -> Self {
         let total: f64 = (0..mesh.triangles.len()).map(|triangle| f64::from(mesh.area(triangle))).sum();
         let equal = (total as f32 / PAGES).sqrt();
