@@ -310,7 +310,7 @@ fn many_lamps_and_a_sun_that_walls_hide() {
     model.cuboid(Vec3::ZERO, Vec3::ONE, 0.0, true, 0);
     let mut scene = model.finish();
     let points: Vec<_> =
-        points_on(&scene, 4000).into_iter().filter(|point| point.normal.y > 0.9 && point.position.y < 0.0).collect();
+        points_on(&scene, 1000).into_iter().filter(|point| point.normal.y > 0.9 && point.position.y < 0.0).collect();
     let corners = |lamp: usize| &scene.mesh.positions[4 * lamp..4 * lamp + 4];
     let of_lamps = |point: &GatherPoint| -> f64 {
         (0..16).map(|lamp| form_factor_of_polygon(corners(lamp), point.position, point.normal)).sum::<f64>()
