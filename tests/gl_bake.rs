@@ -197,7 +197,8 @@ fn gathered_bounces_are_the_geometric_series() {
     let world = model.world();
     let points = points_on(&Prepared::without_glass(&world).unwrap().scene, 512);
     // Layers keep vertices half a texel off the other walls, where samples on these still tell their light.
-    let settings = settings(along).with(|s| (s.direct.light_samples, s.gather.pipeline) = (512, Pipeline::Fused));
+    let samples = sized(&gpu, 512, 128);
+    let settings = settings(along).with(|s| (s.direct.light_samples, s.gather.pipeline) = (samples, Pipeline::Fused));
     let series = |bounces: u32| (1..=bounces).map(|k| albedo.powi(k as i32)).sum::<f32>();
     let mean = |bounces: u32| {
         let plan =

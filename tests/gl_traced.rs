@@ -63,7 +63,7 @@ fn furnace_with_mirror_and_glass() {
         Camera { eye: vec3(0.1, 0.6, 0.95), target: vec3(0.0, -0.4, -0.5), up: Vec3::Y, fov_y_degrees: 80.0, lens: None };
     model.scene.camera = Some(camera);
     let world = model.world();
-    let (size, directions, photons) = sized(&gpu, (96, 256, 400_000), (24, 64, 100_000));
+    let (size, directions, photons) = sized(&gpu, (96, 256, 400_000), (24, 64, 400_000));
     let mut settings = Settings::default();
     (settings.film.size, settings.film.points) = ([size; 2], PointSource::Traced);
     (settings.directions.count, settings.gather.layer_size) = (directions, LayerSize::Texels(128));
