@@ -10,7 +10,7 @@ use finalgather::image::compare::{Comparison, Selection, compare};
 use finalgather::render::Render;
 use finalgather::scene::World;
 use finalgather::settings::{
-    DirectSettings, DirectionSettings, FilmSettings, GatherSettings, LayerSize, PhotonSettings, Settings,
+    DirectSettings, DirectionSettings, FilmSettings, GatherSettings, LayerSize, PhotonMapKind, PhotonSettings, Settings,
 };
 use glam::{Affine3A, DVec3, Quat, Vec3, vec3};
 
@@ -44,7 +44,8 @@ fn picture(gpu: &Gpu, world: &World) -> (Image, f64) {
         film: FilmSettings { size, ..Default::default() },
         directions: DirectionSettings { count: directions, ..Default::default() },
         gather: GatherSettings { layer_size, ..Default::default() },
-        photons: PhotonSettings { count: 200_000, ..Default::default() },
+        // Pages of the map on surfaces are steps, and rounding puts hits on the other side of them.
+        photons: PhotonSettings { count: 200_000, map: PhotonMapKind::Grid, ..Default::default() },
         direct: DirectSettings { light_samples },
         ..Settings::default()
     };
