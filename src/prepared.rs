@@ -105,7 +105,8 @@ pub struct Photons {
 
 impl Photons {
     /// Traces the first map through `all`. Its flux decides, for all maps, which surface area of `gathered` light reaches. Photons are guided to what
-    /// `points` see, each with its unit normal; without points they are not guided. When the device has no memory left, `make_room` frees some and returns true, or returns false.
+    /// `points` see, each with its unit normal; without points they are not guided. When the device has no memory left, `make_room` frees some and
+    /// returns true, or returns false.
     ///
     /// # Errors
     /// [`Error::Usage`] when all lights are too small to trace from, or the grid exceeds the device's limits; [`Error::Gl`] when the device fails.

@@ -130,11 +130,11 @@ impl Render {
             false => Rc::new(Geometry::upload(gpu, &gathered.scene)?),
         };
         let (scene, camera) = (&all.scene, all.scene.camera(settings.film.size));
-        let (settings, interleave) = &method(&gathered, &camera, settings);
+        let seen = seen(&gathered, &camera, settings.film.size);
+        let (settings, interleave) = &method(&gathered, &seen, settings);
         let mut passes = Passes::new(gpu, &gathered, settings, *interleave)?;
 
         let start = Instant::now();
-        let seen = seen(&gathered, &camera, settings.film.size);
         let of = (&settings.photons, settings.seed);
         let photons = Photons::new(gpu, [&all, &gathered], of, &sides(&seen), || passes.gather.shrink())?;
         let mut statistics = RenderStatistics {
@@ -179,7 +179,7 @@ impl Render {
         }
         settings.validate()?;
         let camera = self.all.scene.space.enter_camera(camera);
-        let (settings, interleave) = &method(&self.gathered, &camera, settings);
+        let (settings, interleave) = &method(&self.gathered, &seen(&self.gathered, &camera, settings.film.size), settings);
         let passes = |of: &Settings| (of.film, of.gather, of.layers());
         if (passes(settings), *interleave) != (passes(&self.settings), self.passes.interleave) {
             self.passes = Passes::new(&self.gpu, &self.gathered, settings, *interleave)?;
@@ -380,7 +380,7 @@ impl Render {
         let caustics = self.caustics(index, &g_buffer);
         self.statistics.seconds.caustics += start.elapsed().as_secs_f64();
 
-        self.passes.gather.begin(g_buffer.pixels());
+        self.passes.gather.begin(|| g_buffer.pixels());
         self.statistics.gather.points = g_buffer.count;
         self.statistics.gather.cut += u64::from(g_buffer.cut);
         let mut left: Vec<u32> = self.passes.interleave.numbers(directions).rev().collect();

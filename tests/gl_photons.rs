@@ -21,10 +21,9 @@ use finalgather::settings::{PhotonMapKind, Pipeline, Settings};
 use glam::{Vec3, Vec4, vec3};
 
 /// Writes what the photon map says at the position in each texel of `places`; w is twice the axis, and 1 more for its negative side.
-const LOOK_UP: ShaderSource = ShaderSource {
-    name: "look_up",
-    vertex: include_str!("../glsl/fullscreen.vert"),
-    fragment: "#version 330 core
+const LOOK_UP: ShaderSource = look_up(
+    "look_up",
+    "#version 330 core
 #include \"photon_grid.glsl\"
 uniform sampler2D places;
 layout(location = 0) out vec4 irradiance;
@@ -35,15 +34,17 @@ void main()
     irradiance = vec4(photon_irradiance(place.xyz, bin / 2, bin % 2 == 0), 1.0);
 }
 ",
-    defines: Vec::new(),
-    includes: &[("photon_grid.glsl", include_str!("../glsl/include/photon_grid.glsl"))],
-};
+    &[("photon_grid.glsl", include_str!("../glsl/include/photon_grid.glsl"))],
+);
+
+const fn look_up(name: &'static str, fragment: &'static str, includes: &'static [(&str, &str)]) -> ShaderSource {
+    ShaderSource { name, vertex: include_str!("../glsl/fullscreen.vert"), fragment, defines: Vec::new(), includes }
+}
 
 /// The same from an atlas: w is the triangle's place in the table, negative and 1 less for its back.
-const LOOK_UP_ATLAS: ShaderSource = ShaderSource {
-    name: "look_up_atlas",
-    vertex: include_str!("../glsl/fullscreen.vert"),
-    fragment: "#version 330 core
+const LOOK_UP_ATLAS: ShaderSource = look_up(
+    "look_up_atlas",
+    "#version 330 core
 #include \"include/surface.glsl\"
 #include \"include/photon_atlas.glsl\"
 uniform sampler2D places;
@@ -55,12 +56,11 @@ void main()
     irradiance = vec4(photon_irradiance(int(front ? place.w : -place.w - 1.0), place.xyz, front), 1.0);
 }
 ",
-    defines: Vec::new(),
-    includes: &[
+    &[
         ("include/surface.glsl", include_str!("../glsl/include/surface.glsl")),
         ("include/photon_atlas.glsl", include_str!("../glsl/include/photon_atlas.glsl")),
     ],
-};
+);
 
 /// The bin that holds nothing, among others full of light.
 const EMPTY: usize = 2;

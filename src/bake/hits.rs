@@ -40,7 +40,7 @@ impl HitSource {
     /// Fits the finder to all points of a set. Rounds have a part of them, and memory decides which; the sums must not depend on that.
     pub fn fit(&mut self, set: PointSet, points: &[GatherPoint]) {
         if self.fitted.replace(set) != Some(set) {
-            self.finder.fit(points);
+            self.finder.fit(&|| points.iter().map(|point| point.position).collect());
         }
     }
 

@@ -70,7 +70,7 @@ fn resolves(layers: u32, mesh: &Mesh, bvh: &Bvh, points: &[GatherPoint]) -> bool
         // A sheet without thickness divides two rooms where its back sees the front of a surface. Behind the wall of a solid there are backs.
         let divides = bvh
             .nearest(from(-1.0), -point.surface_normal, None)
-            .is_some_and(|hit| mesh.geometric_normal(hit.triangle).dot(point.surface_normal) > 0.0);
+            .is_some_and(|hit| mesh.meets_front(hit.triangle, -point.surface_normal));
         let thin = [-1.0, 1.0].iter().any(|&side| meets(from(side), side * point.surface_normal, texel));
         let (mut crossed, mut all) = (0.0, 0.0);
         for turn in 0..DIRECTIONS {

@@ -95,17 +95,16 @@ impl IrradianceGather {
         }
     }
 
-    /// Clears the sums. `points` are all points, row by row from the bottom.
-    pub fn begin(&mut self, points: Vec<Option<GatherPoint>>) {
+    /// Clears the sums. `points` are all points, row by row from the bottom; layers and the oracle ask for them.
+    pub fn begin(&mut self, points: impl Fn() -> Vec<Option<GatherPoint>>) {
         match &mut self.method {
             Method::Shader { finder, sums, .. } => {
-                let receivers: Vec<GatherPoint> = points.into_iter().flatten().collect();
-                finder.fit(&receivers);
+                finder.fit(&|| points().into_iter().flatten().map(|point| point.position).collect());
                 sums.clear();
             }
             Method::Oracle { points: places, sums } => {
-                *sums = vec![Vec4::ZERO; points.len()];
-                *places = points;
+                *places = points();
+                *sums = vec![Vec4::ZERO; places.len()];
             }
         }
     }

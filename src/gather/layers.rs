@@ -10,7 +10,7 @@ use crate::direction::Direction;
 use crate::error::Result;
 use crate::geometry::Geometry;
 use crate::gpu::{Gpu, Uniform};
-use crate::points::{GatherPoint, Points};
+use crate::points::Points;
 use crate::shaders::Finder;
 
 /// Samples the layers of a [`LayerStore`].
@@ -47,9 +47,8 @@ impl HitFinder for LayerFinder {
         self.store.tiles() as usize
     }
 
-    fn fit(&mut self, receivers: &[GatherPoint]) {
-        let positions: Vec<Vec3> = receivers.iter().map(|point| point.position).collect();
-        self.receivers = outline(&positions);
+    fn fit(&mut self, receivers: &dyn Fn() -> Vec<Vec3>) {
+        self.receivers = outline(&receivers());
     }
 
     fn begin(&mut self, geometry: &Geometry, directions: &[Direction]) -> Result<usize> {

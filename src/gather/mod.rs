@@ -46,7 +46,7 @@ use crate::direction::Direction;
 use crate::error::Result;
 use crate::geometry::Geometry;
 use crate::gpu::{Gpu, Uniform};
-use crate::points::{GatherPoint, Points};
+use crate::points::Points;
 use crate::scene::{Bvh, Scene};
 use crate::settings::{GatherSettings, Pipeline};
 use crate::shaders::Finder;
@@ -61,8 +61,8 @@ pub trait HitFinder {
         true
     }
 
-    /// Tells the receivers of all later batches. Points that [`Self::find`] is asked for are among them.
-    fn fit(&mut self, _receivers: &[GatherPoint]) {}
+    /// Tells the positions of the receivers of all later batches, if the finder asks. Points that [`Self::find`] is asked for are among them.
+    fn fit(&mut self, _receivers: &dyn Fn() -> Vec<Vec3>) {}
 
     /// Does the work that all points share, for the first of at most [`Self::batch`] directions, as memory allows. Returns how many, 1 or more.
     ///

@@ -58,8 +58,8 @@ fn look(points: &[GatherPoint], scene: &Scene, bvh: &Bvh, side: f32) -> Outlook 
             rays += 1.0;
             match bvh.nearest(point.position + RAY_OFFSET * surface, direction, None) {
                 None => seen.nothing += 1.0,
-                Some(hit) if scene.mesh.geometric_normal(hit.triangle).dot(direction) >= 0.0 => seen.backs += 1.0,
-                Some(_) => {}
+                Some(hit) if scene.mesh.meets_front(hit.triangle, direction) => {}
+                Some(_) => seen.backs += 1.0,
             }
         }
     }

@@ -68,21 +68,22 @@ impl Guide {
         let (center, radius) = most_of(points);
         let mut guide = Self { focus: Focus::around(center, radius), nodes: Vec::new() };
         let seen = Seen::new(mesh, bvh, points, radius / CELLS);
+        let score = |triangle: usize, position: Vec3, direction: Vec3| {
+            // Where many see a surface its light matters more, but not in proportion: each of them needs it once.
+            seen.rays.get(&seen.key(position, tracer.side_met(triangle, direction))).map_or(0.0, |rays| rays.sqrt())
+        };
         let mut pilots: Vec<Pilot> = Vec::new();
         for round in 0..ROUNDS {
-            let score = |triangle: usize, position: Vec3, direction: Vec3| {
-                // Where many see a surface its light matters more, but not in proportion: each of them needs it once.
-                seen.rays.get(&seen.key(position, tracer.side_met(triangle, direction))).map_or(0.0, |rays| rays.sqrt())
-            };
             let brought = |photon| {
                 let (start, density) = guide.start(tracer.start(photon));
                 (start, tracer.brought(photon, start, &guide.focus, &score) / density)
             };
             let found: Vec<([f32; 5], f32)> = (round * PILOTS..(round + 1) * PILOTS).into_par_iter().map(brought).collect();
             pilots.extend(found.into_iter().map(|(start, light)| Pilot { start, light }).filter(|pilot| pilot.light > 0.0));
-            let mut nodes = Vec::new();
-            divide(&mut nodes, pilots.clone(), [[0.0, 1.0]; 5], 0);
-            guide.nodes = nodes;
+            guide.nodes.clear();
+            if !pilots.is_empty() {
+                divide(&mut guide.nodes, pilots.clone(), [[0.0, 1.0]; 5], 0);
+            }
         }
         guide
     }
@@ -130,9 +131,6 @@ impl Guide {
 /// Adds the node of a box of starts with these pilots, and the nodes below it. Returns its index.
 fn divide(nodes: &mut Vec<GuideNode>, pilots: Vec<Pilot>, bounds: [[f32; 2]; 5], depth: u32) -> usize {
     let index = nodes.len();
-    if pilots.is_empty() && depth == 0 {
-        return index;
-    }
     nodes.push(GuideNode { axis: None, lower: 0.5, halves: [0; 2] });
     if pilots.len() < FEWEST || depth == DEPTH {
         return index;

@@ -103,7 +103,7 @@ impl EyeRays<'_> {
     /// The radiance that surfaces and environment emit along all paths that continue this one, times `throughput`.
     fn emitted(&self, path: &Path, throughput: Vec3, surfaces: u32) -> Vec3 {
         let Some(triangle) = path.triangle else { return Vec3::ZERO };
-        let front = self.scene.mesh.geometric_normal(triangle).dot(path.direction) < 0.0;
+        let front = self.scene.mesh.meets_front(triangle, path.direction);
         let own = throughput * self.scene.material(triangle).emission_of(front);
         let Some(Split { reflectance, reflected, refracted, kept }) = path.split(self.scene) else { return own };
         let beyond = |(mut way, share): (Path, Vec3)| {

@@ -11,12 +11,12 @@ use crate::settings::{Pipeline, Settings, Squares};
 /// Eye rays along each side of the picture that stand for its points.
 const SIDE: u32 = 32;
 
-/// The settings with a pipeline that is not `auto`, and how pixels share its directions. `gathered` is the scene without glass.
-pub(super) fn method(gathered: &Prepared, camera: &Camera, asked: &Settings) -> (Settings, Interleave) {
+/// The settings with a pipeline that is not `auto`, and how pixels share its directions. `gathered` is the scene without glass, and `seen` what the
+/// camera sees of it.
+pub(super) fn method(gathered: &Prepared, seen: &[GatherPoint], asked: &Settings) -> (Settings, Interleave) {
     let mut settings = *asked;
     if asked.gather.pipeline == Pipeline::Auto {
-        settings.gather.pipeline =
-            chosen_for_picture(asked, &gathered.scene, &gathered.bvh, &seen(gathered, camera, asked.film.size));
+        settings.gather.pipeline = chosen_for_picture(asked, &gathered.scene, &gathered.bvh, seen);
     }
     let (size, seed) = (settings.film.size, settings.seed);
     let interleave = match settings.film.interleave {

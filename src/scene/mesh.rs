@@ -45,6 +45,11 @@ impl Mesh {
         if normal.dot(direction) < 0.0 { normal } else { -normal }
     }
 
+    /// Whether a ray along `direction` meets the front side of the face.
+    pub fn meets_front(&self, triangle: usize, direction: Vec3) -> bool {
+        self.geometric_normal(triangle).dot(direction) < 0.0
+    }
+
     /// The unit shading normal at a point of the triangle. `side` is the face normal on the side of interest; the result is on that side too.
     pub fn shading_normal(&self, triangle: usize, barycentric: Vec3, side: Vec3) -> Vec3 {
         let [a, b, c] = self.triangles[triangle].vertices.map(|vertex| self.normals[vertex as usize]);

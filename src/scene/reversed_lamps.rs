@@ -129,7 +129,7 @@ fn look(scene: &Scene, bvh: &Bvh, lamp: &[usize], side: f32, rays: usize) -> Lam
         let direction = cosine_direction(normal, s, t);
         if let Some(hit) = other(direction) {
             seen.surfaces += 1.0 / rays as f32;
-            if mesh.geometric_normal(hit.triangle).dot(direction) < 0.0 {
+            if mesh.meets_front(hit.triangle, direction) {
                 seen.fronts += 1.0 / rays as f32;
             }
         }

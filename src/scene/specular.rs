@@ -55,7 +55,7 @@ impl Path {
             Surface::Diffuse => return None,
             Surface::Mirror => (None, [scene.albedo(triangle, barycentric), Vec3::ZERO]),
             Surface::Glass { index, filter } => {
-                let enters = mesh.geometric_normal(triangle).dot(incoming) < 0.0;
+                let enters = mesh.meets_front(triangle, incoming);
                 // A body has two faces, so each takes the square root.
                 (Some(if enters { index.recip() } else { index }), [Vec3::ONE, filter.map(f32::sqrt)])
             }

@@ -170,7 +170,7 @@ impl Model {
         let camera = self.unit.space.enter_camera(self.loaded.world.camera(size));
         let radiance = |direction: Vec3| {
             let Some(hit) = self.bvh.nearest(camera.eye, direction, None) else { return environment.radiance(direction) };
-            if self.unit.mesh.geometric_normal(hit.triangle).dot(direction) >= 0.0 {
+            if !self.unit.mesh.meets_front(hit.triangle, direction) {
                 return Vec3::ZERO;
             }
             let weights = self.unit.mesh.barycentric(hit.triangle, camera.eye + hit.distance * direction);

@@ -44,6 +44,11 @@ impl ChartPlane {
         Vec2::new(self.x.dot(position), self.y.dot(position))
     }
 
+    /// The same from the lower corner, in pages of this side.
+    pub fn in_pages(&self, position: Vec3, side: f32) -> Vec2 {
+        (self.place(position) - self.low) / side
+    }
+
     /// The axes in unit space.
     pub fn axes(&self) -> [Vec3; 2] {
         [self.x, self.y]

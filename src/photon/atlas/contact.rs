@@ -6,6 +6,7 @@ use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
 use super::chart::Charts;
+use super::pieces::ChartPages;
 use crate::math::Aabb;
 use crate::scene::{Bvh, Mesh};
 
@@ -22,15 +23,15 @@ pub struct Contact {
     pub ends: [Vec2; 2],
 }
 
-/// All contacts of all charts. `pages[chart]`: side of a page in unit space. `bvh` belongs to `mesh`.
-pub fn contacts(mesh: &Mesh, bvh: &Bvh, charts: &Charts, pages: &[f32]) -> Vec<Contact> {
+/// All contacts of all charts. `bvh` belongs to `mesh`.
+pub fn contacts(mesh: &Mesh, bvh: &Bvh, charts: &Charts, pages: &[ChartPages]) -> Vec<Contact> {
     let of_triangle = |triangle: usize| {
         let chart = charts.of[triangle];
-        let (plane, page) = (&charts.planes[chart as usize], pages[chart as usize]);
+        let (plane, page) = (&charts.planes[chart as usize], pages[chart as usize].side);
         let gap = (GAP * page).clamp(GAPS[0], GAPS[1]);
         let corners = mesh.corners(triangle);
         let normal = mesh.geometric_normal(triangle);
-        let place = |position: Vec3| (plane.place(position) - plane.low) / page;
+        let place = |position: Vec3| plane.in_pages(position, page);
         let own = corners.map(place);
         let bounds = Aabb::from_points(corners);
         let mut found = Vec::new();

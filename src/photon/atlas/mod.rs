@@ -64,16 +64,14 @@ pub(super) struct AtlasTables {
 
 impl PhotonAtlas {
     /// An atlas of `mesh`, to which `bvh` belongs. `arrivals` tells how many photons of a map each group of triangles gets, from the group of each
-    /// triangle and the number of groups. `gathered`: the index in `mesh` of each triangle of the
-    /// gathered mesh, if the two differ.
+    /// triangle and the number of groups. `gathered`: the index in `mesh` of each triangle of the gathered mesh, if the two differ.
     pub fn new(mesh: &Mesh, bvh: &Bvh, gathered: Option<Vec<u32>>, arrivals: impl FnOnce(&[u32], usize) -> Vec<f32>) -> Self {
         let total: f64 = (0..mesh.triangles.len()).map(|triangle| f64::from(mesh.area(triangle))).sum();
         let equal = (total as f32 / PAGES).sqrt();
         let charts = Charts::new(mesh, THICKNESS * equal);
         let arrivals = arrivals(&charts.of, charts.planes.len());
         let pages = size_pages(mesh, &charts, &arrivals, equal);
-        let sides: Vec<f32> = pages.iter().map(|pages| pages.side).collect();
-        let pieces = Pieces::new(mesh, bvh, &charts, &pages, &contacts(mesh, bvh, &charts, &sides));
+        let pieces = Pieces::new(mesh, bvh, &charts, &pages, &contacts(mesh, bvh, &charts, &pages));
         let map = |(plane, &pages): (&ChartPlane, &ChartPages)| {
             let [u, v] = plane.axes();
             let low = plane.low / pages.side;
@@ -158,7 +156,7 @@ impl PhotonAtlas {
 
     /// Irradiance at a point of a triangle of the traced mesh, on the side of the unit vector `normal`.
     pub fn irradiance(&self, mesh: &Mesh, triangle: usize, position: Vec3, normal: Vec3) -> Vec3 {
-        self.irradiance[self.index(triangle, position, mesh.geometric_normal(triangle).dot(normal) > 0.0)]
+        self.irradiance[self.index(triangle, position, mesh.meets_front(triangle, -normal))]
     }
 
     fn traced(&self, triangle: usize) -> usize {
@@ -168,7 +166,7 @@ impl PhotonAtlas {
 
 impl PhotonStore for PhotonAtlas {
     fn index_of_hit(&self, mesh: &Mesh, triangle: usize, position: Vec3, direction: Vec3) -> usize {
-        self.index(triangle, position, mesh.geometric_normal(triangle).dot(direction) < 0.0)
+        self.index(triangle, position, mesh.meets_front(triangle, direction))
     }
 
     fn add_flux(&mut self, index: usize, flux: Vec3) {
@@ -199,8 +197,7 @@ impl PhotonStore for PhotonAtlas {
     }
 
     fn irradiance_of_hit(&self, mesh: &Mesh, triangle: usize, position: Vec3, direction: Vec3) -> Vec3 {
-        let front = mesh.geometric_normal(triangle).dot(direction) < 0.0;
-        self.irradiance[self.index(self.traced(triangle), position, front)]
+        self.irradiance[self.index(self.traced(triangle), position, mesh.meets_front(triangle, direction))]
     }
 }
 

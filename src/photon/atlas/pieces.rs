@@ -7,7 +7,7 @@
 //! piece beside them, and no light leaks. Photons and area in seams do not count, nor do pieces inside solid things: a few rays from a piece tell. Else
 //! the floor below a wall would draw dark lines along it.
 
-use glam::{IVec2, UVec2, UVec3, Vec2, Vec3};
+use glam::{IVec2, UVec2, UVec3, Vec2};
 use rayon::prelude::*;
 
 use super::super::clip::{area, slice};
@@ -23,6 +23,8 @@ const SHIFTS: [u32; 2] = [3, 8];
 const LEAST: f32 = 0.25;
 /// Cells of a part from which rays tell whether it lies inside something.
 const PROBES: usize = 8;
+/// To the four neighbours of a place in a raster.
+const STEPS: [IVec2; 4] = [IVec2::X, IVec2::NEG_X, IVec2::Y, IVec2::NEG_Y];
 /// Marks of cells that are no piece: outside the chart, and on a contact.
 const OUTSIDE: u32 = u32::MAX;
 const SEAM: u32 = u32::MAX - 1;
@@ -87,11 +89,9 @@ impl Pieces {
     pub const MOST_CELLS: usize = 1 << 21;
 
     pub fn new(mesh: &Mesh, bvh: &Bvh, charts: &Charts, pages: &[ChartPages], contacts: &[Contact]) -> Self {
-        let place = |chart: usize, corner: Vec3| {
-            let plane = &charts.planes[chart];
-            (plane.place(corner) - plane.low) / pages[chart].side
+        let own = |chart: usize, triangle: u32| {
+            mesh.corners(triangle as usize).map(|corner| charts.planes[chart].in_pages(corner, pages[chart].side))
         };
-        let own = |chart: usize, triangle: u32| mesh.corners(triangle as usize).map(|corner| place(chart, corner));
         // The pages that contacts cross, and the contacts of each.
         let mut crossings: Vec<(u32, u32)> = Vec::new();
         for (number, contact) in (0..).zip(contacts) {
@@ -219,28 +219,9 @@ impl Pieces {
 
     /// Gives each page outside the chart the cells of the nearest page inside. Rounding puts some hits there.
     fn fill(&mut self, pages: &ChartPages) {
-        let count = pages.size.element_product() as usize;
-        let first = pages.first as usize;
-        let empty = |pieces: &Self, page: usize| {
-            let word = pieces.pages[first + page];
-            word & 15 == 0 && pieces.cells[(word >> 4) as usize] == OUTSIDE
-        };
-        let mut known: Vec<usize> = (0..count).filter(|&page| !empty(self, page)).collect();
-        let mut next = 0;
-        while let Some(&page) = known.get(next) {
-            next += 1;
-            let at = IVec2::new(page as i32 % pages.size.x as i32, page as i32 / pages.size.x as i32);
-            for step in [IVec2::X, IVec2::NEG_X, IVec2::Y, IVec2::NEG_Y] {
-                let near = at + step;
-                if near.cmpge(IVec2::ZERO).all() && near.as_uvec2().cmplt(pages.size).all() {
-                    let near = (near.y * pages.size.x as i32 + near.x) as usize;
-                    if empty(self, near) {
-                        self.pages[first + near] = self.pages[first + page];
-                        known.push(near);
-                    }
-                }
-            }
-        }
+        let own = pages.first as usize..(pages.first + pages.size.element_product()) as usize;
+        let cells = &self.cells;
+        spread(&mut self.pages[own], pages.size, |word| word & 15 == 0 && cells[(word >> 4) as usize] == OUTSIDE);
     }
 }
 
@@ -319,7 +300,6 @@ fn divide(
         });
     }
 
-    let steps = [IVec2::X, IVec2::NEG_X, IVec2::Y, IVec2::NEG_Y];
     let cell_at = |i: usize| IVec2::new(i as i32 % side, i as i32 / side);
     let mut counts: Vec<u32> = Vec::new();
     for first in 0..cells.len() {
@@ -331,7 +311,7 @@ fn divide(
         let (mut open, mut count) = (vec![first], 0);
         while let Some(here) = open.pop() {
             count += 1;
-            for near in steps.map(|step| cell_at(here) + step).into_iter().filter(|&near| is_cell(near)) {
+            for near in STEPS.map(|step| cell_at(here) + step).into_iter().filter(|&near| is_cell(near)) {
                 if cells[index(near)] == BLANK {
                     cells[index(near)] = part;
                     open.push(index(near));
@@ -376,12 +356,12 @@ fn divide(
         .map(|part| {
             let own: Vec<usize> = (0..cells.len()).filter(|&i| cells[i] == part).collect();
             let probes = own.len().min(PROBES);
-            let probe = |k: usize, side: bool| {
+            let probe = |k: usize, back: bool| {
                 let i = own[k * own.len() / probes];
                 let (triangle, corners) = triangles[owners[i]];
-                is_inside(triangle, weights(corners, (cell_at(i).as_vec2() + 0.5) / side_of(shift) + at), side)
+                is_inside(triangle, weights(corners, (cell_at(i).as_vec2() + 0.5) / side as f32 + at), back)
             };
-            [false, true].map(|side| 8 * (0..probes).filter(|&k| probe(k, side)).count() >= 7 * probes)
+            [false, true].map(|back| 8 * (0..probes).filter(|&k| probe(k, back)).count() >= 7 * probes)
         })
         .collect();
     let mut seams: Vec<Vec<u32>> = Vec::new();
@@ -394,7 +374,7 @@ fn divide(
             cells[i] = (counts.len() + number) as u32;
         }
     }
-    spread(&mut cells, side);
+    spread(&mut cells, UVec2::splat(side as u32), |cell| cell == OUTSIDE);
     let counted = |parts: &Vec<u32>, side: usize| -> Vec<u32> {
         let outside: Vec<u32> = parts.iter().copied().filter(|&part| !inside[part as usize][side]).collect();
         // In a room whose fronts look outward all seem to lie inside something.
@@ -402,10 +382,6 @@ fn divide(
     };
     let seams = seams.iter().map(|parts| [0, 1].map(|side| counted(parts, side))).collect();
     Some(DividedPage { page, cells, counts, inner, seams })
-}
-
-fn side_of(shift: u32) -> f32 {
-    (1u32 << shift) as f32
 }
 
 /// Barycentric weights of the second and third corner of a triangle at a place.
@@ -422,21 +398,22 @@ fn is_inside(mesh: &Mesh, bvh: &Bvh, triangle: usize, weights: Vec2, back: bool)
     let mut random = Random::new(triangle as u64, u64::from(weights.x.to_bits()) << 32 | u64::from(weights.y.to_bits()));
     let direction = cosine_direction(normal, random.uniform(), random.uniform());
     let hit = bvh.nearest(position + RAY_OFFSET * normal, direction, Some(triangle));
-    hit.is_some_and(|hit| mesh.geometric_normal(hit.triangle).dot(direction) > 0.0)
+    hit.is_some_and(|hit| !mesh.meets_front(hit.triangle, direction))
 }
 
-/// Gives each cell outside the chart the part of the nearest cell inside.
-fn spread(cells: &mut [u32], side: i32) {
-    let mut known: Vec<usize> = (0..cells.len()).filter(|&i| cells[i] != OUTSIDE).collect();
+/// Gives each place outside the chart, in a raster of `size`, the value of the nearest place inside.
+fn spread(values: &mut [u32], size: UVec2, is_outside: impl Fn(u32) -> bool) {
+    let size = size.as_ivec2();
+    let mut known: Vec<usize> = (0..values.len()).filter(|&i| !is_outside(values[i])).collect();
     let mut next = 0;
     while let Some(&here) = known.get(next) {
         next += 1;
-        let at = IVec2::new(here as i32 % side, here as i32 / side);
-        for near in [IVec2::X, IVec2::NEG_X, IVec2::Y, IVec2::NEG_Y].map(|step| at + step) {
-            let inside = near.cmpge(IVec2::ZERO).all() && near.cmplt(IVec2::splat(side)).all();
-            let near = (near.y * side + near.x) as usize;
-            if inside && cells[near] == OUTSIDE {
-                cells[near] = cells[here];
+        let at = IVec2::new(here as i32 % size.x, here as i32 / size.x);
+        for near in STEPS.map(|step| at + step) {
+            let inside = near.cmpge(IVec2::ZERO).all() && near.cmplt(size).all();
+            let near = (near.y * size.x + near.x) as usize;
+            if inside && is_outside(values[near]) {
+                values[near] = values[here];
                 known.push(near);
             }
         }
