@@ -17,6 +17,10 @@ use crate::random::Random;
 const ENOUGH: f32 = 0.75;
 /// Farthest that a window grows, in pixels.
 const FARTHEST: i32 = 8;
+/// Pixels along a side of the largest window.
+const WINDOW: usize = 2 * FARTHEST as usize + 1;
+/// Whether a pixel and its neighbours see the same surface, by row and column of the window, as far as it is known.
+type Joined = [[Option<bool>; WINDOW]; WINDOW];
 /// Pixels share sums only if the surface between them bends and steps less than this, as the sine of an angle.
 const FLAT: f32 = 0.2;
 
@@ -142,14 +146,18 @@ impl Interleave {
 
     /// The sums and the number of directions of a pixel's window.
     fn shared(&self, points: &[Option<GatherPoint>], here: usize, of: &dyn Fn(usize) -> (Vec4, f32)) -> (Vec4, f32) {
+        if points[here].is_none() {
+            return of(here);
+        }
         let enough = ENOUGH * self.subsets() as f32;
         let (mut reach, mut pairs) = (self.stride as i32 / 2, true);
+        let mut joined = [[None; WINDOW]; WINDOW];
         loop {
             let ((mut total, mut directions), mut weights) = (of(here), 1.0);
             // One of each pair of opposite steps.
             for dy in 0..=reach {
                 for dx in if dy == 0 { 1 } else { -reach }..=reach {
-                    let [one, other] = [1, -1].map(|side| self.neighbour(points, here, [side * dx, side * dy]));
+                    let [one, other] = [1, -1].map(|side| self.neighbour(points, here, [side * dx, side * dy], &mut joined));
                     if pairs && (one.is_none() || other.is_none()) {
                         continue;
                     }
@@ -167,17 +175,27 @@ impl Interleave {
         }
     }
 
-    /// The pixel at `step` from pixel `here`, if both and the pixel half way between them see the same surface.
-    fn neighbour(&self, points: &[Option<GatherPoint>], here: usize, step: [i32; 2]) -> Option<usize> {
-        let half = step.map(|d| d / 2);
-        if half != [0, 0] {
-            self.neighbour(points, here, half)?;
+    /// The pixel at `step` from pixel `here`, if both and the pixel half way between them see the same surface. `joined`: whether they do, for other
+    /// steps from there.
+    fn neighbour(&self, points: &[Option<GatherPoint>], here: usize, step: [i32; 2], joined: &mut Joined) -> Option<usize> {
+        let [column, row] = step.map(|d| (d + FARTHEST) as usize);
+        let is_joined = joined[row][column].unwrap_or_else(|| {
+            let half = step.map(|d| d / 2);
+            (half == [0, 0] || self.neighbour(points, here, half, joined).is_some()) && self.see_same(points, here, step)
+        });
+        joined[row][column] = Some(is_joined);
+        is_joined.then(|| here.wrapping_add_signed((step[1] * self.size[0] as i32 + step[0]) as isize))
+    }
+
+    /// Whether pixel `here` and the pixel at `step` from it see the same surface.
+    fn see_same(&self, points: &[Option<GatherPoint>], here: usize, step: [i32; 2]) -> bool {
+        let at = [here % self.size[0] as usize, here / self.size[0] as usize];
+        let [x, y] = [0, 1].map(|axis| at[axis] as i64 + i64::from(step[axis]));
+        if !(0..i64::from(self.size[0])).contains(&x) || !(0..i64::from(self.size[1])).contains(&y) {
+            return false;
         }
-        let [width, height] = self.size.map(|side| side as usize);
-        let x = (here % width).checked_add_signed(step[0] as isize).filter(|&x| x < width)?;
-        let y = (here / width).checked_add_signed(step[1] as isize).filter(|&y| y < height)?;
-        let there = y * width + x;
-        (here == there || same_surface(points[here].as_ref()?, points[there].as_ref()?)).then_some(there)
+        let there = (y * i64::from(self.size[0]) + x) as usize;
+        points[here].as_ref().zip(points[there].as_ref()).is_some_and(|(a, b)| same_surface(a, b))
     }
 
     fn pixels(&self) -> impl Iterator<Item = [u32; 2]> {
