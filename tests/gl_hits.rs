@@ -306,7 +306,7 @@ fn deeper_than_what_is_kept_at_first() {
     // (measured 2.1 %); the 2004 method, which keeps no layers, sets the limit, with a fifth for the
     // layers of the other end lying otherwise on their texels.
     let gpu = gpu();
-    let (points, count, size) = sized(&gpu, (4096, 16, 256), (256, 16, 64));
+    let (points, count, size) = sized(&gpu, (4096, 16, 256), (1024, 16, 64));
     let mut model = Model::new();
     let plate = model.material(vec3(0.7, 0.6, 0.5), Vec3::ZERO);
     let lamp = model.material(Vec3::ZERO, Vec3::splat(10.0));
