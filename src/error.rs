@@ -9,7 +9,14 @@ pub type Result<T, E = Error> = std::result::Result<T, E>;
 #[derive(Debug)]
 pub enum Error {
     /// An input file is missing, unreadable or has unusable contents.
-    Input { path: PathBuf, line: Option<usize>, problem: String, cure: String },
+    Input {
+        path: PathBuf,
+        line: Option<usize>,
+        problem: String,
+        cure: String,
+        /// What was mended in the files before.
+        warnings: Vec<String>,
+    },
     /// The request is impossible: for example a setting is out of range, or an output path cannot be used.
     Usage { problem: String, cure: String },
     /// OpenGL 3.3 is missing, or the driver refused something that 3.3 guarantees.
@@ -20,7 +27,16 @@ pub enum Error {
 
 impl Error {
     pub fn input(path: &Path, line: Option<usize>, problem: impl Into<String>, cure: impl Into<String>) -> Self {
-        Self::Input { path: path.to_owned(), line, problem: shortened(problem.into()), cure: shortened(cure.into()) }
+        let (path, problem, cure) = (path.to_owned(), shortened(problem.into()), shortened(cure.into()));
+        Self::Input { path, line, problem, cure, warnings: Vec::new() }
+    }
+
+    /// The error after warnings of the same load.
+    pub(crate) fn after(mut self, before: Vec<String>) -> Self {
+        if let Self::Input { warnings, .. } = &mut self {
+            *warnings = before;
+        }
+        self
     }
 
     pub fn usage(problem: impl Into<String>, cure: impl Into<String>) -> Self {
@@ -49,7 +65,7 @@ fn shortened(text: String) -> String {
 impl fmt::Display for Error {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (problem, cure) = match self {
-            Self::Input { path, line, problem, cure } => {
+            Self::Input { path, line, problem, cure, .. } => {
                 write!(f, "{}:", path.display())?;
                 if let Some(line) = line {
                     write!(f, "{line}:")?;

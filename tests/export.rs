@@ -51,9 +51,8 @@ impl Tent {
             name: name.into(),
             albedo,
             emission,
-            two_sided: false,
             albedo_texture,
-            surface: finalgather::scene::Surface::Diffuse,
+            ..Material::default()
         };
         let materials = vec![
             material("grey", Vec3::splat(0.5), Vec3::ZERO, None),
@@ -61,7 +60,12 @@ impl Tent {
             material("lamp", Vec3::splat(0.25), vec3(12.0, 8.0, 2.0), None),
         ];
         // Half of it reflects all, half nothing.
-        let textures = vec![ImageTexture { width: 2, height: 1, texels: vec![[255, 255, 255, 255], [0, 0, 0, 255]] }];
+        let textures = vec![ImageTexture {
+            width: 2,
+            height: 1,
+            texels: vec![[255, 255, 255, 255], [0, 0, 0, 255]],
+            sampler: Sampler::default(),
+        }];
         let world = mesh.positions.iter().map(|position| position.as_dvec3()).collect();
         Self { mesh, world, normals, materials, textures }
     }

@@ -248,7 +248,7 @@ fn several_libraries_and_the_default_material() {
 fn textures_decode_srgb_and_interpolate_linearly() {
     // Top row black and white, bottom row mid-grey and red.
     let texels = vec![[0, 0, 0, 255], [255, 255, 255, 0], [188, 188, 188, 255], [255, 0, 10, 255]];
-    let texture = ImageTexture { width: 2, height: 2, texels };
+    let texture = ImageTexture { width: 2, height: 2, texels, sampler: Sampler::default() };
     let grey = Vec3::splat(0.502_886_5);
     let red = vec3(1.0, 0.0, 0.003_035_27);
     for (uv, expected) in [
@@ -287,7 +287,10 @@ fn texture_files_of_any_depth_are_loaded_once() {
     let used: Vec<_> = scene.materials.iter().map(|material| (material.albedo, material.albedo_texture)).collect();
     assert_eq!(used, [(Vec3::ONE, Some(0)), (Vec3::splat(0.5), Some(0)), (Vec3::ONE, Some(1))]);
     assert_eq!(scene.textures.len(), 2);
-    assert_eq!(scene.textures[0], ImageTexture { width: 3, height: 2, texels: vec![[255, 0, 0, 255]; 6] });
+    assert_eq!(
+        scene.textures[0],
+        ImageTexture { width: 3, height: 2, texels: vec![[255, 0, 0, 255]; 6], sampler: Sampler::default() }
+    );
     assert_eq!(scene.textures[1].texels, [[128, 128, 128, 255]]);
     assert_eq!(scene.flatten().albedo(1, Vec3::X), vec3(0.5, 0.0, 0.0));
     let warnings = report.warnings.join("\n");
@@ -382,9 +385,10 @@ fn leaning_triangle() -> World {
     let positions = vec![Vec3::ZERO, Vec3::X, Vec3::Y];
     let normals = vec![vec3(1.0, 0.0, 1.0).normalize(); 3];
     let uvs = vec![Vec2::ZERO, Vec2::X, Vec2::Y];
-    let mesh = Mesh { positions, normals, uvs, triangles: vec![Triangle { vertices: [0, 1, 2], material: 0 }] };
+    let mesh =
+        Mesh { positions, normals, uvs, triangles: vec![Triangle { vertices: [0, 1, 2], material: 0 }], ..Mesh::default() };
     let (name, surface) = ("lamp".into(), Surface::Diffuse);
-    let lamp = Material { name, albedo: Vec3::ONE, emission: Vec3::ONE, two_sided: false, albedo_texture: None, surface };
+    let lamp = Material { name, albedo: Vec3::ONE, emission: Vec3::ONE, surface, ..Material::default() };
     World { meshes: vec![mesh], materials: vec![lamp], ..World::default() }
 }
 

@@ -263,7 +263,7 @@ impl ReceiverValues {
             (Some(image), _) if is_picture(path) => write_picture(image, path, options),
             (Some(image), Some(surface)) => {
                 let irradiance = &irradiance_of(image).ok_or_else(|| no_light(path))?;
-                Lightmap { surface, uvs: &surface.mesh.uvs, irradiance }.write(path, options)
+                Lightmap { surface, uvs: &surface.mesh.lightmap_uvs, irradiance }.write(path, options)
             }
             _ => {
                 let Self { normals, columns, .. } = self;

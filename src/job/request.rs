@@ -67,6 +67,15 @@ pub struct SceneRequest {
     pub allow_outside: bool,
     /// All surfaces are turned, see [`LoadOptions::flip`].
     pub flip: bool,
+    /// See [`LoadOptions`], as the next three.
+    #[serde(default)]
+    pub strict: bool,
+    #[serde(default)]
+    pub no_default_light: bool,
+    #[serde(default)]
+    pub camera: Option<String>,
+    #[serde(default)]
+    pub scene: Option<String>,
     /// Settings that replace the scene's, by their keys in scene files.
     pub settings: Map<String, Value>,
 }
@@ -84,7 +93,12 @@ impl SceneRequest {
     pub fn load(&self, needs_light: bool) -> Result<Loaded> {
         let environment = self.environment.as_deref().map(Environment::load).transpose()?;
         let files = if self.allow_outside { Files::Anywhere } else { Files::Folder };
-        World::load_with(&self.path, LoadOptions { environment, files, unlit: !needs_light, flip: self.flip })
+        let &Self { strict, no_default_light, flip, .. } = self;
+        let (camera, scene) = (self.camera.clone(), self.scene.clone());
+        World::load_with(
+            &self.path,
+            LoadOptions { environment, files, unlit: !needs_light, no_default_light, strict, flip, camera, scene },
+        )
     }
 
     /// Returns `of_scene`, changed by [`Self::settings`].

@@ -63,11 +63,10 @@ impl Vertices {
             let normal = if own == Vec3::ZERO || turned { normal_at(vertex, faces[triangle]) } else { own };
             let index = *shared.entry((vertex, normal.to_array().map(f32::to_bits))).or_insert_with(|| {
                 new.turned += usize::from(turned);
-                new.mesh.positions.push(mesh.positions[vertex as usize]);
-                new.mesh.uvs.push(mesh.uvs[vertex as usize]);
-                new.mesh.normals.push(normal);
                 widest.push((0.0, 0));
-                widest.len() as u32 - 1
+                let index = new.mesh.push_vertex_of(mesh, vertex);
+                new.mesh.normals[index as usize] = normal;
+                index
             });
             triangles[triangle].vertices[corner] = index;
             let angle = angle(mesh.corners(triangle), corner);

@@ -12,6 +12,8 @@ impl Scene {
         mesh.extend(bytemuck::cast_slice(&self.mesh.positions));
         mesh.extend(bytemuck::cast_slice(&self.mesh.normals));
         mesh.extend(bytemuck::cast_slice(&self.mesh.uvs));
+        mesh.extend(bytemuck::cast_slice(&self.mesh.lightmap_uvs));
+        mesh.extend(bytemuck::cast_slice(&self.mesh.colors));
         for triangle in &self.mesh.triangles {
             let [a, b, c] = triangle.vertices;
             mesh.extend(bytemuck::bytes_of(&[a, b, c, triangle.material]));
@@ -20,6 +22,7 @@ impl Scene {
         for texture in &self.textures {
             textures.extend(bytemuck::bytes_of(&[texture.width, texture.height]));
             textures.extend(texture.texels.as_flattened());
+            textures.extend(format!("{:?}", texture.sampler).bytes());
         }
         json!({
             "mesh": sha256(&mesh),

@@ -14,9 +14,28 @@ pub struct Material {
     /// Index into the textures of the world or scene.
     pub albedo_texture: Option<usize>,
     pub surface: Surface,
+    /// What its file says about it and pictures do not show, such as "roughness 0.2".
+    pub unshaded: Vec<String>,
+}
+
+impl Default for Material {
+    fn default() -> Self {
+        Self {
+            name: "default".to_owned(),
+            albedo: Self::GREY,
+            emission: Vec3::ZERO,
+            two_sided: false,
+            albedo_texture: None,
+            surface: Surface::Diffuse,
+            unshaded: Vec::new(),
+        }
+    }
 }
 
 impl Material {
+    /// Reflectance where a file gives none.
+    pub const GREY: Vec3 = Vec3::splat(0.5);
+
     pub fn is_emissive(&self) -> bool {
         self.emission != Vec3::ZERO
     }

@@ -10,9 +10,25 @@ pub struct Mesh {
     pub positions: Vec<Vec3>,
     /// Unit shading normals, one for each vertex. Zero means flat shading, by the normal of the face.
     pub normals: Vec<Vec3>,
-    /// Texture coordinates, one for each vertex, v up. Zero if the file has none.
+    /// Coordinates on the albedo texture, one for each vertex, v up. Zero if the file has none. Loaders choose the set of the material, and apply its
+    /// transform.
     pub uvs: Vec<Vec2>,
+    /// Coordinates on a light map, one for each vertex, v up. Empty if there are none.
+    pub lightmap_uvs: Vec<Vec2>,
+    /// Linear colours that multiply the albedo, one for each vertex, in [0, 1]. Empty: white.
+    pub colors: Vec<Vec3>,
+    /// The place of each vertex in the file. Empty if the mesh is of no file.
+    pub sources: Vec<Source>,
     pub triangles: Vec<Triangle>,
+}
+
+/// The place of a vertex in a file.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub struct Source {
+    /// Index into the instances of the world. 0 in the meshes of a world, which may be placed several times.
+    pub instance: u32,
+    /// Index into the file's own list of vertices: of an OBJ its `v` from 0, of a glTF primitive its accessors.
+    pub index: u32,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -24,6 +40,27 @@ pub struct Triangle {
 }
 
 impl Mesh {
+    /// Adds a copy of a vertex of `other`, and returns its index. Meshes with and without colours, light-map coordinates or sources do not mix.
+    pub fn push_vertex_of(&mut self, other: &Self, vertex: u32) -> u32 {
+        let vertex = vertex as usize;
+        self.positions.push(other.positions[vertex]);
+        self.normals.push(other.normals[vertex]);
+        self.uvs.push(other.uvs[vertex]);
+        self.lightmap_uvs.extend(other.lightmap_uvs.get(vertex));
+        self.colors.extend(other.colors.get(vertex));
+        self.sources.extend(other.sources.get(vertex));
+        self.positions.len() as u32 - 1
+    }
+
+    /// The colour at a point of a triangle, from its barycentric coordinates.
+    pub fn color(&self, triangle: usize, barycentric: Vec3) -> Vec3 {
+        if self.colors.is_empty() {
+            return Vec3::ONE;
+        }
+        let [a, b, c] = self.triangles[triangle].vertices.map(|vertex| self.colors[vertex as usize]);
+        a * barycentric.x + b * barycentric.y + c * barycentric.z
+    }
+
     pub fn bounds(&self) -> Aabb {
         Aabb::from_points(self.positions.iter().copied())
     }

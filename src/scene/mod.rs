@@ -39,10 +39,10 @@ pub use flat_bvh::FlatBvh;
 pub use format::{Files, LoadOptions, LoadReport, Loaded};
 pub use light::{Environment, Focus, LightSample, Lights};
 pub use material::{Material, Surface};
-pub use mesh::{Mesh, Triangle};
+pub use mesh::{Mesh, Source, Triangle};
 pub use reversed_lamps::reversed_lamps;
 pub use specular::{MOST_SPECULAR, Path, Split, fresnel};
-pub use texture::ImageTexture;
+pub use texture::{ImageTexture, Sampler, WrapMode};
 pub use unit_space::UnitSpace;
 pub use world::{Instance, World};
 
@@ -58,6 +58,8 @@ pub struct Scene {
     pub camera: Option<Camera>,
     /// Transform back to world space.
     pub space: UnitSpace,
+    /// Names of the world's instances, for [`Source::instance`].
+    pub instances: Vec<String>,
 }
 
 impl Scene {
@@ -83,6 +85,7 @@ impl Scene {
     /// Linear reflectance at a point of a triangle, from its barycentric coordinates.
     pub fn albedo(&self, triangle: usize, barycentric: Vec3) -> Vec3 {
         let &Material { albedo, albedo_texture, .. } = self.material(triangle);
+        let albedo = albedo * self.mesh.color(triangle, barycentric);
         let Some(texture) = albedo_texture else { return albedo };
         let [a, b, c] = self.mesh.triangles[triangle].vertices.map(|vertex| self.mesh.uvs[vertex as usize]);
         albedo * self.textures[texture].sample_linear(a * barycentric.x + b * barycentric.y + c * barycentric.z)

@@ -15,13 +15,34 @@ use crate::error::{Error, Result};
 use crate::file::{MOST_BYTES, can_hold};
 use crate::math::neighbours;
 
-/// An sRGB-encoded picture that repeats in both directions.
+/// An sRGB-encoded picture with its sampler.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ImageTexture {
     pub width: u32,
     pub height: u32,
     /// RGBA, row by row, the top row (v = 1) first; alpha is ignored.
     pub texels: Vec<[u8; 4]>,
+    pub sampler: Sampler,
+}
+
+/// How coordinates find texels.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub struct Sampler {
+    /// Along u and v.
+    pub wrap: [WrapMode; 2],
+    /// The nearest texel alone, in place of bilinear interpolation.
+    pub nearest: bool,
+}
+
+/// What lies outside 0 to 1.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum WrapMode {
+    #[default]
+    Repeat,
+    /// Every second copy is a mirror image.
+    Mirror,
+    /// The texel at the edge.
+    Clamp,
 }
 
 /// Maximum texture size of current OpenGL 3.3 devices.
@@ -93,7 +114,7 @@ fn decode(path: &Path, bytes: &[u8]) -> Result<ImageTexture, ImageError> {
     }
     let picture = DynamicImage::from_decoder(decoder)?.into_rgba8();
     let (width, height) = picture.dimensions();
-    Ok(ImageTexture { width, height, texels: picture.into_raw().as_chunks().0.to_vec() })
+    Ok(ImageTexture { width, height, texels: picture.into_raw().as_chunks().0.to_vec(), sampler: Sampler::default() })
 }
 
 /// sRGB decoding of a byte (IEC 61966-2-1).

@@ -5,7 +5,7 @@ use std::collections::HashSet;
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 
 use super::mesh::has_area;
-use super::{Environment, ImageTexture, Material, Mesh, Scene, Triangle, UnitSpace, WorldCamera};
+use super::{Environment, ImageTexture, Material, Mesh, Scene, Source, Triangle, UnitSpace, WorldCamera};
 
 /// A world of meshes. Each mesh can be placed several times.
 ///
@@ -63,13 +63,28 @@ impl World {
     pub fn flatten(&self) -> Scene {
         let space = UnitSpace::around(self.bounds());
         let mut mesh = Mesh::default();
-        for &Instance { mesh: index, transform, .. } in &self.instances {
+        // Meshes without colours are white beside others with them. Meshes without light-map coordinates make the whole scene one without.
+        let placed_meshes = || self.instances.iter().map(|instance| &self.meshes[instance.mesh]);
+        let colored = placed_meshes().any(|mesh| !mesh.colors.is_empty());
+        let mapped = placed_meshes().all(|mesh| mesh.lightmap_uvs.len() == mesh.positions.len());
+        let known = placed_meshes().all(|mesh| mesh.sources.len() == mesh.positions.len());
+        for (instance, &Instance { mesh: index, transform, .. }) in (0..).zip(&self.instances) {
             let source = &self.meshes[index];
             let first = mesh.positions.len() as u32;
             let mirrored = transform.matrix3.determinant() < 0.0;
             mesh.positions.extend(source.positions.iter().map(placed(transform)).map(|position| space.enter_point(position)));
             mesh.normals.extend(source.normals.iter().map(turned(transform.matrix3)));
             mesh.uvs.extend(&source.uvs);
+            if mapped {
+                mesh.lightmap_uvs.extend(&source.lightmap_uvs);
+            }
+            if colored {
+                mesh.colors.extend(&source.colors);
+                mesh.colors.resize(mesh.positions.len(), Vec3::ONE);
+            }
+            if known {
+                mesh.sources.extend(source.sources.iter().map(|&at| Source { instance, ..at }));
+            }
             mesh.triangles.extend(source.triangles.iter().map(|triangle| {
                 let [a, b, c] = triangle.vertices.map(|vertex| first + vertex);
                 // A mirror image has the opposite winding.
@@ -86,6 +101,7 @@ impl World {
             environment: self.environment.clone(),
             camera: self.cameras.first().map(|(_, camera)| space.enter_camera(*camera)),
             space,
+            instances: self.instances.iter().map(|instance| instance.name.clone()).collect(),
         }
     }
 }

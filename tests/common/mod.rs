@@ -80,6 +80,7 @@ impl Model {
             environment: None,
             camera: Some(camera),
             space: UnitSpace::around([DVec3::NEG_ONE, DVec3::ONE]),
+            instances: Vec::new(),
         };
         let mut model = Self { scene };
         model.material(Vec3::ONE, Vec3::ZERO);
@@ -88,14 +89,7 @@ impl Model {
 
     pub fn material(&mut self, albedo: Vec3, emission: Vec3) -> u32 {
         let name = self.scene.materials.len().to_string();
-        self.scene.materials.push(Material {
-            name,
-            albedo,
-            emission,
-            two_sided: false,
-            albedo_texture: None,
-            surface: Surface::Diffuse,
-        });
+        self.scene.materials.push(Material { name, albedo, emission, ..Material::default() });
         self.scene.materials.len() as u32 - 1
     }
 

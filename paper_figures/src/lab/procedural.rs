@@ -75,14 +75,7 @@ pub fn points_on(scene: &Scene, count: u32, both_sides: bool, triangles: &[usize
 
 /// In unit space.
 fn scene(mesh: Mesh, camera: WorldCamera) -> Scene {
-    let material = |name: &str, albedo, emission| Material {
-        name: name.into(),
-        albedo,
-        emission,
-        two_sided: false,
-        albedo_texture: None,
-        surface: Surface::Diffuse,
-    };
+    let material = |name: &str, albedo, emission| Material { name: name.into(), albedo, emission, ..Material::default() };
     let world = World {
         meshes: vec![mesh],
         instances: vec![Instance::default()],

@@ -61,6 +61,9 @@ fn main() -> ExitCode {
     match outcome {
         Ok(code) => ExitCode::from(code),
         Err(error) => {
+            if let Error::Input { warnings, .. } = &error {
+                warnings.iter().for_each(|warning| report::say(&format!("warning: {warning}")));
+            }
             report::say(&format!("error: {error}"));
             ExitCode::from(exit_code(&error))
         }

@@ -1,7 +1,7 @@
 //! Light maps: irradiance or other gathered values as a texture of the scene's surfaces. [`LightMap::new`] lays out the surfaces in the plane
 //! and places gather points in all texels that they touch. [`LightMap::image`] makes the map from the values at these points.
 //!
-//! The layout is the mesh's own texture coordinates ([`Mesh::uvs`]; a mesh has one set) if they cover the surface once within 0 to 1,
+//! The layout is the mesh's own coordinates for light maps ([`Mesh::lightmap_uvs`]), or its texture coordinates ([`Mesh::uvs`]), if they cover the surface once within 0 to 1,
 //! or an atlas. Charts of an atlas do not cross creases, because filtering would blur them.
 //!
 //! From values to the map:
@@ -148,15 +148,13 @@ impl LightMap {
         }
         match options.uvs {
             UvSource::Own => Self::with_layout("own", mesh, options),
-            UvSource::Auto if mesh.uvs.iter().any(|&uv| uv != Vec2::ZERO) => {
-                Self::with_layout("own", mesh, options).or_else(|error| {
-                    let mut map = Self::with_layout("atlas", mesh, options)?;
-                    if let Error::Usage { problem, .. } = error {
-                        map.warnings.push(format!("an atlas in place of the mesh's own texture coordinates: {problem}"));
-                    }
-                    Ok(map)
-                })
-            }
+            UvSource::Auto if !unwrap::own_uvs(mesh).is_empty() => Self::with_layout("own", mesh, options).or_else(|error| {
+                let mut map = Self::with_layout("atlas", mesh, options)?;
+                if let Error::Usage { problem, .. } = error {
+                    map.warnings.push(format!("an atlas in place of the mesh's own texture coordinates: {problem}"));
+                }
+                Ok(map)
+            }),
             UvSource::Atlas | UvSource::Auto => Self::with_layout("atlas", mesh, options),
         }
     }
@@ -319,11 +317,11 @@ fn split(mesh: &Mesh, uvs: &[[Vec2; 3]]) -> (Mesh, Vec<u32>) {
         let vertices = [0, 1, 2].map(|k| {
             let (origin, uv) = (vertices[k], uvs[k]);
             *numbers.entry((origin, uv.to_array().map(f32::to_bits))).or_insert_with(|| {
-                new.positions.push(mesh.positions[origin as usize]);
-                new.normals.push(mesh.normals[origin as usize]);
-                new.uvs.push(uv);
                 origins.push(origin);
-                origins.len() as u32 - 1
+                let index = new.push_vertex_of(mesh, origin);
+                new.lightmap_uvs.truncate(index as usize);
+                new.lightmap_uvs.push(uv);
+                index
             })
         });
         new.triangles.push(Triangle { vertices, material });

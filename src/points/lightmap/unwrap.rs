@@ -32,12 +32,22 @@ pub struct UvLayout {
     pub size: [u32; 2],
 }
 
-/// The layout by the mesh's own texture coordinates.
+/// The coordinates that a mesh brings for its light map: those for light maps, or else for textures. Empty if it has neither.
+pub fn own_uvs(mesh: &Mesh) -> &[Vec2] {
+    match (&mesh.lightmap_uvs[..], &mesh.uvs[..]) {
+        ([], uvs) if uvs.iter().all(|&uv| uv == Vec2::ZERO) => &[],
+        ([], uvs) => uvs,
+        (own, _) => own,
+    }
+}
+
+/// The layout by the mesh's own coordinates.
 pub fn own(&UnwrapInput { mesh, joints, .. }: &UnwrapInput, options: &LightMapOptions) -> Result<UvLayout> {
-    if mesh.uvs.iter().all(|&uv| uv == Vec2::ZERO) {
+    let own = own_uvs(mesh);
+    if own.is_empty() {
         return Err(unusable("the mesh has no texture coordinates"));
     }
-    let uvs: Vec<_> = mesh.triangles.iter().map(|triangle| triangle.vertices.map(|vertex| mesh.uvs[vertex as usize])).collect();
+    let uvs: Vec<_> = mesh.triangles.iter().map(|triangle| triangle.vertices.map(|vertex| own[vertex as usize])).collect();
     let outside = |uv: &Vec2| (uv - 0.5).abs().max_element() > 0.5 + RANGE_TOLERANCE;
     let strays: Vec<usize> = (0..uvs.len()).filter(|&triangle| uvs[triangle].iter().any(outside)).collect();
     if let [first, ..] = strays[..] {

@@ -7,7 +7,7 @@
 
 use std::path::{Path, PathBuf};
 
-use glam::Vec2;
+use glam::{Vec2, Vec3};
 
 use super::texture::Textures;
 use super::{Environment, Material, Mesh, World};
@@ -18,18 +18,17 @@ mod files;
 mod obj;
 mod polygon;
 mod toml;
+mod warnings;
 
 pub use files::Files;
 pub(super) use files::{Reader, Unread};
+use warnings::Warnings;
 
 /// Reads a file of one format.
 type MeshLoader = fn(&mut Loader, &Path) -> Result<World>;
 
 /// Mesh formats, with the endings of their files.
 const FORMATS: [(&str, MeshLoader); 1] = [("obj", obj::load)];
-
-/// A user does not read more than this.
-const MOST_WARNINGS: usize = 50;
 
 /// A loaded scene file or model.
 #[derive(Clone, Debug)]
@@ -56,6 +55,14 @@ pub struct LoadOptions {
     pub environment: Option<Environment>,
     /// Accepts a world without light. Openness, for example, needs none.
     pub unlit: bool,
+    /// Refuses a world without light. Otherwise it gets a sky, unless its scene file gives one.
+    pub no_default_light: bool,
+    /// Refuses files with faults. Otherwise what can be understood is mended, with a warning.
+    pub strict: bool,
+    /// The name of the camera to use. Default: the first.
+    pub camera: Option<String>,
+    /// The name or number (from 0) of the scene to use in a file with several. Default: the one that the file names.
+    pub scene: Option<String>,
     /// Swaps the fronts and backs of all surfaces, as [`Mesh::turn`](super::Mesh::turn) does. A scene file can ask for it too.
     pub flip: bool,
     pub files: Files,
@@ -66,9 +73,11 @@ struct Loader<'a> {
     reader: &'a Reader<'a>,
     /// All textures of the world. Each file is read once.
     textures: Textures<'a>,
-    warnings: Vec<String>,
+    warnings: Warnings,
     /// The environment of the options, or else of the scene file.
     environment: Option<Environment>,
+    /// As in [`LoadOptions`].
+    scene: Option<String>,
     /// Whether all surfaces are to be turned, by the options or the scene file.
     flip: bool,
 }
@@ -86,42 +95,71 @@ impl World {
     ///
     /// # Errors
     /// As [`Self::load`].
-    pub fn load_with(path: &Path, options: LoadOptions) -> Result<Loaded> {
+    pub fn load_with(path: &Path, mut options: LoadOptions) -> Result<Loaded> {
+        let (environment, scene) = (options.environment.take(), options.scene.take());
         let reader = Reader::new(path, &options.files);
         let textures = Textures::new(&reader);
-        let LoadOptions { environment, flip, .. } = options;
-        let mut loader = Loader { reader: &reader, textures, warnings: Vec::new(), environment, flip };
+        let warnings = Warnings::new(options.strict);
+        let mut loader = Loader { reader: &reader, textures, warnings, environment, flip: options.flip, scene };
+        let loaded = loader.load(path, &options);
+        let Loader { textures, warnings, .. } = loader;
+        let warnings = warnings.finish();
+        match loaded {
+            Ok((mut world, settings)) => {
+                world.textures = textures.list;
+                Ok(Loaded { world, settings, report: LoadReport { warnings, files: reader.into_done() } })
+            }
+            Err(error) => Err(error.after(warnings)),
+        }
+    }
+}
+
+impl Loader<'_> {
+    /// Reads a scene file or a model. The world has no textures yet.
+    fn load(&mut self, path: &Path, options: &LoadOptions) -> Result<(World, Settings)> {
         let ending = path.extension().unwrap_or_default();
         let (mut world, settings) = match format_of(path) {
-            _ if ending.eq_ignore_ascii_case("toml") => toml::load(&mut loader, path)?,
-            Some(load) => (load(&mut loader, path)?, Settings::default()),
+            _ if ending.eq_ignore_ascii_case("toml") => toml::load(self, path)?,
+            Some(load) => (load(self, path)?, Settings::default()),
             None => {
                 let problem = "not a kind of scene that can be read";
                 return Err(Error::input(path, None, problem, "give a scene file (.toml) or a model (.obj)"));
             }
         };
-        if loader.flip {
+        if let Some(name) = &options.camera {
+            choose_camera(&mut world, name, path)?;
+        }
+        if self.flip {
             world.flip();
         }
-        world.environment = loader.environment.take();
-        loader.check(&world);
-        let Loader { textures, warnings, .. } = loader;
-        world.textures = textures.list;
+        world.environment = self.environment.take();
+        self.check(&world);
         if !options.unlit && world.is_dark() {
-            let problem = "no light: no material in use has Ke above 0, and there is no environment that is not black";
+            self.light(&mut world, path, options)?;
+        }
+        Ok((world, settings))
+    }
+
+    /// Gives a world without light a sky, or refuses it.
+    fn light(&mut self, world: &mut World, path: &Path, options: &LoadOptions) -> Result<()> {
+        let problem = "no light: no material in use emits (Ke, emission), and there is no environment that is not black";
+        if options.no_default_light || options.strict || world.environment.is_some() {
             let cure = "give a material that the model uses Ke in the MTL file, or emission under [materials.NAME] in a scene file; or an \
                         environment, as [environment] in a scene file or by --env";
             return Err(Error::input(path, None, problem, cure));
         }
-        Ok(Loaded { world, settings, report: LoadReport { warnings, files: reader.into_done() } })
+        world.environment = Some(Environment::constant(Vec3::ONE)?);
+        self.warnings.say(format!("{problem}; a white sky of radiance 1 is added (--no-default-light refuses such a scene)"));
+        Ok(())
     }
-}
 
-impl Loader<'_> {
     /// Adds the warnings that all formats share, and cuts a list that is too long.
     fn check(&mut self, world: &World) {
-        self.warnings
-            .extend(world.instances.iter().filter_map(|instance| against_normals(&instance.name, &world.meshes[instance.mesh])));
+        for instance in &world.instances {
+            if let Some(warning) = against_normals(&instance.name, &world.meshes[instance.mesh]) {
+                self.warnings.say(warning);
+            }
+        }
         let untextured = world.meshes.iter().flat_map(|mesh| {
             mesh.triangles.iter().filter(|triangle| {
                 let textured = world.materials[triangle.material as usize].albedo_texture.is_some();
@@ -130,17 +168,24 @@ impl Loader<'_> {
         });
         match untextured.count() {
             0 => {}
-            1 => self.warnings.push("1 triangle with a texture has no texture coordinates and shows one colour".to_owned()),
+            1 => self.warnings.say("1 triangle with a texture has no texture coordinates and shows one colour".to_owned()),
             count => {
-                self.warnings.push(format!("{count} triangles with a texture have no texture coordinates and show one colour"));
+                self.warnings.say(format!("{count} triangles with a texture have no texture coordinates and show one colour"));
             }
         }
-        if self.warnings.len() > MOST_WARNINGS {
-            let more = self.warnings.len() - MOST_WARNINGS;
-            self.warnings.truncate(MOST_WARNINGS);
-            self.warnings.push(format!("and {more} more of that kind"));
-        }
     }
+}
+
+/// Makes the camera of this name the first.
+fn choose_camera(world: &mut World, name: &str, path: &Path) -> Result<()> {
+    let Some(index) = world.cameras.iter().position(|(known, _)| known == name) else {
+        let known: Vec<_> = world.cameras.iter().map(|(name, _)| name.as_str()).collect();
+        let cure =
+            if known.is_empty() { "leave out --camera".to_owned() } else { format!("name one of these: {}", known.join(", ")) };
+        return Err(Error::input(path, None, format!("there is no camera {name:?}"), cure));
+    };
+    world.cameras[..=index].rotate_right(1);
+    Ok(())
 }
 
 /// A warning if the shading normals of most faces point to their backs.

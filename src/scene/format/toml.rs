@@ -131,7 +131,7 @@ pub fn load(loader: &mut Loader, path: &Path) -> Result<(World, Settings)> {
         let without = Settings::WITHOUT_EFFECT.iter().find(|(key, _)| names.any(|name| name == *key));
         if let Some((key, reason)) = without {
             let warning = format!("{}:{number}: {key} has no effect, for {reason}; leave it out", path.display());
-            loader.warnings.push(warning);
+            loader.warnings.say(warning);
         }
     }
 
@@ -208,7 +208,7 @@ pub fn load(loader: &mut Loader, path: &Path) -> Result<(World, Settings)> {
             material.two_sided = *two_sided.get_ref();
             if material.two_sided && !material.is_emissive() {
                 let place = format!("{}:{}", path.display(), line(two_sided.span()));
-                loader.warnings.push(format!("{place}: two_sided has no effect: material \"{}\" does not emit", material.name));
+                loader.warnings.say(format!("{place}: two_sided has no effect: material \"{}\" does not emit", material.name));
             }
         }
         if table.flip {

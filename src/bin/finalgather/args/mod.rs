@@ -130,7 +130,7 @@ pub fn choose_photon_map(mut scene: SceneRequest, kind: Option<PhotonMapKind>) -
 }
 
 /// How a scene is read.
-#[derive(Clone, Copy, Debug, clap::Args)]
+#[derive(Clone, Debug, clap::Args)]
 pub struct SceneArgs {
     /// Let the scene read files outside its folder
     #[arg(long)]
@@ -139,12 +139,38 @@ pub struct SceneArgs {
     /// Turn all surfaces: fronts become backs, and lamps shine the other way. If the normals of a model (vn) point to the backs of most of its faces, turn only these faces
     #[arg(long)]
     flip: bool,
+
+    /// Refuse files with faults, in place of mending what can be understood
+    #[arg(long)]
+    strict: bool,
+
+    /// Refuse a scene without light, in place of adding a white sky
+    #[arg(long)]
+    no_default_light: bool,
+
+    /// Use the camera of this name in the file. Default: the first
+    #[arg(long, value_name = "NAME")]
+    camera: Option<String>,
+
+    /// Use the scene of this name or number (from 0) in a glTF file. Default: the one that the file names
+    #[arg(long, value_name = "NAME")]
+    gltf_scene: Option<String>,
 }
 
 impl SceneArgs {
     /// The scene with its own settings.
-    pub fn scene(self, path: &Path) -> SceneRequest {
-        SceneRequest { path: path.to_owned(), allow_outside: self.allow_outside, flip: self.flip, ..SceneRequest::default() }
+    pub fn scene(&self, path: &Path) -> SceneRequest {
+        let Self { allow_outside, flip, strict, no_default_light, ref camera, ref gltf_scene } = *self;
+        SceneRequest {
+            path: path.to_owned(),
+            allow_outside,
+            flip,
+            strict,
+            no_default_light,
+            camera: camera.clone(),
+            scene: gltf_scene.clone(),
+            ..SceneRequest::default()
+        }
     }
 }
 

@@ -15,7 +15,7 @@ use super::{Loader, Reader, Unread, beside, names};
 use crate::error::{Error, Result};
 use crate::file::{MOST_BYTES, MOST_WORDS};
 use crate::scene::mesh::has_area;
-use crate::scene::{Instance, Material, Mesh, Surface, Triangle, UnitSpace, World};
+use crate::scene::{Instance, Material, Mesh, Triangle, UnitSpace, World};
 
 mod mtl;
 mod scan;
@@ -66,8 +66,7 @@ pub fn load(loader: &mut Loader, path: &Path) -> Result<World> {
     let mut skipped = 0;
     for model in models.iter().map(|model| &model.mesh).filter(|model| !model.indices.is_empty()) {
         let material = model.material_id.unwrap_or_else(|| {
-            let (name, albedo, surface) = ("default".into(), mtl::GREY, Surface::Diffuse);
-            materials.push(Material { name, albedo, emission: Vec3::ZERO, two_sided: false, albedo_texture: None, surface });
+            materials.push(Material::default());
             materials.len() - 1
         });
         skipped += add_model(&mut mesh, model, origin, material as u32);
@@ -79,8 +78,8 @@ pub fn load(loader: &mut Loader, path: &Path) -> Result<World> {
             let cure = "check the export's scale, and that vertices differ";
             return Err(Error::input(path, None, format!("none of the {total} triangles has an area"), cure));
         }
-        1 => loader.warnings.push(format!("1 of {total} triangles has no area and was skipped")),
-        _ => loader.warnings.push(format!("{skipped} of {total} triangles have no area and were skipped")),
+        1 => loader.warnings.say(format!("1 of {total} triangles has no area and was skipped")),
+        _ => loader.warnings.say(format!("{skipped} of {total} triangles have no area and were skipped")),
     }
     let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     let instances = vec![Instance { name, mesh: 0, transform: DAffine3::from_translation(origin) }];

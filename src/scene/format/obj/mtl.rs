@@ -7,13 +7,11 @@ use std::path::Path;
 
 use glam::Vec3;
 
+use super::super::warnings::Warnings;
 use super::scan::{split_word, uncomment};
 use super::{Loader, beside};
 use crate::error::{Error, Result};
 use crate::scene::{Material, Surface};
-
-/// Default reflectance, if a material or the whole file gives none.
-pub const GREY: Vec3 = Vec3::splat(0.5);
 
 /// Minimum `Ns` of mirrors and glass. A lobe cos^Ns with this exponent falls to half at 3 degrees from its axis.
 const SHARP: f32 = 500.0;
@@ -31,14 +29,14 @@ pub fn load(loader: &mut Loader, path: &Path, bytes: &[u8]) -> Result<Vec<Materi
         let mut load =
             |(name, line): &(String, usize)| loader.textures.load(&beside(path, name), &format!("{}:{line}", path.display()));
         // A texture without `Kd` shows its own colours.
-        let unsaid = if said.texture.is_some() { Vec3::ONE } else { GREY };
+        let unsaid = if said.texture.is_some() { Vec3::ONE } else { Material::GREY };
         Ok(Material {
             albedo_texture: said.texture.as_ref().map(&mut load).transpose()?,
             name: said.name,
             albedo: reflectance.or(said.diffuse).unwrap_or(unsaid),
             emission: said.emission,
-            two_sided: false,
             surface,
+            ..Material::default()
         })
     };
     said.into_iter().zip(surfaces).map(finish).collect()
@@ -48,7 +46,7 @@ struct Scanner<'a> {
     path: &'a Path,
     line: usize,
     materials: Vec<Statements>,
-    warnings: &'a mut Vec<String>,
+    warnings: &'a mut Warnings,
 }
 
 /// The statements of one material.
@@ -147,7 +145,7 @@ impl Scanner<'_> {
     }
 
     fn warn(&mut self, what: &str) {
-        self.warnings.push(format!("{}:{}: {what}", self.path.display(), self.line));
+        self.warnings.say(format!("{}:{}: {what}", self.path.display(), self.line));
     }
 
     fn error<T>(&self, problem: impl Into<String>, cure: &str) -> Result<T> {
