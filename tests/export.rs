@@ -13,7 +13,7 @@ use finalgather::error::Error;
 use finalgather::export::{ExportMesh, Lightmap, PointValues, Positions, check_writable, read_prt};
 use finalgather::image::{Channel, Image, WriteOptions};
 use finalgather::points::file::{self, OrientedPoint};
-use finalgather::scene::{ImageTexture, Material, Mesh, Triangle, World};
+use finalgather::scene::{ImageTexture, Material, Mesh, Sampler, Triangle, World};
 use glam::{DVec3, Vec2, Vec3, vec2, vec3};
 use gltf::Semantic;
 use ply_rs_bw::parser::Parser;

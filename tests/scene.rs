@@ -7,7 +7,9 @@ use std::path::{Path, PathBuf};
 
 use finalgather::Environment;
 use finalgather::job::SceneRequest;
-use finalgather::scene::{ImageTexture, Instance, Lens, LoadOptions, Loaded, Material, Mesh, Scene, Surface, Triangle, World};
+use finalgather::scene::{
+    ImageTexture, Instance, Lens, LoadOptions, Loaded, Material, Mesh, Sampler, Scene, Surface, Triangle, World,
+};
 use finalgather::settings::{Pipeline, Settings};
 use glam::{DAffine3, DQuat, DVec3, Vec2, Vec3, dvec3, vec2, vec3};
 use serde_json::Map;

@@ -44,7 +44,7 @@ pub use reversed_lamps::reversed_lamps;
 pub use specular::{MOST_SPECULAR, Path, Split, fresnel};
 pub use texture::{ImageTexture, Sampler, WrapMode};
 pub use unit_space::UnitSpace;
-pub use world::{Instance, World};
+pub use world::{Instance, Part, World};
 
 /// All triangles of a [`World`] as one mesh in unit space. Passes draw it.
 #[derive(Clone, Debug)]
@@ -58,8 +58,8 @@ pub struct Scene {
     pub camera: Option<Camera>,
     /// Transform back to world space.
     pub space: UnitSpace,
-    /// Names of the world's instances, for [`Source::instance`].
-    pub instances: Vec<String>,
+    /// Those of the world, for [`Source::instance`].
+    pub instances: Vec<Instance>,
 }
 
 impl Scene {

@@ -33,6 +33,18 @@ pub struct Instance {
     pub mesh: usize,
     /// From mesh space to world space. A mirrored instance keeps its fronts and backs.
     pub transform: DAffine3,
+    /// Its place in a glTF file.
+    pub part: Option<Part>,
+}
+
+/// One primitive of one node of a glTF file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Part {
+    pub node: usize,
+    /// Index into the primitives of the node's mesh.
+    pub primitive: usize,
+    /// Which of the node's copies, with `EXT_mesh_gpu_instancing`.
+    pub copy: usize,
 }
 
 impl World {
@@ -101,7 +113,7 @@ impl World {
             environment: self.environment.clone(),
             camera: self.cameras.first().map(|(_, camera)| space.enter_camera(*camera)),
             space,
-            instances: self.instances.iter().map(|instance| instance.name.clone()).collect(),
+            instances: self.instances.clone(),
         }
     }
 }

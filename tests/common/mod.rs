@@ -20,9 +20,7 @@ use finalgather::photon::{PhotonGrid, PhotonTexture, PhotonTracer};
 use finalgather::points::{GatherPoint, Interleave, PointList};
 use finalgather::random::Random;
 use finalgather::reference::Reference;
-use finalgather::scene::{
-    Bvh, Camera, Instance, Lights, Material, Mesh, Scene, Surface, Triangle, UnitSpace, World, WorldCamera,
-};
+use finalgather::scene::{Bvh, Camera, Instance, Lights, Material, Mesh, Scene, Triangle, UnitSpace, World, WorldCamera};
 use finalgather::settings::{GatherSettings, LayerSize, Pipeline, Sequence, Settings};
 use glam::{DVec3, Vec2, Vec3, Vec4, vec3};
 

@@ -4,7 +4,7 @@ use std::f32::consts::TAU;
 
 use finalgather::points::GatherPoint;
 use finalgather::random::Random;
-use finalgather::scene::{Instance, Material, Mesh, Scene, Surface, Triangle, World, WorldCamera};
+use finalgather::scene::{Instance, Material, Mesh, Scene, Triangle, World, WorldCamera};
 use glam::{DVec3, Vec2, Vec3, dvec3, vec3};
 
 /// Materials of both scenes.

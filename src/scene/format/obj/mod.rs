@@ -82,7 +82,7 @@ pub fn load(loader: &mut Loader, path: &Path) -> Result<World> {
         _ => loader.warnings.say(format!("{skipped} of {total} triangles have no area and were skipped")),
     }
     let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-    let instances = vec![Instance { name, mesh: 0, transform: DAffine3::from_translation(origin) }];
+    let instances = vec![Instance { name, mesh: 0, transform: DAffine3::from_translation(origin), part: None }];
     Ok(World { meshes: vec![mesh], instances, materials, ..World::default() })
 }
 
