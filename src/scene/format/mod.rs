@@ -7,16 +7,19 @@
 
 use std::path::{Path, PathBuf};
 
-use glam::{Vec2, Vec3};
+use glam::{DVec3, Vec2, Vec3};
 
 use super::texture::Textures;
-use super::{Environment, Material, Mesh, World};
+use super::{Environment, Material, Mesh, UnitSpace, World};
 use crate::error::{Error, Result};
 use crate::settings::Settings;
 
 mod files;
+mod indexed;
 mod obj;
+mod ply;
 mod polygon;
+mod stl;
 mod toml;
 mod warnings;
 
@@ -28,7 +31,7 @@ use warnings::Warnings;
 type MeshLoader = fn(&mut Loader, &Path) -> Result<World>;
 
 /// Mesh formats, with the endings of their files.
-const FORMATS: [(&str, MeshLoader); 1] = [("obj", obj::load)];
+const FORMATS: [(&str, MeshLoader); 3] = [("obj", obj::load), ("ply", ply::load), ("stl", stl::load)];
 
 /// A loaded scene file or model.
 #[derive(Clone, Debug)]
@@ -83,7 +86,7 @@ struct Loader<'a> {
 }
 
 impl World {
-    /// Reads a scene file (`.toml`) or a model (`.obj`), with all files that it names. These must be in its folder.
+    /// Reads a scene file (`.toml`) or a model (of any format), with all files that it names. These must be in its folder.
     ///
     /// # Errors
     /// [`Error::Input`], with the place in the file: when a file cannot be read, is malformed or outside the folder, or nothing emits light.
@@ -123,7 +126,7 @@ impl Loader<'_> {
             Some(load) => (load(self, path)?, Settings::default()),
             None => {
                 let problem = "not a kind of scene that can be read";
-                return Err(Error::input(path, None, problem, "give a scene file (.toml) or a model (.obj)"));
+                return Err(Error::input(path, None, problem, format!("give a scene file (.toml) or a model ({})", endings())));
             }
         };
         if let Some(name) = &options.camera {
@@ -151,6 +154,30 @@ impl Loader<'_> {
         world.environment = Some(Environment::constant(Vec3::ONE)?);
         self.warnings.say(format!("{problem}; a white sky of radiance 1 is added (--no-default-light refuses such a scene)"));
         Ok(())
+    }
+
+    /// Tells of triangles without area that were left out of a model, where `kept` were not.
+    ///
+    /// # Errors
+    /// [`Error::Input`] when no triangle is left.
+    fn skipped(&mut self, path: &Path, skipped: usize, kept: usize) -> Result<()> {
+        let total = skipped + kept;
+        match skipped {
+            _ if total == 0 => Err(Error::input(path, None, "no face can be drawn", "correct the faces, or export the model again")),
+            0 => Ok(()),
+            _ if kept == 0 => {
+                let cure = "check the export's scale, and that vertices differ";
+                Err(Error::input(path, None, format!("none of the {total} triangles has an area"), cure))
+            }
+            1 => {
+                self.warnings.say(format!("1 of {total} triangles has no area and was skipped"));
+                Ok(())
+            }
+            _ => {
+                self.warnings.say(format!("{skipped} of {total} triangles have no area and were skipped"));
+                Ok(())
+            }
+        }
     }
 
     /// Adds the warnings that all formats share, and cuts a list that is too long.
@@ -201,9 +228,22 @@ fn against_normals(name: &str, mesh: &Mesh) -> Option<String> {
     })
 }
 
+/// The endings of models for a message: `.obj, .ply or .stl`.
+fn endings() -> String {
+    let endings = FORMATS.map(|(ending, _)| format!(".{ending}"));
+    let (last, first) = endings.split_last().expect("there is a format");
+    format!("{} or {last}", first.join(", "))
+}
+
 fn format_of(path: &Path) -> Option<MeshLoader> {
     let ending = path.extension()?;
     FORMATS.iter().find(|(known, _)| ending.eq_ignore_ascii_case(known)).map(|&(_, load)| load)
+}
+
+/// The origin of a mesh's coordinates, so that f32 holds those of a georeferenced model. Zero for a model that is not far from its own origin.
+fn origin_of(positions: impl Iterator<Item = DVec3>) -> DVec3 {
+    let grow = |[min, max]: [DVec3; 2], position: DVec3| [min.min(position), max.max(position)];
+    UnitSpace::around(positions.fold([DVec3::INFINITY, DVec3::NEG_INFINITY], grow)).local_origin()
 }
 
 /// The path of a file that the file `from` names. It accepts both kinds of slash.

@@ -11,11 +11,11 @@ use glam::{DAffine3, DVec2, DVec3, Vec3};
 
 use self::scan::{Named, scan};
 use super::polygon::triangulate;
-use super::{Loader, Reader, Unread, beside, names};
+use super::{Loader, Reader, Unread, beside, names, origin_of};
 use crate::error::{Error, Result};
 use crate::file::{MOST_BYTES, MOST_WORDS};
 use crate::scene::mesh::has_area;
-use crate::scene::{Instance, Material, Mesh, Triangle, UnitSpace, World};
+use crate::scene::{Instance, Material, Mesh, Triangle, World};
 
 mod mtl;
 mod scan;
@@ -61,7 +61,8 @@ pub fn load(loader: &mut Loader, path: &Path) -> Result<World> {
     let (models, _) =
         tobj::load_obj_buf(&mut scan.text.as_bytes(), &tobj::LoadOptions::default(), |_| Ok((Vec::new(), by_name.clone())))
             .map_err(|error| Error::input(path, None, format!("this is not a valid OBJ: {error}"), "export the model again"))?;
-    let origin = origin_of(&models);
+    let positions = models.iter().flat_map(|model| model.mesh.positions.as_chunks::<3>().0);
+    let origin = origin_of(positions.map(|&position| position.into()));
     let mut mesh = Mesh::default();
     let mut skipped = 0;
     for model in models.iter().map(|model| &model.mesh).filter(|model| !model.indices.is_empty()) {
@@ -71,16 +72,7 @@ pub fn load(loader: &mut Loader, path: &Path) -> Result<World> {
         });
         skipped += add_model(&mut mesh, model, origin, material as u32);
     }
-    let total = skipped + mesh.triangles.len();
-    match skipped {
-        0 => {}
-        _ if skipped == total => {
-            let cure = "check the export's scale, and that vertices differ";
-            return Err(Error::input(path, None, format!("none of the {total} triangles has an area"), cure));
-        }
-        1 => loader.warnings.say(format!("1 of {total} triangles has no area and was skipped")),
-        _ => loader.warnings.say(format!("{skipped} of {total} triangles have no area and were skipped")),
-    }
+    loader.skipped(path, skipped, mesh.triangles.len())?;
     let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     let instances = vec![Instance { name, mesh: 0, transform: DAffine3::from_translation(origin), part: None }];
     Ok(World { meshes: vec![mesh], instances, materials, ..World::default() })
@@ -94,13 +86,6 @@ fn library_files(reader: &Reader, obj: &Path, statement: &Named) -> Vec<(PathBuf
         return vec![(whole, statement.line)];
     }
     statement.name.split_whitespace().map(|name| (beside(obj, name), statement.line)).collect()
-}
-
-/// The origin of the mesh's coordinates, so that f32 holds those of a georeferenced model. Zero for a model that is not far from its own origin.
-fn origin_of(models: &[tobj::Model]) -> DVec3 {
-    let positions = models.iter().flat_map(|model| model.mesh.positions.as_chunks::<3>().0);
-    let grow = |[min, max]: [DVec3; 2], &position: &[f64; 3]| [min.min(position.into()), max.max(position.into())];
-    UnitSpace::around(positions.fold([DVec3::INFINITY, DVec3::NEG_INFINITY], grow)).local_origin()
 }
 
 /// Adds the faces of a model of tobj, which all have the same material. Only faces of the same model share vertices. Returns the number of

@@ -11,12 +11,10 @@ use std::path::Path;
 use glam::DVec3;
 
 use crate::error::{Error, Result};
+use crate::scene::format::polygon::MOST_CORNERS;
 
 /// Maximum coordinate. The length of a triangle's normal needs the fourth power of an edge, which must stay finite in f32.
 const FARTHEST: f32 = 1e9;
-
-/// The test for a self-crossing polygon takes quadratic time in its corners.
-const MOST_CORNERS: usize = 5000;
 
 /// Contents of an OBJ file. `text` is the text for tobj. One `mtllib` line at its top stands for all material libraries.
 pub struct Scan {
