@@ -74,8 +74,7 @@ fn decode_colors(loader: &mut Loader, path: &Path, colors: &mut [Vec3]) -> Resul
         let problem = || format!("vertex colour {color} is outside 0 to {scale}");
         loader.warnings.mend(place, &Fault { kind: "colour", problem: &problem, mend: "it is clamped", cure: "give numbers from 0 to 1" })?;
     }
-    for color in colors {
-        // None (NaN) stays so.
+    for color in colors.iter_mut().filter(|color| !color.is_nan()) {
         *color = (*color / scale).clamp(Vec3::ZERO, Vec3::ONE).to_array().map(decode_srgb).into();
     }
     Ok(())
