@@ -101,6 +101,7 @@ fn libraries_that_are_missing() {
         (quad("mtllib \"my mat.mtl\"", "usemtl blue"), Vec3::Z, "m.obj:1: it is read as my mat.mtl"),
         (quad("mtllib a.mtl my mat.mtl", "usemtl blue"), Vec3::Z, "m.obj:1: it is read as a.mtl and my mat.mtl"),
         (quad("mtllib my mat.mtl a.mtl", "usemtl wall"), RED, "m.obj:1: it is read as my mat.mtl and a.mtl"),
+        (quad("mtllib a.mtl my\\ mat.mtl", "usemtl blue"), Vec3::Z, "m.obj:1: it is read as a.mtl and my mat.mtl"),
         (quad("mtllib my mat.mtl", "usemtl blue"), Vec3::Z, ""),
     ] {
         let files = [("a.mtl", WALL), ("my mat.mtl", "newmtl blue\nKd 0 0 1\n"), ("folder/b.mtl", WALL), ("m.obj", obj.as_str())];
@@ -165,6 +166,7 @@ fn textures_that_are_elsewhere() {
         ("TEX/Deep.png", tinted, "m.mtl:3: tex/deep.png is used"),
         ("deep.png", tinted, "m.mtl:3: tex/deep.png is used"),
         ("\"red.png\"", tinted, "m.mtl:3: red.png is used"),
+        ("C:\\tex\\my\\ red.png", RED, "m.mtl:3: cannot read this texture"),
         ("red.png # the wall", tinted, "m.mtl:3: red.png is used"),
         ("\"C:\\my pictures\\RED.png\" # the wall", tinted, "m.mtl:3: red.png is used"),
         ("-clamp on -bm 0.5 red.png", tinted, ""),

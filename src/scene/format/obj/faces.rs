@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use super::number::words;
 use super::scan::{MATERIAL, Vertices};
 use crate::error::Result;
 use crate::scene::format::polygon::MOST_CORNERS;
@@ -55,29 +56,23 @@ impl Faces {
     pub fn add(&mut self, warnings: &mut Warnings, place: Place, text: &str, counts: [usize; 3]) -> Result<()> {
         let first = self.corners.len();
         let mut is_sound = true;
-        for word in text.split_ascii_whitespace() {
-            let word = match word.split_once('#') {
-                None => word,
-                Some(("", _)) => break,
-                Some((word, _)) => word,
+        for word in words(text).take(MOST_CORNERS + 1) {
+            let corner = match plain_corner(word, counts) {
+                Some(corner) => Some(corner),
+                None => odd_corner(warnings, place, word, counts)?,
             };
-            match plain_corner(word, counts) {
-                Some(corner) => self.corners.push(corner),
-                None => match odd_corner(warnings, place, word, counts)? {
-                    Some(corner) => self.corners.push(corner),
-                    None => is_sound = false,
-                },
-            }
-            if !is_sound || self.corners.len() - first > MOST_CORNERS {
+            let Some(corner) = corner else {
+                is_sound = false;
                 break;
-            }
+            };
+            self.corners.push(corner);
         }
         let count = self.corners.len() - first;
         if is_sound && !(3..=MOST_CORNERS).contains(&count) {
             is_sound = false;
             let problem = || match count {
                 1 => "a face with 1 corner".to_owned(),
-                _ if count > MOST_CORNERS => format!("a face with {} corners", text.split_ascii_whitespace().count()),
+                _ if count > MOST_CORNERS => format!("a face with {} corners", words(text).count()),
                 _ => format!("a face with {count} corners"),
             };
             let cure = format!("give 3 or more, at most {MOST_CORNERS}, or remove the line");

@@ -92,10 +92,10 @@ impl Materials {
 
     /// A defined material whose name differs in a comment, in quotes or in case.
     fn similar(&self, name: &str) -> Option<usize> {
-        let exact = names_of(name).find_map(|name| self.by_name.get(name).copied());
+        let exact = names_of(name).find_map(|name| self.by_name.get(&*name).copied());
         let defined = || self.list[..self.placements.len()].iter();
         let like = |fits: &dyn Fn(&str, &str) -> bool| {
-            names_of(name).find_map(|name| defined().position(|known| names_of(&known.name).any(|known| fits(known, name))))
+            names_of(name).find_map(|name| defined().position(|known| names_of(&known.name).any(|known| fits(&known, &name))))
         };
         exact.or_else(|| like(&|known, name| known == name)).or_else(|| like(&|known, name| known.to_lowercase() == name.to_lowercase()))
     }
@@ -219,7 +219,7 @@ enum Failure {
 /// Splits a list of names. Names with spaces are found by looking for them.
 fn split_names(text: &str, has: impl Fn(&str) -> bool) -> Vec<String> {
     if let Some(name) = names_of(text).find(|name| has(name)) {
-        return vec![name.to_owned()];
+        return vec![name.into_owned()];
     }
     let text = uncomment(text);
     let words: Vec<(usize, usize)> = text
@@ -230,12 +230,12 @@ fn split_names(text: &str, has: impl Fn(&str) -> bool) -> Vec<String> {
     let mut names = Vec::new();
     let mut first = 0;
     while first < words.len() && names.len() < MOST_LIBRARIES {
-        let name = |end: usize| unquote(&text[words[first].0..words[end - 1].1]);
+        let name = |end: usize| unquote(&text[words[first].0..words[end - 1].1]).replace("\\ ", " ");
         let ends = first + 1..=words.len().min(first + MOST_NAME_WORDS);
         let is_library = |end: &usize| name(*end).to_lowercase().ends_with(".mtl");
-        let found = ends.clone().rev().find(|&end| has(name(end)));
+        let found = ends.clone().rev().find(|&end| has(&name(end)));
         let end = found.or_else(|| ends.clone().find(is_library)).unwrap_or(first + 1);
-        names.push(name(end).to_owned());
+        names.push(name(end));
         first = end;
     }
     names

@@ -49,7 +49,10 @@ pub fn words(text: &str) -> impl Iterator<Item = &str> {
         if ended {
             return None;
         }
-        let Some((before, after)) = word.split_once('#') else { return Some(word) };
+        if !word.as_bytes().contains(&b'#') {
+            return Some(word);
+        }
+        let (before, after) = word.split_once('#').unwrap_or((word, ""));
         if before.ends_with('.') && after.starts_with(|c: char| c.is_ascii_alphabetic()) {
             return Some(word);
         }

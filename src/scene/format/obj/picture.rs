@@ -1,5 +1,6 @@
 //! Pictures that a material library names: options, places and textures.
 
+use std::borrow::Cow;
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
@@ -8,7 +9,7 @@ use glam::{Vec2, Vec3};
 use super::number::{Word, read};
 use super::search::Search;
 use super::text::{names_of, split_word};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::scene::format::warnings::{Fault, Place};
 use crate::scene::format::{Loader, beside};
 use crate::scene::{Sampler, WrapMode};
@@ -80,13 +81,13 @@ impl Picture {
     }
 
     /// The file name without folders, for a message.
-    pub fn base(&self) -> &str {
+    pub fn base(&self) -> String {
         let name = names_of(&self.name).last().unwrap_or_default();
-        name.rsplit(['/', '\\']).next().unwrap_or_default()
+        name.rsplit(['/', '\\']).next().unwrap_or_default().to_owned()
     }
 
     /// The names that the statement may mean, the likeliest first. Some exporters write options behind the name.
-    fn names(&self) -> Vec<&str> {
+    fn names(&self) -> Vec<Cow<'_, str>> {
         let before_options = self.name.split_once(" -").map(|(name, _)| name);
         names_of(&self.name).chain(before_options.into_iter().flat_map(names_of)).collect()
     }
@@ -162,7 +163,11 @@ impl<'a, 'b> Pictures<'a, 'b> {
         let place = Place { path: library, line: Some(picture.line) };
         let here = names.iter().map(|name| beside(library, name)).find(|path| self.loader.reader.has(path));
         let Some(found) = here.or_else(|| self.search.find(self.files, &names)) else { return Ok(named) };
-        let problem = || format!("there is no picture {} for this scene", picture.name);
+        let reason = self.loader.reader.find(&named).err().map(|unread| unread.error(library, None, "it", ""));
+        let problem = || match &reason {
+            Some(Error::Input { problem, .. }) => format!("picture {}: {problem}", picture.name),
+            _ => format!("there is no picture {}", picture.name),
+        };
         let (mend, cure) = (format!("{} is used", found.display()), "correct its name");
         self.loader.warnings.mend(place, &Fault { kind: "other picture", problem: &problem, mend: &mend, cure })?;
         Ok(found)

@@ -30,7 +30,7 @@ impl<'a> Search<'a> {
 
     /// A file of the same name as one of `names`, in the folders of the files `near` or below. Its place there, in any case, counts more than its
     /// name alone.
-    pub fn find(&mut self, near: [&Path; 2], names: &[&str]) -> Option<PathBuf> {
+    pub fn find(&mut self, near: [&Path; 2], names: &[impl AsRef<str>]) -> Option<PathBuf> {
         self.count += 1;
         if self.count > MOST_NAMES {
             return None;
@@ -38,7 +38,7 @@ impl<'a> Search<'a> {
         let listed = near.map(|file| self.below(file.parent().unwrap_or(Path::new(""))));
         let search = |fits: &dyn Fn(&str) -> bool| listed.iter().flat_map(|listed| listed.iter()).find(|listed| fits(&listed.place));
         names.iter().find_map(|name| {
-            let name = name.replace('\\', "/").to_lowercase();
+            let name = name.as_ref().replace('\\', "/").to_lowercase();
             let base = name.rsplit('/').next().filter(|base| !base.is_empty())?;
             let found = search(&|place| place == name).or_else(|| search(&|place| place.rsplit('/').next() == Some(base)))?;
             Some(found.file.clone())

@@ -190,7 +190,10 @@ pub fn unquote(text: &str) -> &str {
     inner('"').or_else(|| inner('\'')).unwrap_or(text).trim()
 }
 
-/// The names that a statement may mean, the likeliest first: whole, without a comment, without quotes.
-pub fn names_of(text: &str) -> impl Iterator<Item = &str> {
-    [text, unquote(text), uncomment(text), unquote(uncomment(text))].into_iter().filter(|name| !name.is_empty())
+/// The names that a statement may mean, the likeliest first: whole, without quotes, without a comment, with plain spaces for `\ `.
+pub fn names_of(text: &str) -> impl Iterator<Item = Cow<'_, str>> {
+    let plain = unquote(uncomment(text));
+    let escaped = plain.contains("\\ ").then(|| plain.replace("\\ ", " "));
+    let names = [text, unquote(text), uncomment(text), plain].map(Cow::from).into_iter().chain(escaped.map(Cow::from));
+    names.filter(|name| !name.is_empty())
 }

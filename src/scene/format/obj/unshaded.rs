@@ -51,7 +51,7 @@ impl Unshaded {
     fn picture(&mut self, what: &'static str, text: &str) {
         let (picture, _) = Picture::parse(text, 0);
         if !picture.name.is_empty() {
-            self.put(what, picture.base().to_owned());
+            self.put(what, picture.base());
         }
     }
 
