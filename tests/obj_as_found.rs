@@ -8,7 +8,8 @@ use glam::{Vec3, vec3};
 
 /// The corners of a quad around the origin.
 const CORNERS: &str = "v -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\n";
-const QUAD: &str = "mtllib m.mtl\nv -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nusemtl wall\nf 1/1 2/2 3/3 4/4\n";
+const QUAD: &str =
+    "mtllib m.mtl\nv -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nusemtl wall\nf 1/1 2/2 3/3 4/4\n";
 const WALL: &str = "newmtl wall\nKd 0.8 0.2 0.2\n";
 const RED: Vec3 = vec3(0.8, 0.2, 0.2);
 const GREY: Vec3 = Vec3::splat(0.5);
@@ -51,7 +52,8 @@ fn check(obj: &str, mtl: &str, albedo: Vec3, triangles: usize, warning: &str) {
 
 /// `warning` is what the only one has, with its place first. Empty: there is none.
 fn check_files(files: &[(&str, &[u8])], albedo: Vec3, triangles: usize, warning: &str) {
-    let shown: String = files.iter().map(|(_, contents)| String::from_utf8_lossy(contents).chars().take(300).collect::<String>()).collect();
+    let shown: String =
+        files.iter().map(|(_, contents)| String::from_utf8_lossy(contents).chars().take(300).collect::<String>()).collect();
     let Loaded { world, report, .. } = load(files, false).unwrap_or_else(|error| panic!("{shown}\n{error}"));
     let found = centre(&world);
     assert!((found - albedo).abs().max_element() < 1e-4, "{shown}\nalbedo {found}, not {albedo}\n{:?}", report.warnings);
@@ -137,7 +139,10 @@ fn names_of_materials() {
         let mtl = format!("newmtl {newmtl}\nKd 0.8 0.2 0.2\n");
         if newmtl.is_empty() {
             let warnings = open(&[("m.obj", QUAD.as_bytes()), ("m.mtl", mtl.as_bytes())]).report.warnings;
-            assert!(warnings[0].contains("newmtl without a name") && warnings[1].contains("defines material \"wall\""), "{warnings:?}");
+            assert!(
+                warnings[0].contains("newmtl without a name") && warnings[1].contains("defines material \"wall\""),
+                "{warnings:?}"
+            );
             continue;
         }
         check(&QUAD.replace("usemtl wall", &format!("usemtl {usemtl}")), &mtl, albedo, 2, warning);
@@ -175,7 +180,8 @@ fn textures_that_are_elsewhere() {
     ] {
         let mtl = both(statement);
         let red = picture();
-        let files: [(&str, &[u8]); 4] = [("m.obj", QUAD.as_bytes()), ("m.mtl", mtl.as_bytes()), ("red.png", &red), ("tex/deep.png", &red)];
+        let files: [(&str, &[u8]); 4] =
+            [("m.obj", QUAD.as_bytes()), ("m.mtl", mtl.as_bytes()), ("red.png", &red), ("tex/deep.png", &red)];
         check_files(&files, albedo, 2, warning);
     }
     // Without Kd, a picture shows its own colours, and a missing one leaves grey.
@@ -204,7 +210,12 @@ fn textures_lie_as_their_options_say() {
     texels.put_pixel(1, 1, image::Luma([255]));
     let map = encoded(texels.into());
     // The coordinate on the picture is that of the model times -s plus -o. So the white texel's middle lies at (uv - offset) / scale.
-    for (options, uv) in [("", [0.375, 0.625]), ("-o 0.25 0 0", [0.125, 0.625]), ("-s 0.5 1 1 -o 0 -0.25", [0.75, 0.875]), ("-o 0.25", [0.125, 0.625])] {
+    for (options, uv) in [
+        ("", [0.375, 0.625]),
+        ("-o 0.25 0 0", [0.125, 0.625]),
+        ("-s 0.5 1 1 -o 0 -0.25", [0.75, 0.875]),
+        ("-o 0.25", [0.125, 0.625]),
+    ] {
         let mtl = format!("newmtl wall\nmap_Kd {options} map.png\n");
         let world = open(&[("m.obj", QUAD.as_bytes()), ("m.mtl", mtl.as_bytes()), ("map.png", &map)]).world;
         let [u, v] = uv;
@@ -238,17 +249,31 @@ fn numbers_that_are_none() {
         let kd = format!("newmtl wall\nKd 0.8 {word} 0.2\n");
         check(QUAD, &kd, GREY, 2, "m.mtl:2: Kd has");
     }
-    check(&format!("{QUAD}v 1 2\nf 1 2 5\n"), WALL, RED, 2, "m.obj:12: v has 2 of 3 numbers; the faces that use this v are left out");
+    check(
+        &format!("{QUAD}v 1 2\nf 1 2 5\n"),
+        WALL,
+        RED,
+        2,
+        "m.obj:12: v has 2 of 3 numbers; the faces that use this v are left out",
+    );
     check(&format!("{QUAD}vn 1\nf 1//1 2//1 3//1\n"), WALL, RED, 3, "m.obj:12: vn has 1 of 3 numbers");
     check(&format!("{QUAD}vt # none\n"), WALL, RED, 2, "m.obj:12: vt has 0 of 1 numbers");
     check(&format!("{QUAD}v 2e9 0 0\nf 1 2 5\n"), WALL, RED, 2, "m.obj:12: farther than");
-    check(&QUAD.replace('1', "1,0").replace("usemtl", "#").replace("f 1,0/1,0", "f 1/1"), WALL, GREY, 2, "m.obj:2: v has \"-1,0\" for a number");
+    check(
+        &QUAD.replace('1', "1,0").replace("usemtl", "#").replace("f 1,0/1,0", "f 1/1"),
+        WALL,
+        GREY,
+        2,
+        "m.obj:2: v has \"-1,0\" for a number",
+    );
     check(QUAD, "newmtl wall\nKd 0,8 0,2 0,2\n", RED, 2, "m.mtl:2: Kd has the value 0,8");
     // The bad number changes no numbering.
     let world = open(&[("m.obj", format!("v nan 0 0\n{CORNERS}f 2 3 4 5\n").as_bytes())]).world;
     assert_eq!(world.meshes[0].positions[0], vec3(-1.0, -1.0, 0.0));
     // If nothing is left, the error follows the warnings.
-    let Err(Error::Input { warnings, problem, .. }) = load(&[("m.obj", b"v nan 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")], false) else { panic!("loaded") };
+    let Err(Error::Input { warnings, problem, .. }) = load(&[("m.obj", b"v nan 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")], false) else {
+        panic!("loaded")
+    };
     assert!(problem.contains("no face"), "{problem}");
     assert!(warnings.len() == 1 && warnings[0].contains("m.obj:1: v has the value NaN"), "{warnings:?}");
 }
@@ -286,7 +311,9 @@ fn faces_that_refer_to_nothing() {
     }
     // A texture coordinate or normal alone is dropped, and the corner keeps the rest.
     let (v_vt, zero) = ("vn 0 0 1\nf 1/1 2/2 3/3 4/4\n", "vn 0 0 1\nf 1/0/1 2/0/1 3/0/1 4/0/1\n");
-    for (face, normal, warning) in [(v_vt, Vec3::ZERO, "face refers to vt 1, but the file has 0"), (zero, Vec3::Z, "index 0 of vt")] {
+    for (face, normal, warning) in
+        [(v_vt, Vec3::ZERO, "face refers to vt 1, but the file has 0"), (zero, Vec3::Z, "index 0 of vt")]
+    {
         let obj = format!("mtllib m.mtl\n{CORNERS}usemtl wall\n{face}");
         check(&obj, WALL, RED, 2, &format!("m.obj:8: {warning}"));
         assert_eq!(open(&[("m.obj", obj.as_bytes()), ("m.mtl", WALL.as_bytes())]).world.meshes[0].normals[0], normal);
@@ -320,7 +347,9 @@ fn colours_outside_their_range() {
 #[test]
 fn encodings_and_line_ends() {
     let latin = |text: &str| text.chars().map(|character| character as u8).collect::<Vec<u8>>();
-    let obj = format!("mtllib m.mtl\n{CORNERS}v 1 -1 0\nv 3 -1 0\nv 3 1 0\nv 1 1 0\nusemtl wand_ä\nf 1 2 3 4\nusemtl wand_ö\nf 5 6 7 8\n");
+    let obj = format!(
+        "mtllib m.mtl\n{CORNERS}v 1 -1 0\nv 3 -1 0\nv 3 1 0\nv 1 1 0\nusemtl wand_ä\nf 1 2 3 4\nusemtl wand_ö\nf 5 6 7 8\n"
+    );
     let mtl = "newmtl wand_ä\nKd 0.8 0 0\nnewmtl wand_ö\nKd 0 0 0.8\n";
     let [obj_latin, mtl_latin] = [&obj, mtl].map(latin);
     let files: [(&[u8], &[u8], &str); 4] = [
@@ -358,11 +387,17 @@ fn encodings_and_line_ends() {
 
 #[test]
 fn keywords_in_other_case() {
-    let upper = "MTLLIB m.mtl\nV -1 -1 0\nV 1 -1 0\nV 1 1 0\nV -1 1 0\nVT 0 0\nVT 1 0\nVT 1 1\nVT 0 1\nUseMtl wall\nF 1/1 2/2 3/3 4/4\n";
+    let upper =
+        "MTLLIB m.mtl\nV -1 -1 0\nV 1 -1 0\nV 1 1 0\nV -1 1 0\nVT 0 0\nVT 1 0\nVT 1 1\nVT 0 1\nUseMtl wall\nF 1/1 2/2 3/3 4/4\n";
     check(upper, WALL, RED, 2, "m.obj:1: keyword MTLLIB is not spelt mtllib");
     let red = picture();
     let mtl = "newmtl wall\nkd 1 1 1\nmap_kd red.png\n";
-    check_files(&[("m.obj", QUAD.as_bytes()), ("m.mtl", mtl.as_bytes()), ("red.png", &red)], PICTURE, 2, "m.mtl:2: keyword kd is not spelt Kd");
+    check_files(
+        &[("m.obj", QUAD.as_bytes()), ("m.mtl", mtl.as_bytes()), ("red.png", &red)],
+        PICTURE,
+        2,
+        "m.mtl:2: keyword kd is not spelt Kd",
+    );
     check(QUAD, "NEWMTL wall\nKD 0.8 0.2 0.2\n", RED, 2, "m.mtl:1: keyword NEWMTL");
 }
 
@@ -415,7 +450,8 @@ fn objects_are_instances() {
     let groups = open(&[("m.obj", format!("{CORNERS}g a b\nf 1 2 3\ng\nf 1 2 4\ng none\n").as_bytes())]).world;
     assert_eq!(named(&groups), expected(&[("a b", 1), ("m", 1)]));
     // An object far from the origin of the world keeps its shape.
-    let far = open(&[("m.obj", b"o a\nv 500000.25 0 0\nv 500001.5 0 0\nv 500000 1 0\nf 1 2 3\no b\nv 500000.25 0 1\nf 4 2 3\n")]).world;
+    let far =
+        open(&[("m.obj", b"o a\nv 500000.25 0 0\nv 500001.5 0 0\nv 500000 1 0\nf 1 2 3\no b\nv 500000.25 0 1\nf 4 2 3\n")]).world;
     assert_eq!(far.instances[0].transform, far.instances[1].transform);
     assert_eq!(far.meshes[0].positions[1] - far.meshes[1].positions[1], Vec3::ZERO);
 }

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use finalgather::Environment;
 use finalgather::job::SceneRequest;
 use finalgather::scene::{
-    ImageTexture, Instance, Lens, LoadOptions, Loaded, Material, Mesh, Sampler, Scene, Surface, Triangle, WrapMode, World,
+    ImageTexture, Instance, Lens, LoadOptions, Loaded, Material, Mesh, Sampler, Scene, Surface, Triangle, World, WrapMode,
 };
 use finalgather::settings::{Pipeline, Settings};
 use glam::{DAffine3, DQuat, DVec3, Vec2, Vec3, dvec3, vec2, vec3};
@@ -161,12 +161,12 @@ fn polygons_of_any_shape_keep_area_and_winding() {
 #[test]
 fn faces_refer_back_forward_and_absolutely() {
     // The middle face comes before its vertices; polylines of three points are not faces; numbers may precede a comment.
-    let more = "g a\nv 0 0 7\nv 1 0 7 # comment\nv 0 1 7\nf -3 -2 -1\no b\nf 7 8 9 # comment\nv 0 0 8\nv 1 0 8\nv 0 1 8\n\
-                g c\nl 1 2 3\nf 4 5 6 \n";
+    let more = "s 1\nv 0 0 7\nv 1 0 7 # comment\nv 0 1 7\nf -3 -2 -1\ns 2\nf 7 8 9 # comment\nv 0 0 8\nv 1 0 8\nv 0 1 8\n\
+                s off\nl 1 2 3\nf 4 5 6 \n";
     let (mesh, _) = load_mesh(more);
     let heights: Vec<_> = (0..mesh.triangles.len()).map(|triangle| mesh.corners(triangle).map(|corner| corner.z)).collect();
     assert_eq!(heights, [[0.0; 3], [7.0; 3], [8.0; 3], [7.0; 3]]);
-    // The last face repeats the second, and shares its vertices though it is in another group.
+    // The last face repeats the second, and shares its vertices though it is in another smoothing group.
     assert_eq!(mesh.triangles[1], mesh.triangles[3]);
     assert_eq!(mesh.positions.len(), 9);
 }

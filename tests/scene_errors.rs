@@ -209,7 +209,7 @@ fn scene_files() {
     }
     check("none.toml", "other", b"", "none.toml", "cannot read this scene file");
     check("none.obj", "other", b"", "none.obj", "cannot read this model");
-    check("m.stl", "other", b"", "m.stl", "scene file (.toml) or a model (.obj)");
+    check("m.xyz", "other", b"", "m.xyz", "scene file (.toml) or a model (.obj");
 }
 
 /// Whatever bytes change, loading ends in a scene or an error.

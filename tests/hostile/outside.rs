@@ -212,7 +212,7 @@ fn the_tool_ends_with_words_and_no_file() {
     }
     refusal(folder.path(), "render s.toml --size 4000000000 -o out.png", 2);
     // A name in a file is no command to the terminal.
-    let said = refusal(folder.path(), "render escape.obj -o out.png", 65);
+    let said = refusal(folder.path(), "render escape.obj --strict -o out.png", 65);
     assert!(said.contains("[2J") && !said.contains(['\x1b', '\x07']), "{said:?}");
     // Each command that loads a scene asks before it leaves the folder.
     fs::write(path("prt.npy"), seed("transfer/prt.npy")).unwrap();

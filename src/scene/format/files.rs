@@ -91,7 +91,8 @@ impl<'a> Reader<'a> {
         const LEVELS: usize = 2;
         let level = |file: &Path| file.strip_prefix(folder).ok().map(|inside| inside.components().count());
         if let Files::Memory(files) = self.files {
-            let mut files: Vec<_> = files.keys().filter(|file| level(file).is_some_and(|level| level <= LEVELS + 1)).cloned().collect();
+            let mut files: Vec<_> =
+                files.keys().filter(|file| level(file).is_some_and(|level| level <= LEVELS + 1)).cloned().collect();
             files.sort_by_key(|file| level(file));
             return files;
         }

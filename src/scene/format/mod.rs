@@ -163,7 +163,9 @@ impl Loader<'_> {
     fn skipped(&mut self, path: &Path, skipped: usize, kept: usize) -> Result<()> {
         let total = skipped + kept;
         match skipped {
-            _ if total == 0 => Err(Error::input(path, None, "no face can be drawn", "correct the faces, or export the model again")),
+            _ if total == 0 => {
+                Err(Error::input(path, None, "no face can be drawn", "correct the faces, or export the model again"))
+            }
             0 => Ok(()),
             _ if kept == 0 => {
                 let cure = "check the export's scale, and that vertices differ";
@@ -224,7 +226,9 @@ impl Loader<'_> {
         match notes.len() {
             0 => {}
             1 => self.warnings.say(format!("1 material has what pictures do not show yet: {}", notes[0])),
-            count => self.warnings.say(format!("{count} materials have what pictures do not show yet: {}", few(notes.into_iter()))),
+            count => {
+                self.warnings.say(format!("{count} materials have what pictures do not show yet: {}", few(notes.into_iter())))
+            }
         }
     }
 }

@@ -208,9 +208,7 @@ fn plain_corner(word: &str, counts: [usize; 3]) -> Option<[u32; 3]> {
 
 /// Reads a corner with faults. `None` if it has no usable vertex.
 fn odd_corner(warnings: &mut Warnings, place: Place, word: &str, counts: [usize; 3]) -> Result<Option<[u32; 3]>> {
-    let mut mend = |kind, problem: &dyn Fn() -> String, mend, cure| {
-        warnings.mend(place, &Fault { kind, problem, mend, cure })
-    };
+    let mut mend = |kind, problem: &dyn Fn() -> String, mend, cure| warnings.mend(place, &Fault { kind, problem, mend, cure });
     const FORMS: &str = "write v, v/vt, v//vn or v/vt/vn, with whole numbers";
     let malformed = || format!("\"{word}\" is not a face corner");
     let mut corner = [0; 3];

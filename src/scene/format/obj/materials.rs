@@ -97,7 +97,9 @@ impl Materials {
         let like = |fits: &dyn Fn(&str, &str) -> bool| {
             names_of(name).find_map(|name| defined().position(|known| names_of(&known.name).any(|known| fits(&known, &name))))
         };
-        exact.or_else(|| like(&|known, name| known == name)).or_else(|| like(&|known, name| known.to_lowercase() == name.to_lowercase()))
+        exact
+            .or_else(|| like(&|known, name| known == name))
+            .or_else(|| like(&|known, name| known.to_lowercase() == name.to_lowercase()))
     }
 }
 
@@ -122,7 +124,12 @@ impl Libraries<'_, '_> {
         for name in self.names(statement)? {
             let library = beside(self.path, &name);
             let read = match name.is_empty() {
-                true => Err(Failure::Unread(Error::input(self.path, Some(line), "mtllib without a name", "name it, or remove the line"))),
+                true => Err(Failure::Unread(Error::input(
+                    self.path,
+                    Some(line),
+                    "mtllib without a name",
+                    "name it, or remove the line",
+                ))),
                 false => self.load(&library, line),
             };
             let error = match read {
@@ -198,9 +205,11 @@ impl Libraries<'_, '_> {
             return Ok(());
         }
         let bytes = reader.read(&file, MOST_WORDS).map_err(unread)?;
-        let text = self.decoder.decode(&mut self.loader.warnings, library, &bytes).map_err(|error| match self.loader.warnings.is_strict() {
-            true => Failure::Fault(error),
-            false => Failure::Unread(error),
+        let text = self.decoder.decode(&mut self.loader.warnings, library, &bytes).map_err(|error| {
+            match self.loader.warnings.is_strict() {
+                true => Failure::Fault(error),
+                false => Failure::Unread(error),
+            }
         })?;
         let read = mtl::load(self.loader, &mut self.search, self.decoder, [library, self.path], &text).map_err(Failure::Fault)?;
         read.into_iter().for_each(|material| self.materials.add(material));

@@ -51,9 +51,10 @@ pub fn load(loader: &mut Loader, path: &Path) -> Result<World> {
     drop(text);
 
     let positions = &scan.vertices.positions;
-    let used = models.iter().flat_map(|model| model.mesh.positions.iter().step_by(3)).map(|&number| positions[number as usize - 1]);
+    let used =
+        models.iter().flat_map(|model| model.mesh.positions.iter().step_by(3)).map(|&number| positions[number as usize - 1]);
     let origin = origin_of(used);
-    let mut builder = Builder::new(&scan, materials, origin);
+    let mut builder = MeshBuilder::new(&scan, materials, origin);
     models.into_iter().for_each(|model| builder.add(&model.mesh, model.name.parse().ok()));
     builder.finish(loader, path)
 }
@@ -72,7 +73,9 @@ fn decode_colors(loader: &mut Loader, path: &Path, colors: &mut [Vec3]) -> Resul
     let is_outside = |color: &&mut Vec3| !color.is_nan() && (color.min_element() < 0.0 || color.max_element() > scale);
     for color in colors.iter_mut().filter(is_outside) {
         let problem = || format!("vertex colour {color} is outside 0 to {scale}");
-        loader.warnings.mend(place, &Fault { kind: "colour", problem: &problem, mend: "it is clamped", cure: "give numbers from 0 to 1" })?;
+        loader
+            .warnings
+            .mend(place, &Fault { kind: "colour", problem: &problem, mend: "it is clamped", cure: "give numbers from 0 to 1" })?;
     }
     for color in colors.iter_mut().filter(|color| !color.is_nan()) {
         *color = (*color / scale).clamp(Vec3::ZERO, Vec3::ONE).to_array().map(decode_srgb).into();
@@ -81,7 +84,7 @@ fn decode_colors(loader: &mut Loader, path: &Path, colors: &mut [Vec3]) -> Resul
 }
 
 /// Makes meshes of the models of tobj. A model has faces of one object and one material that follow each other.
-struct Builder<'a> {
+struct MeshBuilder<'a> {
     vertices: &'a Vertices,
     names: &'a [String],
     materials: Materials,
@@ -96,7 +99,7 @@ struct Builder<'a> {
     skipped: usize,
 }
 
-impl<'a> Builder<'a> {
+impl<'a> MeshBuilder<'a> {
     fn new(scan: &'a Scan, mut materials: Materials, origin: DVec3) -> Self {
         let (vertices, names) = (&scan.vertices, &scan.objects[..]);
         if !vertices.colors.is_empty() {
@@ -124,8 +127,12 @@ impl<'a> Builder<'a> {
         });
         // Taken out, so that vertices can be made meanwhile.
         let mut mesh = std::mem::take(&mut self.meshes[index].1);
-        let positions: Vec<Vec3> =
-            model.positions.iter().step_by(3).map(|&number| (self.vertices.positions[number as usize - 1] - self.origin).as_vec3()).collect();
+        let positions: Vec<Vec3> = model
+            .positions
+            .iter()
+            .step_by(3)
+            .map(|&number| (self.vertices.positions[number as usize - 1] - self.origin).as_vec3())
+            .collect();
         let mut shared = vec![u32::MAX; positions.len()];
         let mut corners = Vec::new();
         let mut first = 0;
@@ -196,7 +203,8 @@ impl<'a> Builder<'a> {
         let own = path.file_stem().unwrap_or_default().to_string_lossy();
         let mut world = World { materials: self.materials.list, ..World::default() };
         for (object, mut mesh) in self.meshes {
-            let name = object.map(|object| self.names[object].as_str()).filter(|name| !name.is_empty()).unwrap_or(&own).to_owned();
+            let name =
+                object.map(|object| self.names[object].as_str()).filter(|name| !name.is_empty()).unwrap_or(&own).to_owned();
             let transform = DAffine3::from_translation(self.origin);
             world.instances.push(Instance { name, mesh: world.meshes.len(), transform, part: None });
             mesh.source_count = self.vertices.positions.len() as u32;

@@ -9,8 +9,8 @@ use std::path::Path;
 use glam::Vec3;
 
 use super::number::{Word, read, words};
-use super::picture::{Picture, Pictures};
 pub use super::picture::Placement;
+use super::picture::{Picture, Pictures};
 use super::search::Search;
 use super::text::{Decoder, Lines, split_word, uncomment};
 use super::unshaded::Unshaded;
@@ -24,7 +24,11 @@ const SHARP: f32 = 500.0;
 
 /// Reads a library. `files` are the library and its model.
 pub fn load<'a>(
-    loader: &mut Loader<'a>, search: &mut Search<'a>, decoder: &mut Decoder, files: [&Path; 2], text: &str,
+    loader: &mut Loader<'a>,
+    search: &mut Search<'a>,
+    decoder: &mut Decoder,
+    files: [&Path; 2],
+    text: &str,
 ) -> Result<Vec<(Material, Placement)>> {
     let path = files[0];
     let mut scanner = Scanner { path, line: 0, materials: Vec::new(), warnings: &mut loader.warnings };
@@ -158,7 +162,8 @@ impl Scanner<'_> {
         }
         if let Some(gloss) = number("Ns").filter(|&gloss| gloss < SHARP) {
             let kind = if mirror { "a mirror" } else { "glass" };
-            let text = || format!("illum says {kind}, but Ns {gloss} is below {SHARP}: gloss is not rendered, it is taken as diffuse");
+            let text =
+                || format!("illum says {kind}, but Ns {gloss} is below {SHARP}: gloss is not rendered, it is taken as diffuse");
             self.warnings.tell(Place { path: self.path, line: Some(self.line) }, "gloss", &text);
             return Ok((Surface::Diffuse, None));
         }
@@ -249,5 +254,7 @@ impl Scanner<'_> {
 /// Whether a colour is one of 0 to 255. A reflectance just above 1 is none.
 fn is_bytes(color: Vec3) -> bool {
     let whole = color.fract() == Vec3::ZERO;
-    color.min_element() >= 0.0 && color.max_element() <= 255.0 && (whole && color.max_element() > 2.0 || color.max_element() > 16.0)
+    color.min_element() >= 0.0
+        && color.max_element() <= 255.0
+        && (whole && color.max_element() > 2.0 || color.max_element() > 16.0)
 }

@@ -65,7 +65,8 @@ impl Picture {
                 numbers.push(value as f32);
                 rest = after;
             }
-            let pair = |unsaid: f32| Vec2::new(numbers.first().copied().unwrap_or(unsaid), numbers.get(1).copied().unwrap_or(unsaid));
+            let pair =
+                |unsaid: f32| Vec2::new(numbers.first().copied().unwrap_or(unsaid), numbers.get(1).copied().unwrap_or(unsaid));
             match lower.as_str() {
                 "-s" if pair(1.0).is_finite() => picture.placement.scale = pair(1.0),
                 "-o" if pair(0.0).is_finite() => picture.placement.offset = pair(0.0),
@@ -112,18 +113,23 @@ impl<'a, 'b> Pictures<'a, 'b> {
 
     /// The index of a texture. `None`, with a warning, if it cannot be read.
     pub fn texture(&mut self, picture: &Picture) -> Result<Option<usize>> {
-        self.open(picture, "the material has its Kd alone", |loader, path, named_at| loader.textures.load_with(path, named_at, picture.sampler))
+        self.open(picture, "the material has its Kd alone", |loader, path, named_at| {
+            loader.textures.load_with(path, named_at, picture.sampler)
+        })
     }
 
     /// The radiance of a lamp with a picture, which has its mean colour until lamps are textured. `None`, with a warning, if it cannot be read.
     pub fn glow(&mut self, picture: &Picture, emission: Option<Vec3>) -> Result<Option<Vec3>> {
-        let mean = self.open(picture, "the material has its Ke alone", |loader, path, named_at| loader.textures.mean(path, named_at))?;
+        let mean =
+            self.open(picture, "the material has its Ke alone", |loader, path, named_at| loader.textures.mean(path, named_at))?;
         let Some(mean) = mean else { return Ok(None) };
         let radiance = emission.unwrap_or(Vec3::ONE) * mean;
         let place = Place { path: self.files[0], line: Some(picture.line) };
         let text = || match radiance {
             Vec3::ZERO => "map_Ke has no effect: Ke or the picture is black".to_owned(),
-            Vec3 { x, y, z } => format!("map_Ke: the lamp shines with the mean colour of its picture, radiance {x:.3} {y:.3} {z:.3}"),
+            Vec3 { x, y, z } => {
+                format!("map_Ke: the lamp shines with the mean colour of its picture, radiance {x:.3} {y:.3} {z:.3}")
+            }
         };
         self.loader.warnings.tell(place, "map_Ke", &text);
         Ok(Some(radiance))
@@ -134,7 +140,12 @@ impl<'a, 'b> Pictures<'a, 'b> {
         *self.alpha.entry(texture).or_insert_with(|| textures[texture].has_alpha())
     }
 
-    fn open<T>(&mut self, picture: &Picture, mend: &str, load: impl Fn(&mut Loader, &Path, &str) -> Result<T>) -> Result<Option<T>> {
+    fn open<T>(
+        &mut self,
+        picture: &Picture,
+        mend: &str,
+        load: impl Fn(&mut Loader, &Path, &str) -> Result<T>,
+    ) -> Result<Option<T>> {
         let library = self.files[0];
         let named_at = format!("{}:{}", library.display(), picture.line);
         let path = self.find(picture)?;

@@ -51,7 +51,8 @@ pub struct Named {
 }
 
 pub fn scan(warnings: &mut Warnings, decoder: &mut Decoder, path: &Path, text: &str) -> Result<Scan> {
-    let mut scanner = Scanner { path, warnings, line: 0, scan: Scan::default(), faces: Faces::default(), by_name: [const { None }; 3] };
+    let mut scanner =
+        Scanner { path, warnings, line: 0, scan: Scan::default(), faces: Faces::default(), by_name: [const { None }; 3] };
     let mut lines = Lines::new(text);
     while let Some((line, statement)) = lines.next() {
         scanner.line = line;
@@ -253,7 +254,9 @@ impl<'a> Scanner<'a> {
         if faces.is_empty() {
             return match (faces.dropped, scan.vertices.positions.len()) {
                 (0, 0) => error("there is no vertex (v) and no face (f): this is not a Wavefront OBJ", "export the model as OBJ"),
-                (0, _) => error("there is no face (f), so there is nothing to render", "export the model with its faces, as a mesh"),
+                (0, _) => {
+                    error("there is no face (f), so there is nothing to render", "export the model with its faces, as a mesh")
+                }
                 _ => error("no face (f) can be used", "correct the faces, or export the model again"),
             };
         }

@@ -36,7 +36,8 @@ impl<'a> Search<'a> {
             return None;
         }
         let listed = near.map(|file| self.below(file.parent().unwrap_or(Path::new(""))));
-        let search = |fits: &dyn Fn(&str) -> bool| listed.iter().flat_map(|listed| listed.iter()).find(|listed| fits(&listed.place));
+        let search =
+            |fits: &dyn Fn(&str) -> bool| listed.iter().flat_map(|listed| listed.iter()).find(|listed| fits(&listed.place));
         names.iter().find_map(|name| {
             let name = name.as_ref().replace('\\', "/").to_lowercase();
             let base = name.rsplit('/').next().filter(|base| !base.is_empty())?;
@@ -48,7 +49,8 @@ impl<'a> Search<'a> {
     fn below(&mut self, folder: &Path) -> Rc<[Listed]> {
         let reader = self.reader;
         let list = || {
-            let place = |file: &Path| file.strip_prefix(folder).unwrap_or(file).to_string_lossy().replace('\\', "/").to_lowercase();
+            let place =
+                |file: &Path| file.strip_prefix(folder).unwrap_or(file).to_string_lossy().replace('\\', "/").to_lowercase();
             reader.below(folder).into_iter().map(|file| Listed { place: place(&file), file }).collect()
         };
         self.folders.entry(folder.to_owned()).or_insert_with(list).clone()

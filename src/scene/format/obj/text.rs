@@ -21,7 +21,12 @@ impl Decoder {
     pub fn decode<'a>(&mut self, warnings: &mut Warnings, path: &Path, bytes: &'a [u8]) -> Result<Cow<'a, str>> {
         if let Some(text) = utf_16(bytes) {
             let problem = || "this file is UTF-16, not UTF-8".to_owned();
-            self.mend(warnings, path, 1, &Fault { kind: "UTF-16", problem: &problem, mend: "it is decoded", cure: "save it as UTF-8" })?;
+            self.mend(
+                warnings,
+                path,
+                1,
+                &Fault { kind: "UTF-16", problem: &problem, mend: "it is decoded", cure: "save it as UTF-8" },
+            )?;
             return Ok(text.into());
         }
         let bytes = without_filling(bytes);
@@ -53,7 +58,9 @@ impl Decoder {
     /// Comments and other statements than these have no names that matter.
     fn tell_of_names(&mut self, warnings: &mut Warnings, path: &Path, line: usize, statement: &[u8]) {
         let keyword: Vec<u8> = statement.trim_ascii().iter().map(u8::to_ascii_lowercase).take(6).collect();
-        if ["usemtl", "mtllib", "newmtl", "map_kd"].iter().any(|known| keyword == known.as_bytes()) && self.told.insert("Windows-1252") {
+        if ["usemtl", "mtllib", "newmtl", "map_kd"].iter().any(|known| keyword == known.as_bytes())
+            && self.told.insert("Windows-1252")
+        {
             let text = || "this name is not UTF-8; it is read as Windows-1252 (Latin-1)".to_owned();
             warnings.tell(Place { path, line: Some(line) }, "Windows-1252", &text);
         }
@@ -64,7 +71,12 @@ impl Decoder {
         let Some(line) = lines.lone_return else { return Ok(()) };
         let problem = || "a line ends in a carriage return alone".to_owned();
         let cure = "save it with line ends of this system";
-        self.mend(warnings, path, line, &Fault { kind: "carriage return", problem: &problem, mend: "it is taken for a line end", cure })
+        self.mend(
+            warnings,
+            path,
+            line,
+            &Fault { kind: "carriage return", problem: &problem, mend: "it is taken for a line end", cure },
+        )
     }
 
     fn mend(&mut self, warnings: &mut Warnings, path: &Path, line: usize, fault: &Fault) -> Result<()> {
@@ -102,8 +114,8 @@ fn utf_16(bytes: &[u8]) -> Option<String> {
 /// A character of Windows-1252, which differs from Latin-1 in 32 places.
 fn windows_1252(byte: u8) -> char {
     const HIGH: [char; 32] = [
-        '€', '\u{81}', '‚', 'ƒ', '„', '…', '†', '‡', 'ˆ', '‰', 'Š', '‹', 'Œ', '\u{8d}', 'Ž', '\u{8f}', '\u{90}', '‘', '’', '“', '”', '•',
-        '–', '—', '˜', '™', 'š', '›', 'œ', '\u{9d}', 'ž', 'Ÿ',
+        '€', '\u{81}', '‚', 'ƒ', '„', '…', '†', '‡', 'ˆ', '‰', 'Š', '‹', 'Œ', '\u{8d}', 'Ž', '\u{8f}', '\u{90}', '‘', '’', '“',
+        '”', '•', '–', '—', '˜', '™', 'š', '›', 'œ', '\u{9d}', 'ž', 'Ÿ',
     ];
     match byte {
         0x80..=0x9f => HIGH[usize::from(byte - 0x80)],
