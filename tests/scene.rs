@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use finalgather::Environment;
 use finalgather::job::SceneRequest;
 use finalgather::scene::{
-    ImageTexture, Instance, Lens, LoadOptions, Loaded, Material, Mesh, Sampler, Scene, Surface, Triangle, World,
+    ImageTexture, Instance, Lens, LoadOptions, Loaded, Material, Mesh, Sampler, Scene, Surface, Triangle, World, WrapMode,
 };
 use finalgather::settings::{Pipeline, Settings};
 use glam::{DAffine3, DQuat, DVec3, Vec2, Vec3, dvec3, vec2, vec3};
@@ -271,6 +271,36 @@ fn textures_decode_srgb_and_interpolate_linearly() {
     ] {
         let sample = texture.sample_linear(uv);
         assert!((sample - expected).abs().max_element() < 1e-6, "{uv}: {sample}, not {expected}");
+    }
+}
+
+#[test]
+fn samplers_choose_texels_beyond_the_edge() {
+    use WrapMode::{Clamp, Mirror, Repeat};
+    // Of one row: black, grey of 1/5, white.
+    let texels = vec![[0, 0, 0, 255], [124, 124, 124, 255], [255, 255, 255, 255]];
+    let dark = 0.201_556_4;
+    for (wrap, nearest, u, expected) in [
+        (Repeat, false, 1.5 / 3.0, dark),
+        (Repeat, false, 0.0, 0.5),
+        (Repeat, false, 1.25 / 3.0, 0.75 * dark),
+        (Repeat, true, 1.25 / 3.0, dark),
+        (Repeat, true, 0.95 / 3.0, 0.0),
+        (Repeat, true, -0.1, 1.0),
+        (Clamp, false, -7.0, 0.0),
+        (Clamp, false, 0.0, 0.0),
+        (Clamp, false, 40.0, 1.0),
+        (Clamp, true, 1.0, 1.0),
+        (Mirror, false, 1.0, 1.0),
+        (Mirror, false, 1.0 + 1.5 / 3.0, dark),
+        (Mirror, false, 1.0 + 1.75 / 3.0, 0.75 * dark),
+        (Mirror, false, -0.5 / 3.0, 0.0),
+        (Mirror, false, -2.5 / 3.0, 1.0),
+        (Mirror, true, 2.9 / 3.0 + 2.0, 1.0),
+    ] {
+        let sampler = Sampler { wrap: [wrap, Repeat], nearest };
+        let sample = ImageTexture { width: 3, height: 1, texels: texels.clone(), sampler }.sample_linear(vec2(u, 0.5));
+        assert!((sample.x - expected).abs() < 1e-4, "{wrap:?}, nearest {nearest}, {u}: {sample}, not {expected}");
     }
 }
 
