@@ -48,13 +48,15 @@ pub enum WrapMode {
 /// Maximum texture size of current OpenGL 3.3 devices.
 const LARGEST_SIDE: u32 = 16384;
 const MOST_MEMORY: u64 = 1 << 30;
+/// The most bytes that a picture may unpack to, however short its file is.
+const MOST_PACKED: u64 = 64 << 20;
 
 /// Maximum number of texels of all textures together.
 const MOST_TEXELS: usize = 1 << 30;
 
 pub struct Textures<'a> {
     pub list: Vec<ImageTexture>,
-    by_file: HashMap<PathBuf, usize>,
+    by_file: HashMap<(PathBuf, Sampler), usize>,
     texels: usize,
     reader: &'a Reader<'a>,
 }
@@ -71,27 +73,43 @@ impl<'a> Textures<'a> {
             unread.error(path, None, &what, "put the picture there, or correct its name")
         };
         let file = self.reader.find(path).map_err(unread)?;
-        if let Some(&index) = self.by_file.get(&file) {
+        if let Some(&index) = self.by_file.get(&(file.clone(), Sampler::default())) {
             return Ok(index);
         }
         let bytes = self.reader.read(&file, MOST_BYTES).map_err(unread)?;
+        let texture = Self::decode(path, &bytes, named_at)?;
+        self.add(file, texture, path, named_at)
+    }
+
+    /// The index of a texture that was loaded before.
+    pub fn known(&self, file: &Path, sampler: Sampler) -> Option<usize> {
+        self.by_file.get(&(file.to_owned(), sampler)).copied()
+    }
+
+    /// Adds a decoded picture as the texture of a file, or of a part of a file that `file` stands for. `path` is for messages.
+    pub fn add(&mut self, file: PathBuf, texture: ImageTexture, path: &Path, named_at: &str) -> Result<usize> {
+        self.texels += texture.texels.len();
+        if self.texels > MOST_TEXELS {
+            let problem = format!("this texture, named at {named_at}, makes more than {MOST_TEXELS} texels of them all");
+            return Err(Error::input(path, None, problem, "shrink some of them"));
+        }
+        self.by_file.insert((file, texture.sampler), self.list.len());
+        self.list.push(texture);
+        Ok(self.list.len() - 1)
+    }
+
+    /// Decodes the bytes of a picture. `path` and `named_at` are for messages.
+    pub fn decode(path: &Path, bytes: &[u8], named_at: &str) -> Result<ImageTexture> {
         let refused = |problem: String, cure: String| {
             Error::input(path, None, format!("this texture, named at {named_at}, {problem}"), cure)
         };
-        let texture = decode(path, &bytes).map_err(|error| match error {
+        decode(path, bytes).map_err(|error| match error {
             ImageError::Limits(_) => {
                 let cure = format!("shrink it to at most {LARGEST_SIDE} pixels on a side and 1 GiB");
                 refused(format!("is too large: {error}"), cure)
             }
             _ => refused(format!("cannot be decoded: {error}"), "save it again as 8-bit PNG, JPEG, TGA or BMP".into()),
-        })?;
-        self.texels += texture.texels.len();
-        if self.texels > MOST_TEXELS {
-            return Err(refused(format!("makes more than {MOST_TEXELS} texels of them all"), "shrink some of them".into()));
-        }
-        self.by_file.insert(file, self.list.len());
-        self.list.push(texture);
-        Ok(self.list.len() - 1)
+        })
     }
 }
 
@@ -117,6 +135,7 @@ fn decode(path: &Path, bytes: &[u8]) -> Result<ImageTexture, ImageError> {
         reader.set_format(format);
     }
     let mut reader = reader.with_guessed_format()?;
+    let format = reader.format();
     let mut limits = Limits::default();
     limits.max_image_width = Some(LARGEST_SIDE);
     limits.max_image_height = Some(LARGEST_SIDE);
@@ -124,7 +143,8 @@ fn decode(path: &Path, bytes: &[u8]) -> Result<ImageTexture, ImageError> {
     reader.limits(limits.clone());
     let decoder = reader.into_decoder()?;
     limits.reserve(decoder.total_bytes())?;
-    if !can_hold(bytes, decoder.total_bytes()) {
+    // A WebP of one colour takes a few bytes, whatever its size.
+    if !can_hold(bytes, decoder.total_bytes()) && (format != Some(ImageFormat::WebP) || decoder.total_bytes() > MOST_PACKED) {
         return Err(ImageError::IoError(ErrorKind::UnexpectedEof.into()));
     }
     let picture = DynamicImage::from_decoder(decoder)?.into_rgba8();

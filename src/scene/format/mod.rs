@@ -15,6 +15,7 @@ use crate::error::{Error, Result};
 use crate::settings::Settings;
 
 mod files;
+mod gltf;
 mod obj;
 mod polygon;
 mod toml;
@@ -28,7 +29,7 @@ use warnings::Warnings;
 type MeshLoader = fn(&mut Loader, &Path) -> Result<World>;
 
 /// Mesh formats, with the endings of their files.
-const FORMATS: [(&str, MeshLoader); 1] = [("obj", obj::load)];
+const FORMATS: [(&str, MeshLoader); 3] = [("obj", obj::load), ("glb", gltf::load), ("gltf", gltf::load)];
 
 /// A loaded scene file or model.
 #[derive(Clone, Debug)]
@@ -83,7 +84,7 @@ struct Loader<'a> {
 }
 
 impl World {
-    /// Reads a scene file (`.toml`) or a model (`.obj`), with all files that it names. These must be in its folder.
+    /// Reads a scene file (`.toml`) or a model (`.obj`, `.glb`, `.gltf`), with all files that it names. These must be in its folder.
     ///
     /// # Errors
     /// [`Error::Input`], with the place in the file: when a file cannot be read, is malformed or outside the folder, or nothing emits light.
@@ -123,7 +124,9 @@ impl Loader<'_> {
             Some(load) => (load(self, path)?, Settings::default()),
             None => {
                 let problem = "not a kind of scene that can be read";
-                return Err(Error::input(path, None, problem, "give a scene file (.toml) or a model (.obj)"));
+                let endings: Vec<String> = FORMATS.iter().map(|(ending, _)| format!(".{ending}")).collect();
+                let cure = format!("give a scene file (.toml) or a model ({})", endings.join(", "));
+                return Err(Error::input(path, None, problem, cure));
             }
         };
         if let Some(name) = &options.camera {
