@@ -276,6 +276,36 @@ fn textures_decode_srgb_and_interpolate_linearly() {
 }
 
 #[test]
+fn samplers_choose_texels_beyond_the_edge() {
+    use WrapMode::{Clamp, Mirror, Repeat};
+    // Of one row: black, grey of 1/5, white.
+    let texels = vec![[0, 0, 0, 255], [124, 124, 124, 255], [255, 255, 255, 255]];
+    let dark = 0.201_556_4;
+    for (wrap, nearest, u, expected) in [
+        (Repeat, false, 1.5 / 3.0, dark),
+        (Repeat, false, 0.0, 0.5),
+        (Repeat, false, 1.25 / 3.0, 0.75 * dark),
+        (Repeat, true, 1.25 / 3.0, dark),
+        (Repeat, true, 0.95 / 3.0, 0.0),
+        (Repeat, true, -0.1, 1.0),
+        (Clamp, false, -7.0, 0.0),
+        (Clamp, false, 0.0, 0.0),
+        (Clamp, false, 40.0, 1.0),
+        (Clamp, true, 1.0, 1.0),
+        (Mirror, false, 1.0, 1.0),
+        (Mirror, false, 1.0 + 1.5 / 3.0, dark),
+        (Mirror, false, 1.0 + 1.75 / 3.0, 0.75 * dark),
+        (Mirror, false, -0.5 / 3.0, 0.0),
+        (Mirror, false, -2.5 / 3.0, 1.0),
+        (Mirror, true, 2.9 / 3.0 + 2.0, 1.0),
+    ] {
+        let sampler = Sampler { wrap: [wrap, Repeat], nearest };
+        let sample = ImageTexture { width: 3, height: 1, texels: texels.clone(), sampler }.sample_linear(vec2(u, 0.5));
+        assert!((sample.x - expected).abs() < 1e-4, "{wrap:?}, nearest {nearest}, {u}: {sample}, not {expected}");
+    }
+}
+
+#[test]
 fn texture_files_of_any_depth_are_loaded_once() {
     let mtl = "newmtl a\nmap_Kd -clamp on -s 1 1 -o 0.5 my tiles\\red one.png\nKe 1 1 1\n\
                newmtl b\nmap_Kd my tiles/red one.png\nKd 0.5 0.5 0.5\nnewmtl c\nmap_Kd grey.png\n\

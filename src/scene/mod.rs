@@ -91,9 +91,9 @@ impl Scene {
         albedo * self.textures[texture].sample_linear(a * barycentric.x + b * barycentric.y + c * barycentric.z)
     }
 
-    /// Whether there are albedo textures.
+    /// Whether the albedo varies over a triangle, by textures or vertex colours.
     pub fn is_textured(&self) -> bool {
-        !self.textures.is_empty()
+        !self.textures.is_empty() || !self.mesh.colors.is_empty()
     }
 
     /// Whether any surface is a mirror or glass.

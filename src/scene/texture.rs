@@ -136,6 +136,21 @@ impl<'a> Textures<'a> {
     }
 }
 
+impl WrapMode {
+    /// The two texels on either side of a coordinate, and the weight of the second. Texel centres lie at (i + 0.5) / `size`.
+    fn neighbours(self, coordinate: f32, size: usize) -> (usize, usize, f32) {
+        let inside = match self {
+            Self::Repeat => return neighbours(coordinate, size),
+            Self::Mirror => 1.0 - (1.0 - coordinate.rem_euclid(2.0)).abs(),
+            Self::Clamp => coordinate.clamp(0.0, 1.0),
+        };
+        let position = inside * size as f32 - 0.5;
+        let first = position.floor();
+        let at = |index: f32| index.clamp(0.0, (size - 1) as f32) as usize;
+        (at(first), at(first + 1.0), position - first)
+    }
+}
+
 fn unread(reason: Unread, path: &Path, named_at: &str) -> Error {
     reason.error(path, None, &format!("this texture, named at {named_at}"), "put the picture there, or correct its name")
 }
@@ -173,11 +188,14 @@ static LINEAR: LazyLock<[f32; 256]> = LazyLock::new(|| {
 });
 
 impl ImageTexture {
-    /// Linear reflectance at `uv`. Texels are decoded, interpolated bilinearly, and repeat. Equals GL_LINEAR with GL_REPEAT on an sRGB texture with
-    /// these rows, sampled at (u, 1 - v).
+    /// Linear reflectance at `uv`. Texels are decoded, then interpolated bilinearly unless the sampler wants the nearest. Equals what OpenGL samples of an
+    /// sRGB texture with these rows and this sampler, without mipmaps, at (u, 1 - v).
     pub fn sample_linear(&self, uv: Vec2) -> Vec3 {
-        let (left, right, x) = neighbours(uv.x, self.width as usize);
-        let (above, below, y) = neighbours(1.0 - uv.y, self.height as usize);
+        let Sampler { wrap: [along_u, along_v], nearest } = self.sampler;
+        let (left, right, x) = along_u.neighbours(uv.x, self.width as usize);
+        let (above, below, y) = along_v.neighbours(1.0 - uv.y, self.height as usize);
+        // The nearest texel is the one of greater weight.
+        let [x, y] = [x, y].map(|share| if nearest { (share + 0.5).floor() } else { share });
         let row = |row| self.texel(left, row).lerp(self.texel(right, row), x);
         row(above).lerp(row(below), y)
     }

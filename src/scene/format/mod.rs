@@ -15,6 +15,7 @@ use crate::error::{Error, Result};
 use crate::settings::Settings;
 
 mod files;
+mod gltf;
 mod indexed;
 mod obj;
 mod ply;
@@ -31,7 +32,8 @@ use warnings::Warnings;
 type MeshLoader = fn(&mut Loader, &Path) -> Result<World>;
 
 /// Mesh formats, with the endings of their files.
-const FORMATS: [(&str, MeshLoader); 3] = [("obj", obj::load), ("ply", ply::load), ("stl", stl::load)];
+const FORMATS: [(&str, MeshLoader); 5] =
+    [("obj", obj::load), ("glb", gltf::load), ("gltf", gltf::load), ("ply", ply::load), ("stl", stl::load)];
 
 /// A loaded scene file or model.
 #[derive(Clone, Debug)]

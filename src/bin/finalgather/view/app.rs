@@ -292,7 +292,7 @@ impl App {
         self.saving = false;
         self.dialog = dialog(self.folder.as_deref())
             .title("Open a scene")
-            .add_file_filter_extensions("Scenes", vec!["toml", "obj"])
+            .add_file_filter_extensions("Scenes", vec!["toml", "obj", "glb", "gltf"])
             .default_file_filter("Scenes");
         self.dialog.pick_file();
     }
