@@ -33,7 +33,7 @@ pub fn load<'a>(
     let path = files[0];
     let mut scanner = Scanner { path, line: 0, materials: Vec::new(), warnings: &mut loader.warnings };
     let mut lines = Lines::new(text);
-    while let Some((line, statement)) = lines.next() {
+    for (line, statement) in lines.by_ref() {
         scanner.line = line;
         scanner.statement(&statement)?;
     }

@@ -52,9 +52,9 @@ pub struct Named {
 
 pub fn scan(warnings: &mut Warnings, decoder: &mut Decoder, path: &Path, text: &str) -> Result<Scan> {
     let mut scanner =
-        Scanner { path, warnings, line: 0, scan: Scan::default(), faces: Faces::default(), by_name: [const { None }; 3] };
+        Scanner { path, warnings, line: 0, scan: Scan::default(), faces: Faces::default(), names: Default::default() };
     let mut lines = Lines::new(text);
-    while let Some((line, statement)) = lines.next() {
+    for (line, statement) in lines.by_ref() {
         scanner.line = line;
         scanner.statement(&statement)?;
     }
@@ -73,8 +73,15 @@ struct Scanner<'a> {
     line: usize,
     scan: Scan,
     faces: Faces,
-    /// Indices of materials, objects and groups by name. Made when there is one.
-    by_name: [Option<(HashMap<String, usize>, Vec<Named>)>; 3],
+    /// Names of materials, objects and groups.
+    names: [NameList; 3],
+}
+
+/// Different names in the order of their first use.
+#[derive(Default)]
+struct NameList {
+    indices: HashMap<String, usize>,
+    list: Vec<Named>,
 }
 
 impl<'a> Scanner<'a> {
@@ -134,13 +141,13 @@ impl<'a> Scanner<'a> {
 
     /// Starts the faces of this material, object or group.
     fn name(&mut self, kind: usize, name: &str) {
-        let (indices, names) = self.by_name[kind].get_or_insert_default();
+        let NameList { indices, list } = &mut self.names[kind];
         let index = match indices.get(name) {
             Some(&index) => index,
             None => {
-                indices.insert(name.to_owned(), names.len());
-                names.push(Named { name: name.to_owned(), line: self.line });
-                names.len() - 1
+                indices.insert(name.to_owned(), list.len());
+                list.push(Named { name: name.to_owned(), line: self.line });
+                list.len() - 1
             }
         };
         self.faces.start(kind, index);
@@ -249,7 +256,7 @@ impl<'a> Scanner<'a> {
     }
 
     fn finish(self) -> Result<Scan> {
-        let Self { path, warnings, mut scan, mut faces, mut by_name, .. } = self;
+        let Self { path, warnings, mut scan, mut faces, names, .. } = self;
         let error = |problem, cure| Err(Error::input(path, None, problem, cure));
         if faces.is_empty() {
             return match (faces.dropped, scan.vertices.positions.len()) {
@@ -264,11 +271,11 @@ impl<'a> Scanner<'a> {
         if faces.is_empty() {
             return error("no face (f) can be used", "correct the faces, or export the model again");
         }
-        let parts = if by_name[OBJECT].is_some() { OBJECT } else { GROUP };
+        let [materials, objects, groups] = names.map(|names| names.list);
+        let (parts, objects) = if objects.is_empty() { (GROUP, groups) } else { (OBJECT, objects) };
         scan.text = faces.write(&scan.vertices, parts);
-        let mut names = |kind: usize| by_name[kind].take().unwrap_or_default().1;
-        scan.objects = names(parts).into_iter().map(|object| object.name).collect();
-        scan.materials = names(MATERIAL);
+        scan.objects = objects.into_iter().map(|object| object.name).collect();
+        scan.materials = materials;
         Ok(scan)
     }
 }
