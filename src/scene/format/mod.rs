@@ -15,7 +15,7 @@ use crate::error::{Error, Result};
 use crate::settings::Settings;
 
 mod files;
-mod gltf;
+pub mod gltf;
 mod obj;
 mod polygon;
 mod toml;
