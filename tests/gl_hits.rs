@@ -176,7 +176,7 @@ fn far_from_the_origin() {
     let (side, count, at_512) = sized(&gpu, (128, 256, AT_512), (32, 16, SMALL_512));
     let mut world = World::load("scenes/cornell.toml".as_ref()).unwrap().world;
     let away = Vec3::splat(1e5);
-    for position in &mut world.meshes[0].positions {
+    for position in world.meshes.iter_mut().flat_map(|mesh| &mut mesh.positions) {
         *position += away;
     }
     let (_, camera) = &mut world.cameras[0];

@@ -19,6 +19,8 @@ pub struct Mesh {
     pub colors: Vec<Vec3>,
     /// The place of each vertex in the file. Empty if the mesh is of no file.
     pub sources: Vec<Source>,
+    /// Length of the file's own list of vertices, which may have some that no triangle uses.
+    pub source_count: u32,
     pub triangles: Vec<Triangle>,
 }
 

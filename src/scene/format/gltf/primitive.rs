@@ -173,6 +173,7 @@ impl Primitives<'_, '_> {
             lightmap_uvs: lightmap.map_or_else(Vec::new, |values| vertices().map(|vertex| uv(&values, vertex, V_UP)).collect()),
             colors: colors.map_or_else(Vec::new, |values| vertices().map(|vertex| color(&values, vertex)).collect()),
             sources: kept.list.iter().map(|&index| Source { instance: 0, index }).collect(),
+            source_count: count as u32,
             triangles: triangles
                 .iter()
                 .map(|triangle| Triangle { vertices: triangle.map(|vertex| kept.index(vertex)), material: look.material })
