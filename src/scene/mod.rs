@@ -60,6 +60,10 @@ pub struct Scene {
     pub space: UnitSpace,
     /// Those of the world, for [`Source::instance`].
     pub instances: Vec<Instance>,
+    /// Length of the file's own list of vertices for each instance.
+    pub source_counts: Vec<u32>,
+    /// As in [`World::file`].
+    pub file: String,
 }
 
 impl Scene {

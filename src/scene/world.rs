@@ -23,6 +23,8 @@ pub struct World {
     pub cameras: Vec<(String, WorldCamera)>,
     /// Radiance from outside the scene. `None` is black.
     pub environment: Option<Environment>,
+    /// Name of the model's file, without its folder. Empty if there is none.
+    pub file: String,
 }
 
 /// A mesh placed in the world. The default places mesh 0 without a transform.
@@ -114,6 +116,8 @@ impl World {
             camera: self.cameras.first().map(|(_, camera)| space.enter_camera(*camera)),
             space,
             instances: self.instances.clone(),
+            source_counts: placed_meshes().map(Mesh::length_of_source).collect(),
+            file: self.file.clone(),
         }
     }
 }
