@@ -3,6 +3,7 @@
 //! [`Job::new`] checks a request. [`Job::run`] works and reports to a [`Watch`]. [`merge`] merges shards. Requests and results are in world space.
 
 mod checkpoint;
+mod estimate;
 mod inside_out;
 mod merge;
 mod outputs;
@@ -22,6 +23,7 @@ use crate::error::{Error, Result};
 use crate::scene::Loaded;
 
 pub use checkpoint::Keeping;
+pub use estimate::{Estimate, estimate};
 pub use merge::merge;
 pub use outputs::{check_kept, metadata, of_picture};
 pub use per_source::Per;

@@ -14,6 +14,9 @@ use serde::Deserialize;
 use crate::args::{DeviceArgs, JobArgs, Overrides, checked, choose_photon_map, count, named};
 use crate::{report, terminal};
 
+/// Texels along a side of a light map, where nothing else is said.
+pub const LIGHT_MAP_SIDE: u32 = 512;
+
 /// Bake vertices, light maps, pixels or points of a file: irradiance, openness, spherical harmonics, radiance transfer
 ///
 /// One gather serves all receivers and all quantities. Settings come from these options, else from [settings] in the scene file, else from the
@@ -63,7 +66,7 @@ pub struct BakeArgs {
     gather_bounces: Option<u32>,
 
     /// Side of the light map in texels
-    #[arg(long, value_name = "N", default_value_t = 512, value_parser = count::<u32>, conflicts_with = "texels_per_unit", help_heading = "Light map")]
+    #[arg(long, value_name = "N", default_value_t = LIGHT_MAP_SIDE, value_parser = count::<u32>, conflicts_with = "texels_per_unit", help_heading = "Light map")]
     resolution: u32,
 
     /// Texels along one unit of the scene, instead of --resolution
