@@ -81,7 +81,13 @@ impl Tent {
     }
 
     fn values<'a>(&'a self, columns: &'a [Channel]) -> PointValues<'a> {
-        PointValues { positions: Positions::near(&self.world), normals: &self.normals, columns, surface: Some(self.surface()) }
+        PointValues {
+            positions: Positions::near(&self.world),
+            normals: &self.normals,
+            columns,
+            surface: Some(self.surface()),
+            sources: None,
+        }
     }
 
     /// Each plate has a third of the map.
@@ -480,7 +486,7 @@ fn what_cannot_be_written_is_said_and_leaves_nothing() {
     let mut broken = columns(&["AO"]);
     broken[0].samples[3] = f32::NAN;
     refused("a.glb", &broken, "AO is not finite");
-    let none = PointValues { positions: Positions::near(&[]), normals: &[], columns: &[], surface: None };
+    let none = PointValues { positions: Positions::near(&[]), normals: &[], columns: &[], surface: None, sources: None };
     assert!(none.write(&folder.path().join("a.ply"), &WriteOptions::default()).unwrap_err().to_string().contains("no points"));
     let lightmap = Lightmap { surface: tent.surface(), uvs: &[], irradiance: Some(&irradiance), openness: None };
     let error = lightmap.write(&folder.path().join("a.glb"), &WriteOptions::default()).unwrap_err();

@@ -12,7 +12,7 @@ use serde_json::Value;
 use crate::error::{Error, Result};
 use crate::file::{MOST_BYTES, read_file};
 use crate::image::{Channel, Image, WriteOptions, encode_png, tone};
-use crate::scene::{GltfFile, ImageTexture, Instance, Material, Mesh, Scene};
+use crate::scene::{GltfFile, ImageTexture, Instance, Material, Mesh, Scene, Source};
 
 mod glb;
 mod npy;
@@ -41,6 +41,18 @@ pub struct PointValues<'a> {
     pub columns: &'a [Channel],
     /// The mesh whose vertices the points are, if there is one; both have one order.
     pub surface: Option<ExportMesh<'a>>,
+    /// Where the points come from, if a file numbers them.
+    pub sources: Option<SourceMap<'a>>,
+}
+
+/// The vertices of a model's file that points belong to. glTF files leave it out, which have no place for whole numbers of 32 bits.
+#[derive(Clone, Copy)]
+pub struct SourceMap<'a> {
+    /// Name of the model's file.
+    pub file: &'a str,
+    pub instances: &'a [Instance],
+    /// One a point.
+    pub points: &'a [Source],
 }
 
 /// A mesh with its materials and their textures.
@@ -81,6 +93,15 @@ pub struct Lightmap<'a> {
     pub irradiance: Option<&'a Image>,
     /// Openness (ambient occlusion) in one channel, for a `.glb`.
     pub openness: Option<&'a Image>,
+}
+
+impl SourceMap<'_> {
+    /// The names of the objects in few characters, none of which ends a line.
+    fn names(&self) -> impl Iterator<Item = String> {
+        const MOST: usize = 100;
+        let plain = |letter: char| if letter.is_control() { ' ' } else { letter };
+        self.instances.iter().map(move |instance| instance.name.chars().take(MOST).map(plain).collect())
+    }
 }
 
 impl<'a> Positions<'a> {
@@ -127,7 +148,9 @@ impl PointValues<'_> {
         }
         let lengths = self.columns.iter().map(|column| (column.name.as_str(), column.samples.len()));
         let vertices = self.surface.map(|surface| ("the mesh", surface.mesh.normals.len()));
-        match lengths.chain([("normals", self.normals.len())]).chain(vertices).find(|&(_, length)| length != count) {
+        let sources = self.sources.map(|sources| ("sources", sources.points.len()));
+        match lengths.chain([("normals", self.normals.len())]).chain(vertices).chain(sources).find(|&(_, length)| length != count)
+        {
             None => Ok(()),
             Some((name, length)) => Err(Error::usage(format!("{name}: {length} values for {count} points"), "give one a point")),
         }
@@ -241,7 +264,7 @@ pub fn metadata_of(path: &Path) -> Option<Value> {
 /// All files that writing `path` makes: itself, and the files beside it that a format adds.
 pub fn written_with(path: &Path) -> Vec<PathBuf> {
     let beside: &[&str] = match ending(path, &["npy", "obj"]) {
-        Ok("npy") => &["json"],
+        Ok("npy") => &["json", npy::SOURCES],
         Ok(_) => &["mtl", "png"],
         Err(_) => &[],
     };

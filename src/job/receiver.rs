@@ -11,7 +11,7 @@ use serde_json::{Value, json};
 use crate::bake::vertex_inset;
 use crate::blocks::Part;
 use crate::error::{Error, Result};
-use crate::export::{self, ExportMesh, ExportSource, Lightmap, PointValues, Positions};
+use crate::export::{self, ExportMesh, ExportSource, Lightmap, PointValues, Positions, SourceMap};
 use crate::image::{self, Channel, Image, WriteOptions};
 use crate::points::{GBuffer, GatherPoint, LightMap, LightMapOptions, Resolution, Vertices, file};
 use crate::quantity::Quantity;
@@ -281,7 +281,9 @@ impl ReceiverValues {
             }
             _ => {
                 let Self { normals, columns, .. } = self;
-                PointValues { positions, normals, columns, surface }.write(path, options)
+                let points = self.mesh.as_ref().map(|mesh| &mesh.sources).filter(|sources| !sources.is_empty());
+                let sources = points.map(|points| SourceMap { file: &scene.file, instances: &scene.instances, points });
+                PointValues { positions, normals, columns, surface, sources }.write(path, options)
             }
         }
     }

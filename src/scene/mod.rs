@@ -65,6 +65,10 @@ pub struct Scene {
     pub instances: Vec<Instance>,
     /// As in [`World::gltf`].
     pub gltf: Option<Arc<GltfFile>>,
+    /// Length of the file's own list of vertices for each instance.
+    pub source_counts: Vec<u32>,
+    /// As in [`World::file`].
+    pub file: String,
 }
 
 impl Scene {

@@ -25,6 +25,8 @@ pub struct World {
     pub cameras: Vec<(String, WorldCamera)>,
     /// Radiance from outside the scene. `None` is black.
     pub environment: Option<Environment>,
+    /// Name of the model's file, without its folder. Empty if there is none.
+    pub file: String,
     /// The glTF file that the instances are of, if there is one.
     pub gltf: Option<Arc<GltfFile>>,
 }
@@ -128,6 +130,8 @@ impl World {
             space,
             instances: self.instances.clone(),
             gltf: self.gltf.clone(),
+            source_counts: placed_meshes().map(Mesh::length_of_source).collect(),
+            file: self.file.clone(),
         }
     }
 }

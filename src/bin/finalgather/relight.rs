@@ -16,7 +16,7 @@ use rayon::prelude::*;
 
 use crate::args::{SceneArgs, size, stops};
 
-const CURE: &str = "give the scene that it was baked of, with --to vertices";
+const CURE: &str = "give the scene that it was baked of, with --to vertices and --per row";
 /// Rings of sample directions for the projection of the environment.
 const RINGS: usize = 512;
 /// Rays along each side of a pixel.
@@ -106,13 +106,14 @@ pub fn run(args: &RelightArgs) -> Result<u8> {
             (Some(model), _) => {
                 let surface = model.surface();
                 let (positions, normals) = (surface.positions, &model.mesh.normals);
-                PointValues { positions, normals, columns: &columns, surface: Some(surface) }.write(path, &options)?;
+                PointValues { positions, normals, columns: &columns, surface: Some(surface), sources: None }
+                    .write(path, &options)?;
             }
             // A .npy file contains only the columns.
             (None, _) => {
                 let (nowhere, normals) = (vec![DVec3::ZERO; irradiance.len()], &vec![Vec3::ZERO; irradiance.len()]);
                 let positions = Positions::near(&nowhere);
-                PointValues { positions, normals, columns: &columns, surface: None }.write(path, &options)?;
+                PointValues { positions, normals, columns: &columns, surface: None, sources: None }.write(path, &options)?;
             }
         }
     }
