@@ -6,7 +6,7 @@ use std::str::SplitAsciiWhitespace;
 
 /// What is wrong with a file. `line` counts from 1; data in binary have none.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Fault {
+pub struct PlyFault {
     pub line: Option<usize>,
     pub problem: String,
 }
@@ -117,12 +117,12 @@ impl Scalar {
 ///
 /// # Errors
 /// When a statement is unknown, or a name is there twice.
-pub fn parse(bytes: &[u8]) -> Result<(Header, Rows<'_>), Fault> {
+pub fn parse(bytes: &[u8]) -> Result<(Header, Rows<'_>), PlyFault> {
     let mut rest = bytes;
     let mut header = Header { elements: Vec::new(), comments: Vec::new() };
     let mut encoding = None;
     for line in 1.. {
-        let fault = |problem: String| Fault { line: Some(line), problem };
+        let fault = |problem: String| PlyFault { line: Some(line), problem };
         if rest.is_empty() {
             return Err(fault("the file ends before end_header".to_owned()));
         }
@@ -187,7 +187,7 @@ impl Rows<'_> {
     ///
     /// # Errors
     /// When the header claims too many.
-    pub fn holds(&self, element: &Element) -> Result<(), Fault> {
+    pub fn holds(&self, element: &Element) -> Result<(), PlyFault> {
         let left = self.rest.len();
         let is_ascii = self.encoding == Encoding::Ascii;
         let least = |property: &Property| match property {
@@ -199,7 +199,7 @@ impl Rows<'_> {
         let needed = element.count.checked_mul(element.properties.iter().map(least).sum());
         if needed.is_none_or(|needed| needed > left + usize::from(is_ascii)) {
             let problem = format!("the header says {} of {}, but {left} bytes are left for them", element.count, element.name);
-            return Err(Fault { line: None, problem });
+            return Err(PlyFault { line: None, problem });
         }
         Ok(())
     }
@@ -208,7 +208,7 @@ impl Rows<'_> {
     ///
     /// # Errors
     /// When the file ends, or the row is no row of numbers.
-    pub fn read(&mut self, element: &Element, row: &mut Row) -> Result<(), Fault> {
+    pub fn read(&mut self, element: &Element, row: &mut Row) -> Result<(), PlyFault> {
         row.numbers.clear();
         row.numbers.resize(element.properties.len(), 0.0);
         row.lists.resize_with(element.properties.len(), Vec::new);
@@ -218,14 +218,14 @@ impl Rows<'_> {
             Encoding::Little => self.read_binary::<false>(element, row),
             Encoding::Big => self.read_binary::<true>(element, row),
         }
-        .map_err(|problem| Fault { line: row.line, problem: format!("{problem} in {}", element.name) })
+        .map_err(|problem| PlyFault { line: row.line, problem: format!("{problem} in {}", element.name) })
     }
 
     /// Passes over the rows of `element`.
     ///
     /// # Errors
     /// As [`Self::read`].
-    pub fn skip(&mut self, element: &Element) -> Result<(), Fault> {
+    pub fn skip(&mut self, element: &Element) -> Result<(), PlyFault> {
         let mut row = Row::default();
         match element.properties.is_empty() {
             true => Ok(()),

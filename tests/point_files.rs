@@ -184,7 +184,7 @@ fn what_is_wrong_is_said() {
         (ascii("element vertex", "element point"), "a.ply", "no points"),
         (ascii("property char nx", "property char mx"), "a.ply", "no normals"),
         (ascii("property double x", "property list uchar double x"), "a.ply", "vertex has no x, y and z"),
-        (ascii("property float z", "property float y"), "a.ply:8", "a property twice"),
+        (ascii("property float z", "property float y"), "a.ply:9", "a property twice"),
         (ascii("end_header", "end"), "a.ply:17", "not a sound PLY"),
         (binary("element vertex 3", "element vertex 4611686018427387904"), "a.ply", "4611686018427387904 of vertex, but"),
         (binary("element vertex 3", "element vertex 4"), "a.ply", "4 of vertex, but 91 bytes"),

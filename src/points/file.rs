@@ -181,7 +181,7 @@ fn counted_columns(fields: &[String], line: usize, rows: &PointReader) -> Result
 
 fn read_ply(bytes: &[u8], rows: &mut PointReader) -> Result<()> {
     let path = rows.path;
-    let broken = |ply::Fault { line, problem }| {
+    let broken = |ply::PlyFault { line, problem }| {
         let cure = "export it again, as PLY with x, y, z, nx, ny, nz";
         Error::input(path, line, format!("this is not a sound PLY: {problem}"), cure)
     };

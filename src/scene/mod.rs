@@ -16,6 +16,8 @@
 //!
 //! In a loaded world every index is in range, every number finite, every albedo in [0, 1], and every triangle has an area. Later stages rely on it.
 
+use std::sync::Arc;
+
 use glam::Vec3;
 
 mod bvh;
@@ -36,6 +38,7 @@ mod world;
 pub use bvh::{Bvh, Hit, RAY_OFFSET};
 pub use camera::{Camera, Lens, WorldCamera};
 pub use flat_bvh::FlatBvh;
+pub(crate) use format::gltf;
 pub use format::{Files, LoadOptions, LoadReport, Loaded};
 pub use light::{Environment, Focus, LightSample, Lights};
 pub use material::{Material, Surface};
@@ -44,7 +47,7 @@ pub use reversed_lamps::reversed_lamps;
 pub use specular::{MOST_SPECULAR, Path, Split, fresnel};
 pub use texture::{ImageTexture, Sampler, WrapMode};
 pub use unit_space::UnitSpace;
-pub use world::{Instance, Part, World};
+pub use world::{GltfFile, Instance, Part, World};
 
 /// All triangles of a [`World`] as one mesh in unit space. Passes draw it.
 #[derive(Clone, Debug)]
@@ -60,6 +63,12 @@ pub struct Scene {
     pub space: UnitSpace,
     /// Those of the world, for [`Source::instance`].
     pub instances: Vec<Instance>,
+    /// As in [`World::gltf`].
+    pub gltf: Option<Arc<GltfFile>>,
+    /// Length of the file's own list of vertices for each instance.
+    pub source_counts: Vec<u32>,
+    /// As in [`World::file`].
+    pub file: String,
 }
 
 impl Scene {

@@ -99,6 +99,9 @@ impl Model {
             camera: Some(camera),
             space: UnitSpace::around([DVec3::NEG_ONE, DVec3::ONE]),
             instances: Vec::new(),
+            gltf: None,
+            source_counts: Vec::new(),
+            file: String::new(),
         };
         let mut model = Self { scene };
         model.material(Vec3::ONE, Vec3::ZERO);
@@ -223,6 +226,8 @@ pub fn world_of(scene: Scene) -> World {
         textures,
         cameras: camera.map(|camera| ("camera".into(), in_world(camera))).into_iter().collect(),
         environment,
+        gltf: None,
+        file: String::new(),
     }
 }
 

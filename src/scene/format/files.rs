@@ -66,6 +66,11 @@ impl<'a> Reader<'a> {
         }
     }
 
+    /// The scene file or model, and where its files may be.
+    pub fn origin(&self) -> (&'a Path, &'a Files) {
+        (self.scene, self.files)
+    }
+
     /// All files that were read.
     pub fn into_done(self) -> Vec<PathBuf> {
         self.done.into_inner()

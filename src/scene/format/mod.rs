@@ -15,7 +15,7 @@ use crate::error::{Error, Result};
 use crate::settings::Settings;
 
 mod files;
-mod gltf;
+pub mod gltf;
 mod indexed;
 mod obj;
 mod ply;
@@ -125,7 +125,7 @@ impl Loader<'_> {
         let ending = path.extension().unwrap_or_default();
         let (mut world, settings) = match format_of(path) {
             _ if ending.eq_ignore_ascii_case("toml") => toml::load(self, path)?,
-            Some(load) => (load(self, path)?, Settings::default()),
+            Some(load) => (self.model(load, path)?, Settings::default()),
             None => {
                 let problem = "not a kind of scene that can be read";
                 return Err(Error::input(path, None, problem, format!("give a scene file (.toml) or a model ({})", endings())));
@@ -143,6 +143,12 @@ impl Loader<'_> {
             self.light(&mut world, path, options)?;
         }
         Ok((world, settings))
+    }
+
+    /// Reads a model.
+    fn model(&mut self, load: MeshLoader, path: &Path) -> Result<World> {
+        let file = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        Ok(World { file, ..load(self, path)? })
     }
 
     /// Gives a world without light a sky, or refuses it.

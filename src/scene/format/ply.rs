@@ -39,7 +39,7 @@ pub fn load(loader: &mut Loader, path: &Path) -> Result<World> {
     reader.model.into_world(loader, path, material)
 }
 
-fn broken(path: &Path, ply::Fault { line, problem }: ply::Fault) -> Error {
+fn broken(path: &Path, ply::PlyFault { line, problem }: ply::PlyFault) -> Error {
     Error::input(path, line, format!("this is not a sound PLY: {problem}"), CURE)
 }
 

@@ -28,7 +28,11 @@ pub fn load(loader: &mut Loader, path: &Path) -> Result<World> {
     let reader = loader.reader;
     let bytes = reader.read_named(path, MOST_BYTES).map_err(|unread| unread.error(path, None, "this model", cure))?;
     let mut reader = StlReader { loader, path, model: Indexed::default(), vertices: HashMap::new() };
-    if is_binary(&bytes) { reader.binary(&bytes)? } else { reader.text(&bytes)? }
+    if is_binary(&bytes) {
+        reader.binary(&bytes)?
+    } else {
+        reader.text(&bytes)?
+    }
     if reader.model.ends.is_empty() {
         return Err(Error::input(path, None, "there is no triangle: this is not an STL", CURE));
     }
@@ -95,7 +99,8 @@ impl StlReader<'_, '_> {
             let keyword = words.next().unwrap_or_default().to_ascii_lowercase();
             match keyword.as_str() {
                 "vertex" => {
-                    let numbers: [f64; 3] = std::array::from_fn(|_| words.next().and_then(|word| word.parse().ok()).unwrap_or(f64::NAN));
+                    let numbers: [f64; 3] =
+                        std::array::from_fn(|_| words.next().and_then(|word| word.parse().ok()).unwrap_or(f64::NAN));
                     let source = self.model.corners.len() as u32;
                     self.corner(line, source, numbers.into())?;
                 }

@@ -9,15 +9,17 @@
 //! | `nodes.rs` | which scene, which nodes, where they stand |
 //! | `primitive.rs`, `pose.rs` | triangles and vertices, morphed and skinned |
 //! | `material.rs`, `images.rs` | materials and textures |
+//! | `plain.rs` | the same file in one piece, to add to it |
 //!
 //! Nothing in a file is believed: each index, offset and count is checked before use, and [`Buffers::take`] bounds what a file may ask for.
 
 use std::collections::HashMap;
 use std::path::Path;
+use std::sync::Arc;
 
 use glam::{DAffine3, DVec3};
 
-use self::buffers::Buffers;
+pub use self::buffers::Buffers;
 use self::document::{BROKEN, Container, Document};
 use self::material::Materials;
 use self::nodes::{Placed, Walk};
@@ -28,7 +30,7 @@ use super::warnings::{Fault, Place};
 use crate::error::{Error, Result};
 use crate::file::MOST_BYTES;
 use crate::scene::mesh::has_area;
-use crate::scene::{Instance, Mesh, Part, World};
+use crate::scene::{GltfFile, Instance, Mesh, Part, World};
 
 mod accessors;
 mod buffers;
@@ -38,13 +40,17 @@ mod images;
 mod material;
 mod meshopt;
 mod nodes;
+mod plain;
 mod pose;
 mod primitive;
 
 /// The most triangles of all instances together: flat scenes count vertices in 32 bits.
 const MOST_PLACED: usize = 1 << 28;
 
-pub fn load(loader: &mut Loader, path: &Path) -> Result<World> {
+pub use self::plain::PlainGltf;
+pub use self::primitive::triangles_of;
+
+pub(super) fn load(loader: &mut Loader, path: &Path) -> Result<World> {
     let reader = loader.reader;
     let cure = "name an existing glTF file that you may read";
     let bytes = reader.read_named(path, MOST_BYTES).map_err(|unread| unread.error(path, None, "this model", cure))?;
@@ -59,7 +65,15 @@ pub fn load(loader: &mut Loader, path: &Path) -> Result<World> {
     let walk = Walk::of(loader, &document)?;
     let materials = Materials::load(loader, &buffers)?;
     let primitives = Primitives { buffers: &buffers, tally: Tally::default() };
-    let mut assembly = Assembly { buffers: &buffers, walk: &walk, materials, primitives, known: HashMap::new(), world: World::default(), placed: 0 };
+    let mut assembly = Assembly {
+        buffers: &buffers,
+        walk: &walk,
+        materials,
+        primitives,
+        known: HashMap::new(),
+        world: World::default(),
+        placed: 0,
+    };
     for placed in &walk.nodes {
         assembly.node(loader, placed)?;
     }
@@ -68,6 +82,8 @@ pub fn load(loader: &mut Loader, path: &Path) -> Result<World> {
     world.materials = materials.list;
     world.cameras = walk.cameras(loader, &document)?;
     walk.tell_lights(loader, &document);
+    let (scene, files) = reader.origin();
+    world.gltf = Some(Arc::new(GltfFile { path: path.to_owned(), scene: scene.to_owned(), files: files.clone() }));
     Ok(world)
 }
 
@@ -184,7 +200,9 @@ fn finish(loader: &mut Loader, path: &Path, tally: &Tally, world: &World) -> Res
             _ if flat > 0 && flat == triangles => {
                 (format!("none of the {triangles} triangles has an area"), "check the export's scale, and that vertices differ")
             }
-            0 if lines > 0 => ("it has points or lines alone, no triangle".to_owned(), "export the model with its faces, as a mesh"),
+            0 if lines > 0 => {
+                ("it has points or lines alone, no triangle".to_owned(), "export the model with its faces, as a mesh")
+            }
             0 => ("there is no mesh in its scene".to_owned(), "export the model with its meshes"),
             _ => ("no triangle of it can be drawn".to_owned(), BROKEN),
         };
