@@ -266,7 +266,7 @@ fn absurd_inputs_are_refused_in_words() {
         ("obj", "libraries without end", many(300_000, |i| format!("mtllib {i}.mtl\n")), "no face"),
         ("obj", "names without end", model([&b"usemtl "[..], &[b'x'; 10_000_000]].concat()), "no material library defines"),
         ("mtl", "names without end", library([&b"newmtl a\nKd "[..], &[b'x'; 10_000_000]].concat()), "Kd has"),
-        ("mtl", "what no name has", library(b"newmtl a\nmap_Kd \0\n".to_vec()), "cannot read this texture"),
+        ("mtl", "what no name has", library(b"newmtl a\nmap_Kd \0\n".to_vec()), "binary"),
         ("scene", "nesting", toml(format!("materials = {}", "[".repeat(100_000))), "recursion"),
         ("scene", "nested tables", toml(format!("camera = {}", "{a=".repeat(100_000))), "recursion"),
         ("scene", "a key of many parts", toml(format!("{}a = 1", "a.".repeat(100_000))), "recursion"),
