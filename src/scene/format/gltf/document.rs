@@ -6,6 +6,7 @@ use std::path::Path;
 use glam::{DAffine3, DMat4, DQuat, DVec3};
 use gltf::json::Root;
 use serde::Deserialize;
+use serde_json::Value;
 use serde_json::value::RawValue;
 
 use crate::error::{Error, Result};
@@ -14,7 +15,7 @@ use crate::error::{Error, Result};
 pub const BROKEN: &str = "export the model again; the glTF validator (github.khronos.org/glTF-Validator) tells what is wrong in a file";
 
 /// Extensions that a file may require.
-const EXTENSIONS: [&str; 26] = [
+const EXTENSIONS: [&str; 27] = [
     "EXT_mesh_gpu_instancing",
     "EXT_meshopt_compression",
     "EXT_texture_webp",
@@ -38,6 +39,7 @@ const EXTENSIONS: [&str; 26] = [
     "KHR_mesh_quantization",
     "KHR_meshopt_compression",
     "KHR_node_visibility",
+    "KHR_technique_webgl",
     "KHR_texture_transform",
     "KHR_xmp",
     "KHR_xmp_json_ld",
@@ -169,7 +171,7 @@ impl<'a> Document<'a> {
         };
         check_version(path, version)?;
         check_extensions(path, &preamble.extensions_required)?;
-        let root: Root = serde_json::from_slice(container.json).map_err(malformed)?;
+        let root = parse_root(container.json).map_err(malformed)?;
         let placements = preamble.nodes.map(|nodes| serde_json::from_str::<Vec<Placement>>(nodes.get()));
         let placements = placements.transpose().map_err(malformed)?.unwrap_or_default();
         let document = Self { path, root, transforms: placements.iter().map(Placement::transform).collect() };
@@ -191,6 +193,19 @@ impl<'a> Document<'a> {
             Error::input(self.path, None, problem, BROKEN)
         })
     }
+}
+
+fn parse_root(json: &[u8]) -> Result<Root, serde_json::Error> {
+    serde_json::from_slice(json).or_else(|error| with_empty_scenes(json).ok_or(error))
+}
+
+/// The JSON read once more, with scenes that have no nodes. The crate's types want a list of them, glTF does not.
+fn with_empty_scenes(json: &[u8]) -> Option<Root> {
+    let mut json: Value = serde_json::from_slice(json).ok()?;
+    for scene in json.get_mut("scenes")?.as_array_mut()? {
+        scene.as_object_mut()?.entry("nodes").or_insert_with(|| Value::Array(Vec::new()));
+    }
+    serde_json::from_value(json).ok()
 }
 
 fn check_extensions(path: &Path, required: &[String]) -> Result<()> {

@@ -166,7 +166,8 @@ fn roots(loader: &Loader, document: &Document) -> Result<Vec<usize>> {
             let number = named.or_else(|| wanted.parse().ok().filter(|&number| number < scenes.len()));
             Some(number.ok_or_else(|| unknown_scene(document, wanted))?)
         }
-        None => document.root.scene.map(|scene| scene.value()).or_else(|| (!scenes.is_empty()).then_some(0)),
+        // A file that names a scene and has none shows all its nodes.
+        None => (!scenes.is_empty()).then(|| document.root.scene.map_or(0, |scene| scene.value())),
     };
     if let Some(chosen) = chosen {
         let scene = document.entry(scenes, "scenes", chosen)?;

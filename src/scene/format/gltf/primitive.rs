@@ -86,7 +86,7 @@ impl<'a> PrimitiveReading<'a, '_> {
     /// The corners of all triangles, as indices of vertices.
     fn triangles(&self, warnings: &mut Warnings, mode: Mode, vertices: usize) -> Result<Vec<[u32; 3]>> {
         if let Some(unpacked) = self.unpacked {
-            self.buffers.take(unpacked.triangles().len())?;
+            self.buffers.take(unpacked.count_triangles())?;
             return Ok(unpacked.triangles());
         }
         let indices = self.primitive.indices.map(|index| self.buffers.values(index.value(), &[1])).transpose()?;
