@@ -92,7 +92,9 @@ impl<'a> Buffers<'a> {
         let file = self.file(uri, place)?;
         let cure = "put the file there, or correct its name in the glTF";
         let read = self.reader.read_named(&file, MOST_BYTES);
-        read.map_err(|unread| unread.error(&file, None, &format!("this file, named at {place} of {}", self.document.path.display()), cure))
+        read.map_err(|unread| {
+            unread.error(&file, None, &format!("this file, named at {place} of {}", self.document.path.display()), cure)
+        })
     }
 
     /// The path of a URI without data. It is relative to the model.
@@ -113,7 +115,8 @@ impl<'a> Buffers<'a> {
     pub fn view(&self, index: usize) -> Result<(&[u8], Option<usize>)> {
         let view = self.document.entry(&self.document.root.buffer_views, "bufferViews", index)?;
         let Some(packed) = Packed::of(view).map_err(|problem| self.view_fault(index, problem))? else {
-            let bytes = self.range(index, view.buffer.value(), view.byte_offset.map_or(0, |offset| offset.0), view.byte_length.0)?;
+            let bytes =
+                self.range(index, view.buffer.value(), view.byte_offset.map_or(0, |offset| offset.0), view.byte_length.0)?;
             return Ok((bytes, stride(view)));
         };
         let cell = &self.unpacked[index];
@@ -131,7 +134,8 @@ impl<'a> Buffers<'a> {
         let bytes = self.buffer(buffer)?;
         let range = usize::try_from(offset).ok().zip(offset.checked_add(length).and_then(|end| usize::try_from(end).ok()));
         range.and_then(|(start, end)| bytes.get(start..end)).ok_or_else(|| {
-            let problem = format!("{length} bytes from {offset} lie outside of buffers[{buffer}], which has {} bytes", bytes.len());
+            let problem =
+                format!("{length} bytes from {offset} lie outside of buffers[{buffer}], which has {} bytes", bytes.len());
             self.view_fault(view, problem)
         })
     }

@@ -12,7 +12,8 @@ use serde_json::value::RawValue;
 use crate::error::{Error, Result};
 
 /// What a user can do about a file that no exporter should write.
-pub const BROKEN: &str = "export the model again; the glTF validator (github.khronos.org/glTF-Validator) tells what is wrong in a file";
+pub const BROKEN: &str =
+    "export the model again; the glTF validator (github.khronos.org/glTF-Validator) tells what is wrong in a file";
 
 /// Extensions that a file may require.
 const EXTENSIONS: [&str; 27] = [
@@ -65,7 +66,8 @@ impl<'a> Container<'a> {
 
     fn parse_binary(path: &Path, bytes: &'a [u8]) -> Result<Self> {
         let cut = |at: usize, needs: usize| {
-            let problem = format!("this binary glTF is cut short: what starts at byte {at} needs {needs} bytes more than the file has");
+            let problem =
+                format!("this binary glTF is cut short: what starts at byte {at} needs {needs} bytes more than the file has");
             Error::input(path, None, problem, "copy or export the file again")
         };
         let word = |at: usize| match bytes.get(at..at + 4) {

@@ -117,7 +117,8 @@ impl<'a, 'b> Images<'a, 'b> {
     fn sampler(&self, index: usize) -> Result<Sampler> {
         let Some(sampler) = self.entry(index)?.sampler else { return Ok(Sampler::default()) };
         let document = self.buffers.document;
-        let JsonSampler { mag_filter, wrap_s, wrap_t, .. } = document.entry(&document.root.samplers, "samplers", sampler.value())?;
+        let JsonSampler { mag_filter, wrap_s, wrap_t, .. } =
+            document.entry(&document.root.samplers, "samplers", sampler.value())?;
         let wrap = |mode: &Checked<WrappingMode>| match mode {
             Checked::Valid(WrappingMode::ClampToEdge) => WrapMode::Clamp,
             Checked::Valid(WrappingMode::MirroredRepeat) => WrapMode::Mirror,

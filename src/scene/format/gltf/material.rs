@@ -33,7 +33,8 @@ impl Materials {
         let mut images = Images::new(buffers);
         let mut materials = Self { list: Vec::new(), looks: Vec::new() };
         for (index, json) in buffers.document.root.materials.iter().enumerate() {
-            let (material, coordinates) = MaterialReading { json, images: &mut images, unshaded: Vec::new() }.load(loader, index)?;
+            let (material, coordinates) =
+                MaterialReading { json, images: &mut images, unshaded: Vec::new() }.load(loader, index)?;
             materials.looks.push(Look { material: index as u32, coordinates });
             materials.list.push(material);
         }

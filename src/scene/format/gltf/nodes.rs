@@ -33,7 +33,8 @@ pub struct Walk {
 impl Walk {
     pub fn of(loader: &mut Loader, document: &Document) -> Result<Self> {
         let mut walk = Self { nodes: Vec::new(), transforms: HashMap::new() };
-        let mut waiting: Vec<(usize, DAffine3)> = roots(loader, document)?.into_iter().rev().map(|root| (root, DAffine3::IDENTITY)).collect();
+        let mut waiting: Vec<(usize, DAffine3)> =
+            roots(loader, document)?.into_iter().rev().map(|root| (root, DAffine3::IDENTITY)).collect();
         while let Some((node, parent)) = waiting.pop() {
             let json = document.entry(&document.root.nodes, "nodes", node)?;
             if is_hidden(json) {
@@ -58,7 +59,8 @@ impl Walk {
         struct Instancing {
             attributes: HashMap<String, usize>,
         }
-        let fault = |problem: String| buffers.document.fault(format_args!("nodes[{}].EXT_mesh_gpu_instancing", placed.node), problem);
+        let fault =
+            |problem: String| buffers.document.fault(format_args!("nodes[{}].EXT_mesh_gpu_instancing", placed.node), problem);
         let Instancing { attributes } = Instancing::deserialize(extension).map_err(|error| fault(error.to_string()))?;
         let values = |name, width| attributes.get(name).map(|&index| buffers.values(index, &[width])).transpose();
         let (translations, rotations, scales) = (values("TRANSLATION", 3)?, values("ROTATION", 4)?, values("SCALE", 3)?);
@@ -72,7 +74,8 @@ impl Walk {
         let vector = |values: &super::accessors::Values, copy| Vec3::from(values.get(copy)).as_dvec3();
         let copies = (0..count).map(|copy| {
             let translation = translations.as_ref().map_or(DVec3::ZERO, |values| vector(values, copy));
-            let rotation = rotations.as_ref().map_or(DQuat::IDENTITY, |values| DQuat::from_array(values.get::<4>(copy).map(f64::from)));
+            let rotation =
+                rotations.as_ref().map_or(DQuat::IDENTITY, |values| DQuat::from_array(values.get::<4>(copy).map(f64::from)));
             let scale = scales.as_ref().map_or(DVec3::ONE, |values| vector(values, copy));
             let rotation = if rotation.length_squared() > 0.0 { rotation.normalize() } else { DQuat::IDENTITY };
             let transform = placed.transform * DAffine3::from_scale_rotation_translation(scale, rotation, translation);
@@ -86,7 +89,8 @@ impl Walk {
         let document = buffers.document;
         let Some(index) = document.root.nodes[placed.node].skin else { return Ok(Pose::default()) };
         let skin = document.entry(&document.root.skins, "skins", index.value())?;
-        let transforms: Option<Vec<DAffine3>> = skin.joints.iter().map(|joint| self.transforms.get(&joint.value()).copied()).collect();
+        let transforms: Option<Vec<DAffine3>> =
+            skin.joints.iter().map(|joint| self.transforms.get(&joint.value()).copied()).collect();
         let Some(joints) = transforms.filter(|joints| !joints.is_empty()) else {
             let problem = || format!("skins[{}] has joints that are not in the scene", index.value());
             let fault = Fault { kind: "skin", problem: &problem, mend: "its mesh is not bent", cure: BROKEN };
@@ -144,7 +148,9 @@ impl Walk {
         match all {
             0 => {}
             1 => loader.warnings.say(format!("1 punctual light is not shown yet: {shown}")),
-            _ => loader.warnings.say(format!("{all} punctual lights are not shown yet: {shown}{}", if all > 10 { ", ..." } else { "" })),
+            _ => loader
+                .warnings
+                .say(format!("{all} punctual lights are not shown yet: {shown}{}", if all > 10 { ", ..." } else { "" })),
         }
     }
 }
@@ -185,7 +191,8 @@ fn roots(loader: &Loader, document: &Document) -> Result<Vec<usize>> {
 
 fn unknown_scene(document: &Document, wanted: &str) -> Error {
     let scenes = document.root.scenes.iter().enumerate();
-    let names: Vec<String> = scenes.take(20).map(|(number, scene)| scene.name.clone().unwrap_or_else(|| number.to_string())).collect();
+    let names: Vec<String> =
+        scenes.take(20).map(|(number, scene)| scene.name.clone().unwrap_or_else(|| number.to_string())).collect();
     let cure = match names.len() {
         0 => "leave out --scene".to_owned(),
         _ => format!("name one of these, or give a number from 0: {}", names.join(", ")),

@@ -86,7 +86,8 @@ impl<'a> Posed<'a> {
         let (mut blend, mut total) = (DAffine3 { matrix3: DMat3::ZERO, translation: DVec3::ZERO }, 0.0);
         for (joints, weights) in &self.influences {
             for (joint, weight) in joints.get::<4>(vertex).into_iter().zip(weights.get::<4>(vertex)) {
-                let Some(&DAffine3 { matrix3, translation }) = self.pose.joints.get(joint as usize).filter(|_| weight > 0.0) else {
+                let Some(&DAffine3 { matrix3, translation }) = self.pose.joints.get(joint as usize).filter(|_| weight > 0.0)
+                else {
                     continue;
                 };
                 let weight = f64::from(weight);

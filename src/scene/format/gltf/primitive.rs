@@ -34,6 +34,9 @@ pub struct Tally {
     pub flat: usize,
     /// Primitives of points or lines.
     pub lines: usize,
+    /// Meshes with morph targets, and with joints.
+    pub morphed: usize,
+    pub skinned: usize,
 }
 
 /// Reads primitives.
@@ -111,7 +114,14 @@ impl<'a> PrimitiveReading<'a, '_> {
 
 impl Primitives<'_, '_> {
     /// Returns `None` if there is no triangle in it. `place` is its place in the JSON.
-    pub fn load(&mut self, warnings: &mut Warnings, primitive: &Primitive, place: &str, look: Look, pose: &Pose) -> Result<Option<Mesh>> {
+    pub fn load(
+        &mut self,
+        warnings: &mut Warnings,
+        primitive: &Primitive,
+        place: &str,
+        look: Look,
+        pose: &Pose,
+    ) -> Result<Option<Mesh>> {
         let Checked::Valid(mode) = primitive.mode else { return Err(self.buffers.document.fault(place, "its mode is unknown")) };
         if !matches!(mode, Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan) {
             self.tally.lines += 1;
@@ -129,12 +139,15 @@ impl Primitives<'_, '_> {
         if pose.is_skinned() {
             for set in 0.. {
                 let joints = source.spare(warnings, Semantic::Joints(set), &[4], count)?;
-                let Some((joints, weights)) = joints.zip(source.spare(warnings, Semantic::Weights(set), &[4], count)?) else { break };
+                let Some((joints, weights)) = joints.zip(source.spare(warnings, Semantic::Weights(set), &[4], count)?) else {
+                    break;
+                };
                 posed.influences.push((joints, weights));
             }
         }
         for (target, &weight) in primitive.targets.iter().flatten().zip(&pose.weights) {
-            let deltas = |accessor: Option<gltf::json::Index<_>>| accessor.map(|at| self.buffers.values(at.value(), &[3])).transpose();
+            let deltas =
+                |accessor: Option<gltf::json::Index<_>>| accessor.map(|at| self.buffers.values(at.value(), &[3])).transpose();
             posed.morph(weight, deltas(target.positions)?, deltas(target.normals)?);
         }
         let triangles = source.triangles(warnings, mode, count)?;
@@ -145,7 +158,8 @@ impl Primitives<'_, '_> {
         self.buffers.take(count / 64)?;
         let kept = Kept::of(&triangles, count);
         self.buffers.take(kept.list.len())?;
-        let coordinates = look.coordinates.map(|(set, _)| source.spare(warnings, Semantic::TexCoords(set), &[2], count)).transpose()?;
+        let coordinates =
+            look.coordinates.map(|(set, _)| source.spare(warnings, Semantic::TexCoords(set), &[2], count)).transpose()?;
         let lightmap = source.spare(warnings, Semantic::TexCoords(1), &[2], count)?;
         let colors = source.spare(warnings, Semantic::Colors(0), &[3, 4], count)?;
         let vertices = || kept.list.iter().map(|&vertex| vertex as usize);
@@ -168,7 +182,13 @@ impl Primitives<'_, '_> {
     }
 
     /// The triangles that can be drawn.
-    fn sound(&mut self, warnings: &mut Warnings, source: &PrimitiveReading, triangles: Vec<[u32; 3]>, posed: &Posed) -> Result<Vec<[u32; 3]>> {
+    fn sound(
+        &mut self,
+        warnings: &mut Warnings,
+        source: &PrimitiveReading,
+        triangles: Vec<[u32; 3]>,
+        posed: &Posed,
+    ) -> Result<Vec<[u32; 3]>> {
         let (mut outside, mut infinite, mut flat) = (0, 0, 0);
         let all = triangles.len();
         let is_near = |corner: &DVec3| corner.is_finite() && corner.abs().max_element() <= FARTHEST;
@@ -196,7 +216,8 @@ impl Primitives<'_, '_> {
             source.mend(warnings, "vertices", &problem, "they are left out")?;
         }
         if infinite > 0 {
-            let problem = || format!("{infinite} of {all} triangles of {place} have corners that are not finite or beyond {FARTHEST:e}");
+            let problem =
+                || format!("{infinite} of {all} triangles of {place} have corners that are not finite or beyond {FARTHEST:e}");
             source.mend(warnings, "coordinates", &problem, "they are left out")?;
         }
         Ok(triangles)
@@ -242,4 +263,3 @@ impl Kept {
         before + (bits & ((1 << (vertex % 64)) - 1)).count_ones()
     }
 }
-
