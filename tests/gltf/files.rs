@@ -120,6 +120,24 @@ fn unknown_extensions_are_refused_by_name() {
     assert!(refusal.contains("export the model without this extension"), "{refusal}");
 }
 
+/// What the crate's types refuse, and glTF allows.
+#[test]
+fn json_of_other_writers() {
+    let expected = format!("{:?}", Model::triangle().world());
+    let mut model = Model::triangle();
+    model.json["accessors"][0]["count"] = json!(3.0);
+    assert_eq!(format!("{:?}", model.world()), expected);
+    model.json["scenes"] = json!([{ "name": "empty" }, { "nodes": [0.0] }]);
+    model.json["scene"] = json!(1);
+    assert_eq!(format!("{:?}", model.world()), expected);
+    let target = json!({ "path": "pointer", "extensions": { "KHR_animation_pointer": { "pointer": "/materials/0" } } });
+    let animation = json!({ "samplers": [{ "input": 0, "output": 0 }], "channels": [{ "sampler": 0, "target": target }] });
+    model.json["animations"] = json!([animation]);
+    assert_eq!(format!("{:?}", model.world()), expected);
+    model.json["accessors"][0]["count"] = json!(3.5);
+    assert!(model.refusal().contains("not a valid glTF: invalid type: floating point `3.5`"));
+}
+
 /// A scene file changes a glTF model as any other.
 #[test]
 fn scene_files_name_gltf_models() {

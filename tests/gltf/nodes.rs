@@ -116,9 +116,21 @@ fn nodes_in_a_circle_are_refused() {
     model.json["nodes"][0]["children"] = json!([1]);
     model.push("nodes", json!({ "children": [0] }));
     let refusal = model.refusal();
-    assert!(refusal.contains("nodes[0]: it is a child of two nodes, or of itself"), "{refusal}");
+    assert!(refusal.contains("nodes[0]: it is below itself"), "{refusal}");
     model.json["nodes"][1]["children"] = json!([7]);
     assert!(model.refusal().contains("refers to nodes[7], but has 2 nodes"));
+    // A child of two nodes is shown under each, as long as that does not double again and again.
+    let mut model = Model::triangle();
+    model.push("nodes", json!({ "children": [0] }));
+    model.push("nodes", json!({ "children": [0], "translation": [1, 0, 0] }));
+    let (world, warnings) = model.load();
+    assert_eq!(warnings, ["m.glb: nodes[0] is a child of several nodes; it is shown under each"]);
+    let parts: Vec<_> = world.instances.iter().map(|instance| (instance.transform.translation.x, instance.part)).collect();
+    let part = |copy| Some(Part { node: 0, primitive: 0, copy });
+    assert_eq!(parts, [(0.0, part(0)), (1.0, part(1))]);
+    model.json["nodes"] = (0..40).map(|node| json!({ "children": [node + 1, node + 1] })).collect();
+    model.push("nodes", json!({ "mesh": 0 }));
+    assert!(model.refusal().contains("too many nodes are children of several"));
     // A chain as deep as this overflows no stack.
     let mut model = Model::triangle();
     let last = 200_000;

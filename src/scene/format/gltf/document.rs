@@ -198,16 +198,33 @@ impl<'a> Document<'a> {
 }
 
 fn parse_root(json: &[u8]) -> Result<Root, serde_json::Error> {
-    serde_json::from_slice(json).or_else(|error| with_empty_scenes(json).ok_or(error))
+    serde_json::from_slice(json).or_else(|error| leniently(json).ok_or(error))
 }
 
-/// The JSON read once more, with scenes that have no nodes. The crate's types want a list of them, glTF does not.
-fn with_empty_scenes(json: &[u8]) -> Option<Root> {
+/// The JSON read once more, without what the crate's types refuse and glTF allows: scenes without nodes, animations of other things than nodes, and
+/// whole numbers that are written as 1.0.
+fn leniently(json: &[u8]) -> Option<Root> {
     let mut json: Value = serde_json::from_slice(json).ok()?;
-    for scene in json.get_mut("scenes")?.as_array_mut()? {
+    whole(&mut json);
+    json.as_object_mut()?.remove("animations");
+    for scene in json.get_mut("scenes").and_then(Value::as_array_mut).into_iter().flatten() {
         scene.as_object_mut()?.entry("nodes").or_insert_with(|| Value::Array(Vec::new()));
     }
     serde_json::from_value(json).ok()
+}
+
+fn whole(json: &mut Value) {
+    match json {
+        Value::Number(number) => {
+            let float = number.as_f64().filter(|float| number.is_f64() && *float >= 0.0 && float.fract() == 0.0);
+            if let Some(float) = float.filter(|&float| float < 2_f64.powi(53)) {
+                *json = Value::from(float as u64);
+            }
+        }
+        Value::Array(list) => list.iter_mut().for_each(whole),
+        Value::Object(entries) => entries.values_mut().for_each(whole),
+        _ => {}
+    }
 }
 
 fn check_extensions(path: &Path, required: &[String]) -> Result<()> {

@@ -136,7 +136,7 @@ impl Assembly<'_, '_> {
             let Some(mesh) = mesh else { continue };
             for (copy, &transform) in copies.iter().enumerate() {
                 let transform = if pose.is_skinned() { DAffine3::from_translation(pose.origin) } else { transform };
-                let part = Part { node: placed.node, primitive, copy };
+                let part = Part { node: placed.node, primitive, copy: placed.earlier * copies.len() + copy };
                 self.place(loader, Instance { name: name.clone(), mesh, transform, part: Some(part) })?;
             }
         }
