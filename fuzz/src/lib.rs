@@ -22,6 +22,12 @@ pub fn check<T>(read: Result<T>) {
     }
 }
 
+/// Loads a model alone.
+pub fn load_model(name: &str, bytes: &[u8]) {
+    let files = Files::Memory(BTreeMap::from([(name.into(), bytes.to_vec())]));
+    check(World::load_with(Path::new(name), LoadOptions { files, ..LoadOptions::default() }));
+}
+
 /// Loads the scene with `bytes` as the contents of file `name`.
 pub fn load(name: &str, bytes: &[u8]) {
     let mut files = BTreeMap::from(SCENE.map(|(name, bytes)| (name.into(), bytes.to_vec())));

@@ -51,11 +51,18 @@ fn load(name: &str, bytes: &[u8]) -> Result<()> {
     load(true)
 }
 
+/// A model alone.
+fn load_model(name: &str, bytes: &[u8]) -> Result<()> {
+    let files = Files::Memory(BTreeMap::from([(name.into(), bytes.to_vec())]));
+    World::load_with(Path::new(name), LoadOptions { files, ..LoadOptions::default() }).map(drop)
+}
+
 /// By the folder of seeds; `name` is one in it.
 fn read(format: &str, name: &str, bytes: &[u8]) -> Result<()> {
     let path = Path::new(name);
     match format {
         "obj" => load("m.obj", bytes),
+        "gltf" => load_model(name, bytes),
         "mtl" => load("m.mtl", bytes),
         "scene" => load("s.toml", bytes),
         "texture" => load("t.tga", bytes),
@@ -149,7 +156,7 @@ fn read_all(format: &'static str, name: &str, inputs: Vec<(String, Vec<u8>)>) ->
 #[test]
 fn mutants_are_read_or_refused() {
     let mut total = 0;
-    for format in ["obj", "mtl", "scene", "texture", "environment", "picture", "points", "transfer"] {
+    for format in ["obj", "gltf", "mtl", "scene", "texture", "environment", "picture", "points", "transfer"] {
         let names = names_in(Path::new("fuzz/seeds").join(format));
         let (mut count, mut refused) = (0, 0);
         for name in &names {
@@ -341,7 +348,7 @@ fn absurd_inputs_are_refused_in_words() {
 }
 
 fn known(format: &str) -> &'static str {
-    ["obj", "mtl", "scene", "texture", "environment", "picture", "points", "transfer"]
+    ["obj", "gltf", "mtl", "scene", "texture", "environment", "picture", "points", "transfer"]
         .into_iter()
         .find(|&known| known == format)
         .expect("a reader")
