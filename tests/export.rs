@@ -80,7 +80,13 @@ impl Tent {
     }
 
     fn values<'a>(&'a self, columns: &'a [Channel]) -> PointValues<'a> {
-        PointValues { positions: Positions::near(&self.world), normals: &self.normals, columns, surface: Some(self.surface()), sources: None }
+        PointValues {
+            positions: Positions::near(&self.world),
+            normals: &self.normals,
+            columns,
+            surface: Some(self.surface()),
+            sources: None,
+        }
     }
 
     /// Each plate has a third of the map.

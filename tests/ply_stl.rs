@@ -210,7 +210,11 @@ fn far_models_keep_their_millimetres() {
 fn faults_of_ply_are_mended_with_a_word() {
     let face = |faces: &str| format!("element face 9\nproperty list uchar int vertex_indices\nend_header\n3 0 1 2\n{faces}");
     let rest = face("3 0 1 4\n2 0 1\n3 0 2 -1\n0\n3 0 0 1\n3 0 2 here\n3 0 2 3 7\n");
-    let bytes = square("property float nx\nproperty float ny\nproperty float nz\n", ["0 0 1", "nan 0 1", "0 0 0", "0 0 -nan(ind)"], &rest);
+    let bytes = square(
+        "property float nx\nproperty float ny\nproperty float nz\n",
+        ["0 0 1", "nan 0 1", "0 0 0", "0 0 -nan(ind)"],
+        &rest,
+    );
     let Loaded { world, report, .. } = load("m.ply", &bytes).unwrap();
     assert_eq!(corners(&world.meshes[0]), [[0, 1, 2], [0, 2, 3]]);
     assert_eq!(world.meshes[0].normals, [Vec3::Z, Vec3::ZERO, Vec3::ZERO, Vec3::ZERO]);
@@ -230,13 +234,24 @@ fn faults_of_ply_are_mended_with_a_word() {
     // Each of them is refused where the file must be exact.
     assert!(load_with("m.ply", &[("m.ply", &bytes)], true).unwrap_err().to_string().contains("m.ply:14: vertex 1"));
     // A vertex that is nowhere takes its faces with it. The others keep their numbers.
-    let nowhere = String::from_utf8(square("", [""; 4], "element face 2\nproperty list uchar int vertex_indices\nend_header\n3 0 1 2\n3 0 1 3\n"));
-    for (word, fragment) in [("nan", "vertex 2 is at"), ("1.#QNAN", "vertex 2 is at"), ("2e9", "vertex 2 is farther"), ("x", "\"x\" for a number")] {
+    let nowhere = String::from_utf8(square(
+        "",
+        [""; 4],
+        "element face 2\nproperty list uchar int vertex_indices\nend_header\n3 0 1 2\n3 0 1 3\n",
+    ));
+    for (word, fragment) in
+        [("nan", "vertex 2 is at"), ("1.#QNAN", "vertex 2 is at"), ("2e9", "vertex 2 is farther"), ("x", "\"x\" for a number")]
+    {
         let bytes = nowhere.as_ref().unwrap().replace("1 1 0", &format!("1 {word} 0"));
         let Loaded { world, report, .. } = load("m.ply", bytes.as_bytes()).unwrap();
         assert_eq!(corners(&world.meshes[0]), [[0, 1, 3]], "{word}");
         assert!(report.warnings[0].contains(fragment), "{:?}", report.warnings);
     }
+    // Some programs leave out the word `comment`.
+    let bytes = nowhere.as_ref().unwrap().replacen("element", "Created by a program\nelement", 1);
+    let Loaded { world, report, .. } = load("m.ply", bytes.as_bytes()).unwrap();
+    assert_eq!(world.meshes[0].triangles.len(), 2);
+    assert_eq!(report.warnings, ["m.ply:3: \"Created by a program\" is no statement of a header; the line is ignored"]);
     let without_line_feeds = nowhere.unwrap().replace('\n', "\r");
     assert_eq!(mesh_of("m.ply", without_line_feeds.as_bytes()).triangles.len(), 2);
 }

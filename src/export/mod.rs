@@ -129,7 +129,8 @@ impl PointValues<'_> {
         let lengths = self.columns.iter().map(|column| (column.name.as_str(), column.samples.len()));
         let vertices = self.surface.map(|surface| ("the mesh", surface.mesh.normals.len()));
         let sources = self.sources.map(|sources| ("sources", sources.points.len()));
-        match lengths.chain([("normals", self.normals.len())]).chain(vertices).chain(sources).find(|&(_, length)| length != count) {
+        match lengths.chain([("normals", self.normals.len())]).chain(vertices).chain(sources).find(|&(_, length)| length != count)
+        {
             None => Ok(()),
             Some((name, length)) => Err(Error::usage(format!("{name}: {length} values for {count} points"), "give one a point")),
         }

@@ -58,8 +58,11 @@ impl ReceiverValues {
             .collect();
         let means = Means { weights: &weights(&mesh), targets: &targets, count: sources.len() };
 
-        let mut columns: Vec<Channel> =
-            self.columns.iter().map(|Channel { name, samples }| Channel { name: name.clone(), samples: means.of(samples) }).collect();
+        let mut columns: Vec<Channel> = self
+            .columns
+            .iter()
+            .map(|Channel { name, samples }| Channel { name: name.clone(), samples: means.of(samples) })
+            .collect();
         for vector in columns.chunk_by_mut(|a, b| [a, b].iter().all(|column| column.name.starts_with(DIRECTION))) {
             if let [x, y, z] = vector {
                 for i in 0..sources.len() {

@@ -250,7 +250,8 @@ impl Results<'_> {
                     let picture = paths.iter().any(|path| is_picture(path));
                     let own = columns.iter().map(own).collect();
                     let mut values = receivers[index].values(own, &inside[range.clone()], &scene.space, picture);
-                    if let (Receiver::Vertices(_), Work::Bake(BakeRequest { per: Per::Source, .. })) = (&receivers[index], &request.work)
+                    if let (Receiver::Vertices(_), Work::Bake(BakeRequest { per: Per::Source, .. })) =
+                        (&receivers[index], &request.work)
                     {
                         values = values.per_source(scene);
                     }

@@ -139,7 +139,12 @@ fn lines(about: &Value) -> Vec<String> {
     // A single object says no more than the first line.
     let objects = if list("objects").len() > 1 { list("objects") } else { &[] };
     section(&mut lines, "objects", objects, |one| {
-        format!("{}: {}, {}", text(&one["name"]), counted(whole(&one["triangles"]), "triangle"), counted(whole(&one["vertices"]), "vertex"))
+        format!(
+            "{}: {}, {}",
+            text(&one["name"]),
+            counted(whole(&one["triangles"]), "triangle"),
+            counted(whole(&one["vertices"]), "vertex")
+        )
     });
     section(&mut lines, "materials", list("materials"), |one| line_of_material(one, list("textures")));
     section(&mut lines, "cameras, of which the first is used", list("cameras"), |one| {
@@ -198,7 +203,7 @@ fn line_of_lights(about: &Value) -> String {
     if !about["environment"].is_null() {
         parts.push(format!("an environment of the mean radiance {}", number(&about["environment"])));
     }
-    format!("lights: {}", if parts.is_empty() { "none".to_owned() } else { parts.join(", and ") })
+    format!("lights: {}", if parts.is_empty() { "none; a render adds a white sky".to_owned() } else { parts.join(", and ") })
 }
 
 fn line_of_estimate(about: &Value) -> String {

@@ -106,7 +106,8 @@ pub fn run(args: &RelightArgs) -> Result<u8> {
             (Some(model), _) => {
                 let surface = model.surface();
                 let (positions, normals) = (surface.positions, &model.mesh.normals);
-                PointValues { positions, normals, columns: &columns, surface: Some(surface), sources: None }.write(path, &options)?;
+                PointValues { positions, normals, columns: &columns, surface: Some(surface), sources: None }
+                    .write(path, &options)?;
             }
             // A .npy file contains only the columns.
             (None, _) => {

@@ -169,7 +169,9 @@ impl Loader<'_> {
     fn skipped(&mut self, path: &Path, skipped: usize, kept: usize) -> Result<()> {
         let total = skipped + kept;
         match skipped {
-            _ if total == 0 => Err(Error::input(path, None, "no face can be drawn", "correct the faces, or export the model again")),
+            _ if total == 0 => {
+                Err(Error::input(path, None, "no face can be drawn", "correct the faces, or export the model again"))
+            }
             0 => Ok(()),
             _ if kept == 0 => {
                 let cure = "check the export's scale, and that vertices differ";

@@ -25,6 +25,10 @@ pub fn load(loader: &mut Loader, path: &Path) -> Result<World> {
     let (header, rows) = ply::parse(&bytes).map_err(|fault| broken(path, fault))?;
     check(path, &header.elements)?;
     let mut reader = PlyReader { loader, path, rows, row: Row::default(), model: Indexed::default() };
+    for ply::PlyFault { line, problem } in &header.unknown {
+        reader.row.line = *line;
+        reader.mend("header", &|| problem.clone(), "the line is ignored")?;
+    }
     // What comes after may be broken.
     let last = header.elements.iter().rposition(|element| ["vertex", "face", "tristrips"].contains(&element.name.as_str()));
     for element in header.elements.iter().take(last.map_or(0, |last| last + 1)) {

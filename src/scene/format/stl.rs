@@ -28,7 +28,11 @@ pub fn load(loader: &mut Loader, path: &Path) -> Result<World> {
     let reader = loader.reader;
     let bytes = reader.read_named(path, MOST_BYTES).map_err(|unread| unread.error(path, None, "this model", cure))?;
     let mut reader = StlReader { loader, path, model: Indexed::default(), vertices: HashMap::new() };
-    if is_binary(&bytes) { reader.binary(&bytes)? } else { reader.text(&bytes)? }
+    if is_binary(&bytes) {
+        reader.binary(&bytes)?
+    } else {
+        reader.text(&bytes)?
+    }
     if reader.model.ends.is_empty() {
         return Err(Error::input(path, None, "there is no triangle: this is not an STL", CURE));
     }
@@ -73,6 +77,8 @@ impl StlReader<'_, '_> {
             let problem = || format!("the header says {claimed} triangles, and there are bytes for {}", triangles.len());
             self.mend(None, "count", &problem, &format!("{count} are read"))?;
         }
+        // A closed surface has half as many vertices as triangles.
+        self.vertices.reserve(count / 2);
         for (number, triangle) in triangles[..count].iter().enumerate() {
             let float = |at: usize| f64::from(f32::from_le_bytes([0, 1, 2, 3].map(|byte| triangle[at + byte])));
             for corner in 0..3 {
@@ -95,7 +101,8 @@ impl StlReader<'_, '_> {
             let keyword = words.next().unwrap_or_default().to_ascii_lowercase();
             match keyword.as_str() {
                 "vertex" => {
-                    let numbers: [f64; 3] = std::array::from_fn(|_| words.next().and_then(|word| word.parse().ok()).unwrap_or(f64::NAN));
+                    let numbers: [f64; 3] =
+                        std::array::from_fn(|_| words.next().and_then(|word| word.parse().ok()).unwrap_or(f64::NAN));
                     let source = self.model.corners.len() as u32;
                     self.corner(line, source, numbers.into())?;
                 }
