@@ -13,7 +13,7 @@ use ply_rs_bw::ply::{DefaultElement, Ply, Property};
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
-/// A slanted box without a lid, whose corners have different angles. Vertex 1 and the last one are not used.
+/// A slanted box without a lid, seen from inside, whose corners have different angles. Vertex 1 and the last one are not used.
 const MODEL: &str = "ply\nformat ascii 1.0\nelement vertex 10\nproperty float x\nproperty float y\nproperty float z\nelement face 6\n\
     property list uchar int vertex_indices\nend_header\n0 0 0\n9 9 9\n2 0 0\n2 1 0\n0 1 0\n1 0 1\n3 0 1\n3 1 1\n1 1 1\n-5 0 0\n\
     4 0 2 3 4\n4 0 5 6 2\n4 2 6 7 3\n4 3 7 8 4\n3 4 8 5\n3 4 5 0\n";
@@ -21,7 +21,7 @@ const ROWS: usize = 10;
 
 fn bake(folder: &TempDir, args: &[&str]) -> Command {
     let mut command = tool(folder);
-    command.args(["bake", "m.ply", "--to", "vertices", "--directions", "64", "--layer-size", "64", "--flip"]).args(args);
+    command.args(["bake", "m.ply", "--to", "vertices", "--directions", "64", "--layer-size", "64"]).args(args);
     command
 }
 
