@@ -33,5 +33,8 @@ pub fn load_model(name: &str, bytes: &[u8]) {
 pub fn load(name: &str, bytes: &[u8]) {
     let mut files = BTreeMap::from(SCENE.map(|(name, bytes)| (name.into(), bytes.to_vec())));
     files.insert(name.into(), bytes.to_vec());
-    check(World::load_with(Path::new("s.toml"), LoadOptions { files: Files::Memory(files), ..LoadOptions::default() }));
+    for strict in [false, true] {
+        let files = Files::Memory(files.clone());
+        check(World::load_with(Path::new("s.toml"), LoadOptions { files, strict, ..LoadOptions::default() }));
+    }
 }

@@ -4,7 +4,7 @@ use std::f32::consts::{FRAC_1_PI, PI};
 use std::path::{Path, PathBuf};
 
 use finalgather::error::{Error, Result};
-use finalgather::export::{self, ExportMesh, PointValues, Positions, read_prt};
+use finalgather::export::{self, ExportMesh, ExportSource, PointValues, Positions, read_prt};
 use finalgather::harmonics::project;
 use finalgather::image::{self, Channel, Image, WriteOptions};
 use finalgather::job::{SceneRequest, check_kept};
@@ -162,7 +162,8 @@ impl Model {
     }
 
     fn surface(&self) -> ExportMesh<'_> {
-        ExportMesh { mesh: &self.mesh, positions: self.world(), materials: &self.unit.materials, textures: &self.unit.textures }
+        let (materials, textures) = (&self.unit.materials[..], &self.unit.textures[..]);
+        ExportMesh { mesh: &self.mesh, positions: self.world(), materials, textures, source: ExportSource::of(&self.unit) }
     }
 
     /// The view of the scene's camera. Front sides show albedo × irradiance / π, interpolated between vertices. Misses show the environment.

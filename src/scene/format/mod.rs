@@ -15,6 +15,7 @@ use crate::error::{Error, Result};
 use crate::settings::Settings;
 
 mod files;
+pub mod gltf;
 mod indexed;
 mod obj;
 mod ply;
@@ -31,7 +32,8 @@ use warnings::Warnings;
 type MeshLoader = fn(&mut Loader, &Path) -> Result<World>;
 
 /// Mesh formats, with the endings of their files.
-const FORMATS: [(&str, MeshLoader); 3] = [("obj", obj::load), ("ply", ply::load), ("stl", stl::load)];
+const FORMATS: [(&str, MeshLoader); 5] =
+    [("obj", obj::load), ("glb", gltf::load), ("gltf", gltf::load), ("ply", ply::load), ("stl", stl::load)];
 
 /// A loaded scene file or model.
 #[derive(Clone, Debug)]
@@ -201,11 +203,8 @@ impl Loader<'_> {
 
     /// Adds the warnings that all formats share, and cuts a list that is too long.
     fn check(&mut self, world: &World) {
-        for instance in &world.instances {
-            if let Some(warning) = against_normals(&instance.name, &world.meshes[instance.mesh]) {
-                self.warnings.say(warning);
-            }
-        }
+        self.against_normals(world);
+        self.unshaded(world);
         let untextured = world.meshes.iter().flat_map(|mesh| {
             mesh.triangles.iter().filter(|triangle| {
                 let textured = world.materials[triangle.material as usize].albedo_texture.is_some();
@@ -220,6 +219,44 @@ impl Loader<'_> {
             }
         }
     }
+
+    /// Tells of instances with shading normals that point to the backs of most faces.
+    fn against_normals(&mut self, world: &World) {
+        let meshes: Vec<_> = world.meshes.iter().map(against_normals).collect();
+        let wrong: Vec<_> =
+            world.instances.iter().filter_map(|instance| Some((instance.name.as_str(), meshes[instance.mesh]?))).collect();
+        if wrong.is_empty() {
+            return;
+        }
+        let [against, all] = wrong.iter().fold([0, 0], |[a, b], (_, [against, all])| [a + against, b + all]);
+        self.warnings.say(format!(
+            "the normals (vn) of {} point to the back of {against} of {all} triangles, and its fronts are where the winding says; if the \
+             normals are right, turn these triangles by --flip, or flip = true in a scene file",
+            few(wrong.iter().map(|(name, _)| (*name).to_owned())),
+        ));
+    }
+
+    /// Tells what files say about materials in use, and pictures do not show.
+    fn unshaded(&mut self, world: &World) {
+        let mut is_used = vec![false; world.materials.len()];
+        world.meshes.iter().flat_map(|mesh| &mesh.triangles).for_each(|triangle| is_used[triangle.material as usize] = true);
+        let used = world.materials.iter().zip(is_used).filter(|(material, is_used)| *is_used && !material.unshaded.is_empty());
+        let notes: Vec<_> = used.map(|(material, _)| format!("{} ({})", material.name, material.unshaded.join(", "))).collect();
+        match notes.len() {
+            0 => {}
+            1 => self.warnings.say(format!("1 material has what pictures do not show yet: {}", notes[0])),
+            count => {
+                self.warnings.say(format!("{count} materials have what pictures do not show yet: {}", few(notes.into_iter())))
+            }
+        }
+    }
+}
+
+/// What is wrong if the shading normals of most faces of a mesh point to their backs: how many do, of how many.
+fn against_normals(mesh: &Mesh) -> Option<[usize; 2]> {
+    let known = (0..mesh.triangles.len()).filter_map(|triangle| mesh.is_against_normals(triangle));
+    let [against, all] = known.fold([0, 0], |[against, all], is_against| [against + usize::from(is_against), all + 1]);
+    (2 * against > all).then_some([against, all])
 }
 
 /// Makes the camera of this name the first.
@@ -232,19 +269,6 @@ fn choose_camera(world: &mut World, name: &str, path: &Path) -> Result<()> {
     };
     world.cameras[..=index].rotate_right(1);
     Ok(())
-}
-
-/// A warning if the shading normals of most faces point to their backs.
-fn against_normals(name: &str, mesh: &Mesh) -> Option<String> {
-    let known: Vec<bool> = (0..mesh.triangles.len()).filter_map(|triangle| mesh.is_against_normals(triangle)).collect();
-    let against = known.iter().filter(|against| **against).count();
-    (2 * against > known.len()).then(|| {
-        format!(
-            "the normals (vn) of {name} point to the back of {against} of {} triangles, and its fronts are where the winding says; if the \
-             normals are right, turn these triangles by --flip, or flip = true in a scene file",
-            known.len()
-        )
-    })
 }
 
 /// The endings of models for a message.
@@ -266,6 +290,14 @@ fn origin_of(positions: impl Iterator<Item = DVec3>) -> DVec3 {
 /// The path of a file that the file `from` names. It accepts both kinds of slash.
 fn beside(from: &Path, name: &str) -> PathBuf {
     from.with_file_name(name.replace('\\', "/"))
+}
+
+/// A list for a message, at most 5.
+fn few(list: impl ExactSizeIterator<Item = String>) -> String {
+    const FEW: usize = 5;
+    let more = list.len().saturating_sub(FEW);
+    let shown = list.take(FEW).collect::<Vec<_>>().join(", ");
+    if more == 0 { shown } else { format!("{shown} and {more} more") }
 }
 
 /// The names of materials for a message, at most 20.

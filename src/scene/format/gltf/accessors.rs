@@ -1,0 +1,264 @@
+//! Typed values of a glTF file: all component types, normalised or not, with any stride, sparse, and from draco.
+
+use std::collections::HashMap;
+
+use gltf::json::accessor::{Accessor, ComponentType, Type};
+use gltf::json::validation::Checked;
+
+use super::buffers::Buffers;
+use crate::error::Result;
+
+/// Component types, as constants of OpenGL.
+const I8: u64 = 5120;
+const U8: u64 = 5121;
+const I16: u64 = 5122;
+const U16: u64 = 5123;
+const U32: u64 = 5125;
+
+/// Values that an accessor gives, each of some components. All are checked to be there.
+pub struct Values<'a> {
+    pub count: usize,
+    /// Components of a value.
+    pub width: usize,
+    storage: Storage<'a>,
+}
+
+enum Storage<'a> {
+    /// From bytes, or zero where there are none, with exceptions by index.
+    Packed {
+        elements: Option<Elements<'a>>,
+        exceptions: HashMap<u32, u32>,
+        exceptional: Option<Elements<'a>>,
+        format: Format,
+    },
+    Floats(Vec<f32>),
+}
+
+/// How a component is stored.
+#[derive(Clone, Copy)]
+struct Format {
+    component: ComponentType,
+    normalized: bool,
+}
+
+/// Bytes from the first element on.
+#[derive(Clone, Copy)]
+struct Elements<'a> {
+    bytes: &'a [u8],
+    stride: usize,
+}
+
+impl Format {
+    fn number(self, bytes: &[u8], at: usize) -> f32 {
+        let most = |most: f32| if self.normalized { most } else { 1.0 };
+        let least = if self.normalized { -1.0 } else { f32::MIN };
+        match self.component {
+            ComponentType::I8 => (f32::from(bytes[at] as i8) / most(127.0)).max(least),
+            ComponentType::U8 => f32::from(bytes[at]) / most(255.0),
+            ComponentType::I16 => (f32::from(i16::from_le_bytes([bytes[at], bytes[at + 1]])) / most(32767.0)).max(least),
+            ComponentType::U16 => f32::from(u16::from_le_bytes([bytes[at], bytes[at + 1]])) / most(65535.0),
+            ComponentType::U32 => word(bytes, at) as f32 / most(u32::MAX as f32),
+            ComponentType::F32 => f32::from_bits(word(bytes, at)),
+        }
+    }
+}
+
+fn word(bytes: &[u8], at: usize) -> u32 {
+    u32::from_le_bytes([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]])
+}
+
+/// A whole number of one, two or four bytes.
+fn whole(component: ComponentType, bytes: &[u8], at: usize) -> u32 {
+    match component.size() {
+        1 => u32::from(bytes[at]),
+        2 => u32::from(u16::from_le_bytes([bytes[at], bytes[at + 1]])),
+        _ => word(bytes, at),
+    }
+}
+
+impl Values<'_> {
+    /// Values from numbers in sequence.
+    pub fn from_floats(floats: Vec<f32>, width: usize) -> Self {
+        Self { count: floats.len() / width, width, storage: Storage::Floats(floats) }
+    }
+
+    /// The first `N` components of a value; zero where it has fewer. `index` must be below `count`.
+    pub fn get<const N: usize>(&self, index: usize) -> [f32; N] {
+        let most = self.width.min(N);
+        let mut value = [0.0; N];
+        match &self.storage {
+            Storage::Floats(floats) => value[..most].copy_from_slice(&floats[index * self.width..][..most]),
+            Storage::Packed { format, .. } => {
+                if let Some((bytes, at)) = self.place(index) {
+                    for (component, value) in value[..most].iter_mut().enumerate() {
+                        *value = format.number(bytes, at + component * format.component.size());
+                    }
+                }
+            }
+        }
+        value
+    }
+
+    /// The value as an index. `index` must be below `count`.
+    pub fn index(&self, index: usize) -> u32 {
+        match &self.storage {
+            Storage::Floats(floats) => floats[index * self.width] as u32,
+            Storage::Packed { format, .. } => self.place(index).map_or(0, |(bytes, at)| whole(format.component, bytes, at)),
+        }
+    }
+
+    /// Some of the values, in a component type of glTF that need not be their own, each at a multiple of `align` bytes. Also returns their distance.
+    pub fn encode(&self, order: impl Iterator<Item = usize>, component: u64, normalized: bool, align: usize) -> (Vec<u8>, usize) {
+        let size = match component {
+            I8 | U8 => 1,
+            I16 | U16 => 2,
+            _ => 4,
+        };
+        let stride = (size * self.width).next_multiple_of(align);
+        let most = |most: f32| if normalized { most } else { 1.0 };
+        let mut bytes = Vec::new();
+        for index in order {
+            let end = bytes.len() + stride;
+            for number in (0..self.width).map(|component| self.number(index, component)) {
+                match component {
+                    I8 => bytes.push(((number * most(127.0)).round() as i8).cast_unsigned()),
+                    U8 => bytes.push((number * most(255.0)).round() as u8),
+                    I16 => bytes.extend(((number * most(32767.0)).round() as i16).to_le_bytes()),
+                    U16 => bytes.extend(((number * most(65535.0)).round() as u16).to_le_bytes()),
+                    U32 => bytes.extend((number as u32).to_le_bytes()),
+                    _ => bytes.extend(number.to_le_bytes()),
+                }
+            }
+            bytes.resize(end, 0);
+        }
+        (bytes, stride)
+    }
+
+    fn number(&self, index: usize, component: usize) -> f32 {
+        match &self.storage {
+            Storage::Floats(floats) => floats[index * self.width + component],
+            Storage::Packed { format, .. } => {
+                self.place(index).map_or(0.0, |(bytes, at)| format.number(bytes, at + component * format.component.size()))
+            }
+        }
+    }
+
+    /// The bytes of a value, and where in them it starts.
+    fn place(&self, index: usize) -> Option<(&[u8], usize)> {
+        let Storage::Packed { elements, exceptions, exceptional, .. } = &self.storage else { return None };
+        // Most accessors have no exceptions, and a look-up takes longer than a read.
+        let exception = if exceptions.is_empty() { None } else { exceptions.get(&(index as u32)) };
+        let (elements, index) = match exception {
+            Some(&exception) => (exceptional.as_ref()?, exception as usize),
+            None => (elements.as_ref()?, index),
+        };
+        Some((elements.bytes, index * elements.stride))
+    }
+}
+
+impl<'a> Buffers<'a> {
+    /// The values of an accessor, whose type has one of these numbers of components.
+    pub fn values(&self, index: usize, widths: &[usize]) -> Result<Values<'_>> {
+        let accessor = self.document.entry(&self.document.root.accessors, "accessors", index)?;
+        let fault = |problem: String| self.document.fault(format_args!("accessors[{index}]"), problem);
+        let (width, format) = shape(accessor).map_err(fault)?;
+        if !widths.contains(&width) {
+            return Err(fault(format!("its values have {width} components, not {widths:?}")));
+        }
+        let count = self.count(accessor.count.0).map_err(fault)?;
+        let size = width * format.component.size();
+        let elements = match accessor.buffer_view {
+            Some(view) => {
+                let offset = accessor.byte_offset.map_or(0, |offset| offset.0);
+                Some(self.elements(view.value(), offset, count, size).map_err(|problem| problem.or(fault))?)
+            }
+            None => None,
+        };
+        let (mut exceptions, mut exceptional) = (HashMap::new(), None);
+        if let Some(sparse) = &accessor.sparse {
+            let number = self.count(sparse.count.0).map_err(fault)?;
+            let Checked::Valid(component) = sparse.indices.component_type else {
+                return Err(fault("its sparse indices are of no known type".into()));
+            };
+            let (indices, values) = (&sparse.indices, &sparse.values);
+            let places = self.elements(indices.buffer_view.value(), indices.byte_offset.0, number, component.0.size());
+            let places = places.map_err(|problem| problem.or(fault))?;
+            let place = |entry: usize| whole(component.0, places.bytes, entry * places.stride);
+            exceptional = Some(
+                self.elements(values.buffer_view.value(), values.byte_offset.0, number, size)
+                    .map_err(|problem| problem.or(fault))?,
+            );
+            exceptions = (0..number).map(|entry| (place(entry), entry as u32)).collect();
+        }
+        Ok(Values { count, width, storage: Storage::Packed { elements, exceptions, exceptional, format } })
+    }
+
+    /// A count of an accessor, if so much may be made. What has no bytes of its own could be of any length.
+    fn count(&self, count: u64) -> Result<usize, String> {
+        let left = self.left();
+        let problem = || format!("its count is {count}, and the file is too small for that");
+        usize::try_from(count).ok().filter(|&count| count <= left && count < u32::MAX as usize).ok_or_else(problem)
+    }
+
+    /// Elements of a view, all of which are there.
+    fn elements(&self, view: usize, offset: u64, count: usize, size: usize) -> Result<Elements<'_>, Misplaced> {
+        let (bytes, stride) = self.view(view).map_err(Misplaced::View)?;
+        let stride = stride.unwrap_or(size);
+        let outside = || {
+            Misplaced::Here(format!(
+                "{count} elements of {size} bytes, {stride} apart, from byte {offset} do not fit into bufferViews[{view}] of {} bytes",
+                bytes.len()
+            ))
+        };
+        let bytes = usize::try_from(offset).ok().and_then(|offset| bytes.get(offset..)).ok_or_else(outside)?;
+        let last = count.checked_sub(1).map_or(Some(0), |last| last.checked_mul(stride)?.checked_add(size));
+        if last.is_none_or(|last| last > bytes.len()) {
+            return Err(outside());
+        }
+        Ok(Elements { bytes, stride })
+    }
+}
+
+/// Why elements are not there.
+enum Misplaced {
+    View(crate::error::Error),
+    Here(String),
+}
+
+impl Misplaced {
+    fn or(self, fault: impl Fn(String) -> crate::error::Error) -> crate::error::Error {
+        match self {
+            Self::View(error) => error,
+            Self::Here(problem) => fault(problem),
+        }
+    }
+}
+
+/// Number of components, and their format.
+fn shape(accessor: &Accessor) -> Result<(usize, Format), String> {
+    let Checked::Valid(component) = accessor.component_type else { return Err("its componentType is unknown".into()) };
+    let width = match accessor.type_ {
+        Checked::Valid(Type::Scalar) => 1,
+        Checked::Valid(Type::Vec2) => 2,
+        Checked::Valid(Type::Vec3) => 3,
+        Checked::Valid(Type::Vec4 | Type::Mat2) => 4,
+        Checked::Valid(Type::Mat3) => 9,
+        Checked::Valid(Type::Mat4) => 16,
+        Checked::Invalid => return Err("its type is unknown".into()),
+    };
+    Ok((width, Format { component: component.0, normalized: accessor.normalized }))
+}
+
+/// What an accessor divides its whole numbers by.
+pub fn divisor(accessor: &Accessor) -> f32 {
+    match accessor.component_type {
+        Checked::Valid(component) if accessor.normalized => match component.0 {
+            ComponentType::I8 => 127.0,
+            ComponentType::U8 => 255.0,
+            ComponentType::I16 => 32767.0,
+            ComponentType::U16 => 65535.0,
+            ComponentType::U32 | ComponentType::F32 => 1.0,
+        },
+        _ => 1.0,
+    }
+}

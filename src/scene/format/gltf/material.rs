@@ -1,0 +1,217 @@
+//! Materials of a glTF file. What pictures do not show goes to [`Material::unshaded`].
+
+use glam::{Affine2, Mat2, Vec2, Vec3, vec2};
+use gltf::json::extensions::material as extension;
+use gltf::json::material::{AlphaMode, Material as JsonMaterial};
+use gltf::json::texture::Info;
+use gltf::json::validation::Checked;
+
+use super::buffers::Buffers;
+use super::images::Images;
+use super::primitive::{Look, V_UP};
+use crate::error::Result;
+use crate::scene::format::Loader;
+use crate::scene::{Material, Surface};
+
+/// A metal of this much and no more roughness is a mirror.
+const METAL: f32 = 0.99;
+const SHARP: f32 = 0.05;
+/// What transmits this much with no more roughness is glass.
+const CLEAR: f32 = 0.5;
+const CLEAR_ROUGHNESS: f32 = 0.1;
+/// What is rougher looks diffuse.
+const DULL: f32 = 0.9;
+
+/// All materials of a file, in its order.
+pub struct Materials {
+    pub list: Vec<Material>,
+    looks: Vec<Look>,
+}
+
+impl Materials {
+    pub fn load(loader: &mut Loader, buffers: &Buffers) -> Result<Self> {
+        let mut images = Images::new(buffers);
+        let mut materials = Self { list: Vec::new(), looks: Vec::new() };
+        for (index, json) in buffers.document.root.materials.iter().enumerate() {
+            let (material, coordinates) =
+                MaterialReading { json, images: &mut images, unshaded: Vec::new() }.load(loader, index)?;
+            materials.looks.push(Look { material: index as u32, coordinates });
+            materials.list.push(material);
+        }
+        Ok(materials)
+    }
+
+    /// How a material of the file is laid on a primitive. `None` is the default of glTF, which is white.
+    pub fn look(&mut self, buffers: &Buffers, index: Option<usize>) -> Result<Look> {
+        if let Some(index) = index {
+            return buffers.document.entry(&self.looks, "materials", index).copied();
+        }
+        let white = buffers.document.root.materials.len();
+        if self.list.len() == white {
+            self.list.push(Material { albedo: Vec3::ONE, ..Material::default() });
+        }
+        Ok(Look { material: white as u32, coordinates: None })
+    }
+}
+
+/// A material that is being read.
+struct MaterialReading<'a, 'b, 'c> {
+    json: &'a JsonMaterial,
+    images: &'a mut Images<'b, 'c>,
+    unshaded: Vec<String>,
+}
+
+impl MaterialReading<'_, '_, '_> {
+    /// The material, and the coordinates of its texture.
+    fn load(mut self, loader: &mut Loader, index: usize) -> Result<(Material, Option<(u32, Affine2)>)> {
+        let json = self.json;
+        let none = extension::Material::default();
+        let extensions = json.extensions.as_ref().unwrap_or(&none);
+        let base = &json.pbr_metallic_roughness;
+        let (factor, texture) = match &extensions.pbr_specular_glossiness {
+            Some(old) => (old.diffuse_factor.0, old.diffuse_texture.as_ref()),
+            None => (base.base_color_factor.0, base.base_color_texture.as_ref()),
+        };
+        let mut albedo = shares(factor);
+        let (mut albedo_texture, mut coordinates) = (None, None);
+        if let Some(info) = texture {
+            albedo_texture = self.images.texture(loader, info.index.value())?;
+            coordinates = albedo_texture.map(|_| coordinates_of(info));
+        }
+        let emission = self.emission(loader, extensions)?;
+        let surface = self.surface(extensions, albedo, texture.is_some());
+        self.note_reflection(extensions, surface);
+        self.note_rest(extensions, factor[3]);
+        if matches!(surface, Surface::Glass { .. }) {
+            albedo = Vec3::ONE;
+        }
+        let name = json.name.clone().filter(|name| !name.is_empty()).unwrap_or_else(|| format!("material {index}"));
+        let two_sided = json.double_sided && emission != Vec3::ZERO;
+        Ok((Material { name, albedo, emission, two_sided, albedo_texture, surface, unshaded: self.unshaded }, coordinates))
+    }
+
+    fn emission(&mut self, loader: &mut Loader, extensions: &extension::Material) -> Result<Vec3> {
+        let strength = extensions.emissive_strength.as_ref().map_or(1.0, |strength| strength.emissive_strength.0);
+        let radiance = |factor: f32| if factor > 0.0 { (factor * strength).clamp(0.0, f32::MAX) } else { 0.0 };
+        let emission = Vec3::from(self.json.emissive_factor.0.map(radiance));
+        let Some(info) = self.json.emissive_texture.as_ref().filter(|_| emission != Vec3::ZERO) else { return Ok(emission) };
+        let mean = self.images.mean(loader, info.index.value())?;
+        self.note(format!("emission texture {}, of which the mean colour shines", self.images.name(info.index.value())));
+        Ok(emission * mean.unwrap_or(Vec3::ONE))
+    }
+
+    fn surface(&self, extensions: &extension::Material, base: Vec3, textured: bool) -> Surface {
+        let json = &self.json.pbr_metallic_roughness;
+        let (metallic, roughness) = (json.metallic_factor.0, json.roughness_factor.0);
+        if extensions.pbr_specular_glossiness.is_some() || json.metallic_roughness_texture.is_some() || textured {
+            return Surface::Diffuse;
+        }
+        let transmission = extensions.transmission.as_ref().filter(|transmission| transmission.transmission_texture.is_none());
+        if transmission.is_some_and(|transmission| transmission.transmission_factor.0 > CLEAR) && roughness < CLEAR_ROUGHNESS {
+            return glass(extensions, base);
+        }
+        if metallic >= METAL && roughness < SHARP { Surface::Mirror } else { Surface::Diffuse }
+    }
+
+    fn note(&mut self, what: String) {
+        self.unshaded.push(what);
+    }
+
+    fn note_texture(&mut self, what: &str, info: Option<&Info>) {
+        if let Some(info) = info {
+            let name = self.images.name(info.index.value());
+            self.note(format!("{what} {name}"));
+        }
+    }
+
+    /// Notes what is not shown of metals and gloss.
+    fn note_reflection(&mut self, extensions: &extension::Material, surface: Surface) {
+        if surface != Surface::Diffuse {
+            return;
+        }
+        if let Some(old) = &extensions.pbr_specular_glossiness {
+            if old.specular_factor.0 != [0.0; 3] && old.glossiness_factor.0 > 1.0 - DULL {
+                let [r, g, b] = old.specular_factor.0;
+                self.note(format!("specular {r} {g} {b}, glossiness {}", old.glossiness_factor.0));
+            }
+            return self.note_texture("specular-glossiness texture", old.specular_glossiness_texture.as_ref());
+        }
+        let json = &self.json.pbr_metallic_roughness;
+        if json.metallic_factor.0 > 0.0 {
+            self.note(format!("metallic {}", json.metallic_factor.0));
+        }
+        if json.roughness_factor.0 < DULL {
+            self.note(format!("roughness {}", json.roughness_factor.0));
+        }
+        self.note_texture("metallic-roughness texture", json.metallic_roughness_texture.as_ref());
+        if let Some(transmission) = &extensions.transmission {
+            self.note(format!("transmission {}", transmission.transmission_factor.0));
+        }
+    }
+
+    /// Notes the rest of what is not shown.
+    fn note_rest(&mut self, extensions: &extension::Material, alpha: f32) {
+        match self.json.alpha_mode {
+            Checked::Valid(AlphaMode::Mask) => {
+                let cutoff = self.json.alpha_cutoff.map_or(0.5, |cutoff| cutoff.0);
+                self.note(format!("alpha mode MASK, cutoff {cutoff}, opacity {alpha}"));
+            }
+            Checked::Valid(AlphaMode::Blend) => self.note(format!("alpha mode BLEND, opacity {alpha}")),
+            _ => {}
+        }
+        if let Some(normal) = &self.json.normal_texture {
+            self.note(format!("normal map {}", self.images.name(normal.index.value())));
+        }
+        if extensions.unlit.is_some() {
+            self.note("unlit".to_owned());
+        }
+        if let Some(specular) = &extensions.specular {
+            let [r, g, b] = specular.specular_color_factor.0;
+            self.note(format!("specular {} of colour {r} {g} {b}", specular.specular_factor.0));
+        }
+        if let Some(ior) = extensions.ior.as_ref().filter(|_| extensions.transmission.is_none()) {
+            self.note(format!("index of refraction {}", ior.ior.0));
+        }
+        for name in extensions.others.keys() {
+            if let Some(name) = name.strip_prefix("KHR_materials_") {
+                self.note(name.to_owned());
+            }
+        }
+    }
+}
+
+/// Glass of this base colour. Of a body, the mean path through it filters too.
+fn glass(extensions: &extension::Material, base: Vec3) -> Surface {
+    let index = extensions.ior.as_ref().map_or(Surface::GLASS_INDEX, |ior| ior.ior.0).clamp(1.0, 10.0);
+    match extensions.volume.as_ref().filter(|volume| volume.thickness_factor.0 > 0.0) {
+        Some(volume) => {
+            let depth = volume.thickness_factor.0 / volume.attenuation_distance.0;
+            let body = if depth.is_finite() && depth > 0.0 {
+                Vec3::from(volume.attenuation_color.0).clamp(Vec3::ZERO, Vec3::ONE).powf(depth)
+            } else {
+                Vec3::ONE
+            };
+            Surface::Glass { index, filter: base * body }
+        }
+        // A sheet has one face, which applies the square root.
+        None => Surface::Glass { index: 1.0, filter: base * base },
+    }
+}
+
+/// Shares of light, from a factor that may be out of range.
+fn shares([r, g, b, _]: [f32; 4]) -> Vec3 {
+    Vec3::new(r, g, b).clamp(Vec3::ZERO, Vec3::ONE)
+}
+
+/// The set of coordinates of a texture, and what becomes of them.
+fn coordinates_of(info: &Info) -> (u32, Affine2) {
+    let Some(transform) = info.extensions.as_ref().and_then(|extensions| extensions.texture_transform.as_ref()) else {
+        return (info.tex_coord, V_UP);
+    };
+    let scale = Mat2::from_diagonal(Vec2::from(transform.scale.0));
+    // Counter-clockwise where v points down.
+    let (sin, cos) = transform.rotation.0.sin_cos();
+    let rotation = Mat2::from_cols(vec2(cos, -sin), vec2(sin, cos));
+    let own = Affine2::from_mat2_translation(rotation * scale, Vec2::from(transform.offset.0));
+    (transform.tex_coord.unwrap_or(info.tex_coord), V_UP * own)
+}

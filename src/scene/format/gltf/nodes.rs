@@ -1,0 +1,206 @@
+//! The nodes of the chosen scene: where they stand, and their copies, joints, cameras and lights.
+
+use std::collections::HashMap;
+
+use glam::{DAffine3, DMat4, DQuat, DVec3, Vec3};
+use gltf::json::camera::Type;
+use gltf::json::scene::Node;
+use gltf::json::validation::Checked;
+use serde::Deserialize;
+use serde_json::Value;
+
+use super::buffers::Buffers;
+use super::document::{BROKEN, Document};
+use super::pose::Pose;
+use crate::error::{Error, Result};
+use crate::scene::WorldCamera;
+use crate::scene::format::Loader;
+use crate::scene::format::warnings::{Fault, Place};
+
+/// A node in the world.
+pub struct Placed {
+    pub node: usize,
+    pub transform: DAffine3,
+}
+
+/// All nodes of a scene, depth first, in the order of the file.
+pub struct Walk {
+    pub nodes: Vec<Placed>,
+    /// Transforms to the world by node.
+    transforms: HashMap<usize, DAffine3>,
+}
+
+impl Walk {
+    pub fn of(loader: &mut Loader, document: &Document) -> Result<Self> {
+        let mut walk = Self { nodes: Vec::new(), transforms: HashMap::new() };
+        let mut waiting: Vec<(usize, DAffine3)> =
+            roots(loader, document)?.into_iter().rev().map(|root| (root, DAffine3::IDENTITY)).collect();
+        while let Some((node, parent)) = waiting.pop() {
+            let json = document.entry(&document.root.nodes, "nodes", node)?;
+            if is_hidden(json) {
+                continue;
+            }
+            let transform = parent * document.transforms[node];
+            if !transform.is_finite() {
+                return Err(document.fault(format_args!("nodes[{node}]"), "its place in the world is not finite"));
+            }
+            if walk.transforms.insert(node, transform).is_some() {
+                return Err(document.fault(format_args!("nodes[{node}]"), "it is a child of two nodes, or of itself"));
+            }
+            walk.nodes.push(Placed { node, transform });
+            waiting.extend(json.children.iter().flatten().rev().map(|child| (child.value(), transform)));
+        }
+        Ok(walk)
+    }
+
+    /// The transforms to the world of all copies that `EXT_mesh_gpu_instancing` makes of a node.
+    pub fn copies(&self, buffers: &Buffers, placed: &Placed, extension: &Value) -> Result<Vec<DAffine3>> {
+        #[derive(Deserialize)]
+        struct Instancing {
+            attributes: HashMap<String, usize>,
+        }
+        let fault =
+            |problem: String| buffers.document.fault(format_args!("nodes[{}].EXT_mesh_gpu_instancing", placed.node), problem);
+        let Instancing { attributes } = Instancing::deserialize(extension).map_err(|error| fault(error.to_string()))?;
+        let values = |name, width| attributes.get(name).map(|&index| buffers.values(index, &[width])).transpose();
+        let (translations, rotations, scales) = (values("TRANSLATION", 3)?, values("ROTATION", 4)?, values("SCALE", 3)?);
+        let mut counts = [&translations, &rotations, &scales].into_iter().flatten().map(|values| values.count);
+        let Some(count) = counts.next() else { return Ok(vec![placed.transform]) };
+        if counts.any(|other| other != count) {
+            return Err(fault("its attributes differ in number".into()));
+        }
+        // An instance is larger than a vertex.
+        buffers.take(count.saturating_mul(4))?;
+        let vector = |values: &super::accessors::Values, copy| Vec3::from(values.get(copy)).as_dvec3();
+        let copies = (0..count).map(|copy| {
+            let translation = translations.as_ref().map_or(DVec3::ZERO, |values| vector(values, copy));
+            let rotation =
+                rotations.as_ref().map_or(DQuat::IDENTITY, |values| DQuat::from_array(values.get::<4>(copy).map(f64::from)));
+            let scale = scales.as_ref().map_or(DVec3::ONE, |values| vector(values, copy));
+            let rotation = if rotation.length_squared() > 0.0 { rotation.normalize() } else { DQuat::IDENTITY };
+            let transform = placed.transform * DAffine3::from_scale_rotation_translation(scale, rotation, translation);
+            if transform.is_finite() { Ok(transform) } else { Err(fault(format!("copy {copy} has no finite place"))) }
+        });
+        copies.collect()
+    }
+
+    /// The joints of a node's skin, where they stand.
+    pub fn skin(&self, loader: &mut Loader, buffers: &Buffers, placed: &Placed) -> Result<Pose> {
+        let document = buffers.document;
+        let Some(index) = document.root.nodes[placed.node].skin else { return Ok(Pose::default()) };
+        let skin = document.entry(&document.root.skins, "skins", index.value())?;
+        let transforms: Option<Vec<DAffine3>> =
+            skin.joints.iter().map(|joint| self.transforms.get(&joint.value()).copied()).collect();
+        let Some(joints) = transforms.filter(|joints| !joints.is_empty()) else {
+            let problem = || format!("skins[{}] has joints that are not in the scene", index.value());
+            let fault = Fault { kind: "skin", problem: &problem, mend: "its mesh is not bent", cure: BROKEN };
+            loader.warnings.mend(Place { path: document.path, line: None }, &fault)?;
+            return Ok(Pose::default());
+        };
+        let inverse = skin.inverse_bind_matrices.map(|accessor| buffers.values(accessor.value(), &[16])).transpose()?;
+        if inverse.as_ref().is_some_and(|inverse| inverse.count < joints.len()) {
+            return Err(document.fault(format_args!("skins[{}]", index.value()), "it has fewer inverseBindMatrices than joints"));
+        }
+        buffers.take(joints.len())?;
+        let origin = joints[0].translation;
+        let bound = |(joint, &transform): (usize, &DAffine3)| {
+            let to_joint = inverse.as_ref().map_or(DAffine3::IDENTITY, |inverse| {
+                DAffine3::from_mat4(DMat4::from_cols_array(&inverse.get::<16>(joint).map(f64::from)))
+            });
+            DAffine3::from_translation(-origin) * transform * to_joint
+        };
+        Ok(Pose { weights: Vec::new(), joints: joints.iter().enumerate().map(bound).collect(), origin })
+    }
+
+    /// The cameras of the scene with their names.
+    pub fn cameras(&self, loader: &mut Loader, document: &Document) -> Result<Vec<(String, WorldCamera)>> {
+        let mut cameras = Vec::new();
+        for &Placed { node, transform } in &self.nodes {
+            let json = &document.root.nodes[node];
+            let Some(index) = json.camera else { continue };
+            let camera = document.entry(&document.root.cameras, "cameras", index.value())?;
+            let names = [&json.name, &camera.name].into_iter().flatten().find(|name| !name.is_empty());
+            let name = names.cloned().unwrap_or_else(|| format!("camera {}", cameras.len()));
+            let found = match (&camera.perspective, camera.type_) {
+                (Some(perspective), Checked::Valid(Type::Perspective)) => perspective_camera(transform, perspective.yfov),
+                (_, Checked::Valid(Type::Orthographic)) => Err("it is orthographic; cameras have a perspective here".to_owned()),
+                _ => Err("it has no perspective".to_owned()),
+            };
+            match found {
+                Ok(camera) => cameras.push((name, camera)),
+                Err(problem) => loader.warnings.say(format!("{}: camera {name} is left out: {problem}", document.path.display())),
+            }
+        }
+        Ok(cameras)
+    }
+
+    /// Tells of lights that are not shown.
+    pub fn tell_lights(&self, loader: &mut Loader, document: &Document) {
+        let lights = document.root.extensions.as_ref().and_then(|extensions| extensions.khr_lights_punctual.as_ref());
+        let name = |placed: &Placed| {
+            let json = &document.root.nodes[placed.node];
+            let light = json.extensions.as_ref()?.khr_lights_punctual.as_ref()?.light.value();
+            let name = json.name.clone().or_else(|| lights?.lights.get(light)?.name.clone());
+            Some(name.unwrap_or_else(|| format!("light {light}")))
+        };
+        let names: Vec<String> = self.nodes.iter().filter_map(name).collect();
+        let (all, shown) = (names.len(), names[..names.len().min(10)].join(", "));
+        match all {
+            0 => {}
+            1 => loader.warnings.say(format!("1 punctual light is not shown yet: {shown}")),
+            _ => loader
+                .warnings
+                .say(format!("{all} punctual lights are not shown yet: {shown}{}", if all > 10 { ", ..." } else { "" })),
+        }
+    }
+}
+
+/// A camera at the origin of a node that looks along its -z.
+fn perspective_camera(transform: DAffine3, yfov: f32) -> Result<WorldCamera, String> {
+    let eye = transform.translation;
+    let [forward, up] = [-transform.matrix3.z_axis, transform.matrix3.y_axis].map(DVec3::normalize_or_zero);
+    let camera = WorldCamera { eye, target: eye + forward, up: up.as_vec3(), fov_y_degrees: yfov.to_degrees(), lens: None };
+    camera.check().map_err(|(problem, _)| problem)
+}
+
+/// The root nodes of the chosen scene.
+fn roots(loader: &Loader, document: &Document) -> Result<Vec<usize>> {
+    let scenes = &document.root.scenes;
+    let chosen = match &loader.scene {
+        Some(wanted) => {
+            let named = scenes.iter().position(|scene| scene.name.as_ref() == Some(wanted));
+            let number = named.or_else(|| wanted.parse().ok().filter(|&number| number < scenes.len()));
+            Some(number.ok_or_else(|| unknown_scene(document, wanted))?)
+        }
+        None => document.root.scene.map(|scene| scene.value()).or_else(|| (!scenes.is_empty()).then_some(0)),
+    };
+    if let Some(chosen) = chosen {
+        let scene = document.entry(scenes, "scenes", chosen)?;
+        return Ok(scene.nodes.iter().map(|node| node.value()).collect());
+    }
+    let nodes = &document.root.nodes;
+    let mut is_root = vec![true; nodes.len()];
+    for child in nodes.iter().flat_map(|node| node.children.iter().flatten()) {
+        if let Some(is_root) = is_root.get_mut(child.value()) {
+            *is_root = false;
+        }
+    }
+    Ok((0..nodes.len()).filter(|&node| is_root[node]).collect())
+}
+
+fn unknown_scene(document: &Document, wanted: &str) -> Error {
+    let scenes = document.root.scenes.iter().enumerate();
+    let names: Vec<String> =
+        scenes.take(20).map(|(number, scene)| scene.name.clone().unwrap_or_else(|| number.to_string())).collect();
+    let cure = match names.len() {
+        0 => "leave out --scene".to_owned(),
+        _ => format!("name one of these, or give a number from 0: {}", names.join(", ")),
+    };
+    Error::input(document.path, None, format!("there is no scene {wanted:?}"), cure)
+}
+
+/// Whether `KHR_node_visibility` hides a node and all below it.
+fn is_hidden(node: &Node) -> bool {
+    let visibility = node.extensions.as_ref().and_then(|extensions| extensions.others.get("KHR_node_visibility"));
+    visibility.and_then(|visibility| visibility.get("visible")).and_then(Value::as_bool) == Some(false)
+}
