@@ -54,6 +54,8 @@ pub struct Header {
     pub elements: Vec<Element>,
     /// Without the word `comment`.
     pub comments: Vec<String>,
+    /// Lines that are no statements, with their numbers. Some programs leave out the word `comment`.
+    pub unknown: Vec<PlyFault>,
 }
 
 /// The rows that were not read yet.
@@ -116,15 +118,17 @@ impl Scalar {
 /// Parses the header of a file.
 ///
 /// # Errors
-/// When a statement is unknown, or a name is there twice.
+/// When a statement is wrong, or a name is there twice.
 pub fn parse(bytes: &[u8]) -> Result<(Header, Rows<'_>), PlyFault> {
     let mut rest = bytes;
-    let mut header = Header { elements: Vec::new(), comments: Vec::new() };
+    let mut header = Header { elements: Vec::new(), comments: Vec::new(), unknown: Vec::new() };
     let mut encoding = None;
     for line in 1.. {
         let fault = |problem: String| PlyFault { line: Some(line), problem };
         if rest.is_empty() {
-            return Err(fault("the file ends before end_header".to_owned()));
+            // It may be misspelt.
+            let ends = fault("the file ends before end_header".to_owned());
+            return Err(header.unknown.into_iter().next().unwrap_or(ends));
         }
         let text = String::from_utf8_lossy(next_line(&mut rest));
         let text = text.trim();
@@ -171,7 +175,7 @@ pub fn parse(bytes: &[u8]) -> Result<(Header, Rows<'_>), PlyFault> {
                 return Ok((header, Rows { encoding, rest, line: line + 1 }));
             }
             [] => {}
-            _ => return Err(fault(format!("{} is no statement of a header", quoted(text)))),
+            _ => header.unknown.push(fault(format!("{} is no statement of a header", quoted(text)))),
         }
     }
     unreachable!("the loop ends with the file")

@@ -141,6 +141,12 @@ fn colours_show_on_white_and_float_colours_are_linear() {
     assert_eq!(world.meshes[0].colors, expected);
     assert_eq!(report.warnings.len(), 1, "{:?}", report.warnings);
     assert!(report.warnings[0].contains("m.ply:15: vertex 2 has the colour") && report.warnings[0].contains("1 more"));
+    assert!(world.materials[0].unshaded.is_empty());
+    let clear = "property uchar red\nproperty uchar green\nproperty uchar blue\nproperty uchar alpha\n";
+    let Loaded { world, report, .. } =
+        load("m.ply", &square(clear, ["0 0 0 255", "0 0 0 255", "0 0 0 254", "0 0 0 255"], FACE)).unwrap();
+    assert_eq!(world.materials[0].unshaded, ["alpha of vertices"]);
+    assert!(report.warnings[0].contains("default (alpha of vertices)"), "{:?}", report.warnings);
     let words = "property ushort diffuse_red\nproperty ushort diffuse_green\nproperty ushort diffuse_blue\n";
     let world = load("m.ply", &square(words, ["65535 0 0"; 4], FACE)).unwrap().world;
     assert_eq!(world.meshes[0].colors, [Vec3::X; 4]);
@@ -247,6 +253,11 @@ fn faults_of_ply_are_mended_with_a_word() {
         assert_eq!(corners(&world.meshes[0]), [[0, 1, 3]], "{word}");
         assert!(report.warnings[0].contains(fragment), "{:?}", report.warnings);
     }
+    // Some programs leave out the word `comment`.
+    let bytes = nowhere.as_ref().unwrap().replacen("element", "Created by a program\nelement", 1);
+    let Loaded { world, report, .. } = load("m.ply", bytes.as_bytes()).unwrap();
+    assert_eq!(world.meshes[0].triangles.len(), 2);
+    assert_eq!(report.warnings, ["m.ply:3: \"Created by a program\" is no statement of a header; the line is ignored"]);
     let without_line_feeds = nowhere.unwrap().replace('\n', "\r");
     assert_eq!(mesh_of("m.ply", without_line_feeds.as_bytes()).triangles.len(), 2);
 }
@@ -322,13 +333,13 @@ fn every_encoding_of_stl_gives_the_same_mesh() {
         ("text of DOS, in capitals", text_stl(&FACES, "cube").replace('\n', "\r\n").to_uppercase().into_bytes()),
     ] {
         let mesh = mesh_of("m.STL", &bytes);
-        assert_eq!((mesh.positions.len(), mesh.triangles.len(), mesh.source_count), (4, 4, 12), "{what}");
+        assert_eq!((mesh.positions.len(), mesh.triangles.len(), mesh.source_count), (4, 4, 4), "{what}");
         for (triangle, face) in FACES.iter().enumerate() {
             assert_eq!(mesh.corners(triangle), face.map(|corner| Vec3::from(CORNERS[corner])), "{what}");
         }
         assert!(mesh.normals.iter().all(|&normal| normal == Vec3::ZERO), "{what}");
-        // Where each vertex comes first in the file.
-        assert_eq!(mesh.sources, [0, 1, 2, 5].map(|index| Source { instance: 0, index }), "{what}");
+        // In the order in which they come first.
+        assert_eq!(mesh.sources, [0, 1, 2, 3].map(|index| Source { instance: 0, index }), "{what}");
     }
 }
 

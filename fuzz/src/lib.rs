@@ -22,6 +22,13 @@ pub fn check<T>(read: Result<T>) {
     }
 }
 
+/// Loads a model of these bytes, with the texture `t.png` beside it.
+pub fn load_model(name: &str, bytes: &[u8]) {
+    let texture = include_bytes!("../seeds/texture/rgb.png").to_vec();
+    let files = BTreeMap::from([(name.into(), bytes.to_vec()), ("t.png".into(), texture)]);
+    check(World::load_with(Path::new(name), LoadOptions { files: Files::Memory(files), ..LoadOptions::default() }));
+}
+
 /// Loads the scene with `bytes` as the contents of file `name`.
 pub fn load(name: &str, bytes: &[u8]) {
     let mut files = BTreeMap::from(SCENE.map(|(name, bytes)| (name.into(), bytes.to_vec())));

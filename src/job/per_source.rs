@@ -7,7 +7,7 @@ use serde_json::json;
 use super::{BakeRequest, ReceiverKind, ReceiverValues};
 use crate::error::{Error, Result};
 use crate::image::Channel;
-use crate::scene::{Mesh, Scene, Source};
+use crate::scene::{Mesh, Scene};
 
 /// What the rows of a bake of vertices stand for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -41,22 +41,9 @@ impl ReceiverValues {
     /// The values must be those of vertices with sources.
     pub(super) fn per_source(mut self, scene: &Scene) -> Self {
         let Some(mesh) = self.mesh.take() else { return self };
-        let firsts: Vec<usize> = scene
-            .source_counts
-            .iter()
-            .scan(0, |end, &count| {
-                let first = *end;
-                *end += count as usize;
-                Some(first)
-            })
-            .collect();
-        let target = |source: &Source| firsts[source.instance as usize] + source.index as usize;
-        let targets: Vec<usize> = mesh.sources.iter().map(target).collect();
-        let sources: Vec<Source> = (0..)
-            .zip(&scene.source_counts)
-            .flat_map(|(instance, &count)| (0..count).map(move |index| Source { instance, index }))
-            .collect();
-        let means = Means { weights: &weights(&mesh), targets: &targets, count: sources.len() };
+        let lists = &scene.source_lists;
+        let targets: Vec<usize> = mesh.sources.iter().map(|&source| lists.place(source)).collect();
+        let means = Means { weights: &weights(&mesh), targets: &targets, count: lists.total() };
 
         let mut columns: Vec<Channel> = self
             .columns
@@ -65,7 +52,7 @@ impl ReceiverValues {
             .collect();
         for vector in columns.chunk_by_mut(|a, b| [a, b].iter().all(|column| column.name.starts_with(DIRECTION))) {
             if let [x, y, z] = vector {
-                for i in 0..sources.len() {
+                for i in 0..lists.total() {
                     let mean = Vec3::new(x.samples[i], y.samples[i], z.samples[i]);
                     [x.samples[i], y.samples[i], z.samples[i]] = mean.try_normalize().unwrap_or(mean).to_array();
                 }
@@ -75,14 +62,16 @@ impl ReceiverValues {
         let [x, y, z] = [normal(0), normal(1), normal(2)];
 
         // The first row of each. All of them have one position.
-        let mut rows = vec![None; sources.len()];
+        let mut rows = vec![None; lists.total()];
         targets.iter().enumerate().rev().for_each(|(row, &target)| rows[target] = Some(row as u32));
         let mut joined = Mesh { source_count: mesh.source_count, ..Mesh::default() };
-        let (mut positions, mut normals) = (Vec::new(), Vec::new());
+        let (mut positions, mut normals, mut sources) = (Vec::new(), Vec::new(), Vec::new());
         for (i, row) in rows.iter().enumerate() {
             // A vertex with several texture coordinates keeps the first.
             joined.push_vertex_of(&mesh, row.unwrap_or(0));
-            let origin = scene.instances[sources[i].instance as usize].transform.translation;
+            let source = row.map_or_else(|| lists.at(i), |row| mesh.sources[row as usize]);
+            let origin = scene.instances[source.instance as usize].transform.translation;
+            sources.push(source);
             positions.push(row.map_or(origin, |row| self.positions[row as usize]));
             let first = row.map_or(Vec3::ZERO, |row| self.normals[row as usize]);
             normals.push(Vec3::new(x[i], y[i], z[i]).try_normalize().unwrap_or(first));
@@ -92,7 +81,7 @@ impl ReceiverValues {
         for triangle in &mut joined.triangles {
             triangle.vertices = triangle.vertices.map(|row| targets[row as usize] as u32);
         }
-        self.counts["sources"] = json!(sources.len());
+        self.counts["sources"] = json!(lists.total());
         self.counts["unused"] = json!(rows.iter().filter(|row| row.is_none()).count());
         joined.sources = sources;
         Self { positions, normals, columns, mesh: Some(joined), ..self }

@@ -62,7 +62,7 @@ pub struct BakeRequest {
 /// A scene file, and changes to it.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct SceneRequest {
-    /// `.toml` or `.obj`.
+    /// A scene file (`.toml`) or a model.
     pub path: PathBuf,
     /// A lat-long picture that replaces the scene's environment.
     pub environment: Option<PathBuf>,

@@ -186,6 +186,9 @@ fn read_ply(bytes: &[u8], rows: &mut PointReader) -> Result<()> {
         Error::input(path, line, format!("this is not a sound PLY: {problem}"), cure)
     };
     let (header, mut data) = ply::parse(bytes).map_err(broken)?;
+    if let Some(fault) = header.unknown.into_iter().next() {
+        return Err(broken(fault));
+    }
     for element in &header.elements {
         data.holds(element).map_err(broken)?;
         if element.name != "vertex" {

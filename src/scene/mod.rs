@@ -8,6 +8,7 @@
 //! | `mesh.rs`, `material.rs`, `texture.rs`, `camera.rs` | the parts of worlds and scenes |
 //! | `unit_space.rs` | transforms between world space and unit space |
 //! | `bvh.rs`, `flat_bvh.rs` | CPU ray queries, and a tree for shaders |
+//! | `source_lists.rs` | the lists of vertices in a model's file |
 //! | `winding.rs`, `reversed_lamps.rs` | which side is the front, and lamps of which it is the wrong one |
 //! | `specular.rs` | paths through mirrors and glass |
 //!
@@ -29,6 +30,7 @@ mod light;
 mod material;
 mod mesh;
 mod reversed_lamps;
+mod source_lists;
 mod specular;
 mod texture;
 mod unit_space;
@@ -44,6 +46,7 @@ pub use light::{Environment, Focus, LightSample, Lights};
 pub use material::{Material, Surface};
 pub use mesh::{Mesh, Source, Triangle};
 pub use reversed_lamps::reversed_lamps;
+pub use source_lists::SourceLists;
 pub use specular::{MOST_SPECULAR, Path, Split, fresnel};
 pub use texture::{ImageTexture, Sampler, WrapMode};
 pub use unit_space::UnitSpace;
@@ -65,8 +68,8 @@ pub struct Scene {
     pub instances: Vec<Instance>,
     /// As in [`World::gltf`].
     pub gltf: Option<Arc<GltfFile>>,
-    /// Length of the file's own list of vertices for each instance.
-    pub source_counts: Vec<u32>,
+    /// What [`Source`]s refer to.
+    pub source_lists: SourceLists,
     /// As in [`World::file`].
     pub file: String,
 }

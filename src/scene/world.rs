@@ -7,7 +7,7 @@ use std::sync::Arc;
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 
 use super::mesh::has_area;
-use super::{Environment, Files, ImageTexture, Material, Mesh, Scene, Source, Triangle, UnitSpace, WorldCamera};
+use super::{Environment, Files, ImageTexture, Material, Mesh, Scene, Source, SourceLists, Triangle, UnitSpace, WorldCamera};
 
 /// A world of meshes. Each mesh can be placed several times.
 ///
@@ -27,6 +27,8 @@ pub struct World {
     pub environment: Option<Environment>,
     /// Name of the model's file, without its folder. Empty if there is none.
     pub file: String,
+    /// Whether all instances refer to one list of vertices, as the objects of an OBJ do. Otherwise each has its own.
+    pub has_one_list: bool,
     /// The glTF file that the instances are of, if there is one.
     pub gltf: Option<Arc<GltfFile>>,
 }
@@ -130,7 +132,7 @@ impl World {
             space,
             instances: self.instances.clone(),
             gltf: self.gltf.clone(),
-            source_counts: placed_meshes().map(Mesh::length_of_source).collect(),
+            source_lists: SourceLists::of(self),
             file: self.file.clone(),
         }
     }

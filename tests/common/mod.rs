@@ -21,8 +21,8 @@ use finalgather::points::{GatherPoint, Interleave, PointList};
 use finalgather::random::Random;
 use finalgather::reference::Reference;
 use finalgather::scene::{
-    Bvh, Camera, ImageTexture, Instance, Lights, Material, Mesh, Sampler, Scene, Triangle, UnitSpace, World, WorldCamera,
-    WrapMode,
+    Bvh, Camera, ImageTexture, Instance, Lights, Material, Mesh, Sampler, Scene, SourceLists, Triangle, UnitSpace, World,
+    WorldCamera, WrapMode,
 };
 use finalgather::settings::{GatherSettings, LayerSize, Pipeline, Sequence, Settings};
 use glam::{DVec3, Vec2, Vec3, Vec4, vec2, vec3};
@@ -100,7 +100,7 @@ impl Model {
             space: UnitSpace::around([DVec3::NEG_ONE, DVec3::ONE]),
             instances: Vec::new(),
             gltf: None,
-            source_counts: Vec::new(),
+            source_lists: SourceLists::default(),
             file: String::new(),
         };
         let mut model = Self { scene };
@@ -226,8 +226,7 @@ pub fn world_of(scene: Scene) -> World {
         textures,
         cameras: camera.map(|camera| ("camera".into(), in_world(camera))).into_iter().collect(),
         environment,
-        gltf: None,
-        file: String::new(),
+        ..World::default()
     }
 }
 

@@ -18,17 +18,13 @@ const FARTHEST: f64 = 1e9;
 /// Faces as a file has them. Lists of attributes have one entry for each vertex, or none.
 #[derive(Default)]
 pub struct Indexed {
-    /// In world space. Faces at a position that is not finite are left out. The loader tells why, see [`unusable`].
+    /// The file's own list of vertices, in world space. Faces at a position that is not finite are left out. The loader tells why, see [`unusable`].
     pub positions: Vec<DVec3>,
     /// Unit normals, or zero.
     pub normals: Vec<Vec3>,
     pub uvs: Vec<Vec2>,
     /// Linear, in [0, 1].
     pub colors: Vec<Vec3>,
-    /// The place of each vertex in the file's own list. Empty: the vertices are that list.
-    pub sources: Vec<u32>,
-    /// Length of the file's own list of vertices.
-    pub source_count: u32,
     /// Vertices of all faces, one face after the other.
     pub corners: Vec<u32>,
     /// Texture coordinates of the corners, which replace those of vertices. Empty if there are none.
@@ -57,7 +53,7 @@ impl Indexed {
     /// Leaves out faces that are no faces, and triangles without area, with a warning.
     pub fn into_world(self, loader: &mut Loader, path: &Path, material: Material) -> Result<World> {
         let origin = origin_of(self.positions.iter().copied().filter(|position| position.is_finite()));
-        let mut mesh = Mesh { source_count: self.source_count, ..Mesh::default() };
+        let mut mesh = Mesh { source_count: self.positions.len() as u32, ..Mesh::default() };
         let mut shared = Shared { index_of: vec![u32::MAX; self.positions.len()], split: HashMap::new() };
         let (mut first, mut skipped) = (0, 0);
         for (face, &end) in self.ends.iter().enumerate() {
@@ -130,8 +126,7 @@ impl Shared {
             mesh.normals.push(from.normals.get(vertex).copied().unwrap_or_default());
             mesh.uvs.push(corner_uv.or(from.uvs.get(vertex)).copied().unwrap_or_default());
             mesh.colors.extend(from.colors.get(vertex));
-            let index = from.sources.get(vertex).copied().unwrap_or(vertex as u32);
-            mesh.sources.push(Source { instance: 0, index });
+            mesh.sources.push(Source { instance: 0, index: from.corners[at] });
         }
         *index
     }

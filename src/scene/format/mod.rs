@@ -88,6 +88,17 @@ struct Loader<'a> {
 }
 
 impl World {
+    /// Endings of the files of models.
+    pub const MODELS: [&str; FORMATS.len()] = {
+        let mut endings = [""; FORMATS.len()];
+        let mut index = 0;
+        while index < FORMATS.len() {
+            endings[index] = FORMATS[index].0;
+            index += 1;
+        }
+        endings
+    };
+
     /// Reads a scene file (`.toml`) or a model (of any format), with all files that it names. These must be in its folder.
     ///
     /// # Errors
@@ -260,11 +271,9 @@ fn choose_camera(world: &mut World, name: &str, path: &Path) -> Result<()> {
     Ok(())
 }
 
-/// The endings of models for a message: `.obj, .ply or .stl`.
+/// The endings of models for a message.
 fn endings() -> String {
-    let endings = FORMATS.map(|(ending, _)| format!(".{ending}"));
-    let (last, first) = endings.split_last().expect("there is a format");
-    format!("{} or {last}", first.join(", "))
+    World::MODELS.map(|ending| format!(".{ending}")).join(", ")
 }
 
 fn format_of(path: &Path) -> Option<MeshLoader> {

@@ -24,7 +24,11 @@ pub fn load(loader: &mut Loader, path: &Path) -> Result<World> {
     let bytes = reader.read_named(path, MOST_BYTES).map_err(|unread| unread.error(path, None, "this model", cure))?;
     let (header, rows) = ply::parse(&bytes).map_err(|fault| broken(path, fault))?;
     check(path, &header.elements)?;
-    let mut reader = PlyReader { loader, path, rows, row: Row::default(), model: Indexed::default() };
+    let mut reader = PlyReader { loader, path, rows, row: Row::default(), model: Indexed::default(), is_clear: false };
+    for ply::PlyFault { line, problem } in &header.unknown {
+        reader.row.line = *line;
+        reader.mend("header", &|| problem.clone(), "the line is ignored")?;
+    }
     // What comes after may be broken.
     let last = header.elements.iter().rposition(|element| ["vertex", "face", "tristrips"].contains(&element.name.as_str()));
     for element in header.elements.iter().take(last.map_or(0, |last| last + 1)) {
@@ -65,6 +69,9 @@ struct Columns {
     color: Option<[usize; 3]>,
     /// Makes a colour linear.
     decode: fn(f64) -> f32,
+    alpha: Option<usize>,
+    /// The alpha of what is opaque.
+    opaque: f64,
 }
 
 impl Columns {
@@ -76,6 +83,7 @@ impl Columns {
         let uvs = [["s", "t"], ["u", "v"], ["texture_u", "texture_v"]];
         let colors = [["red", "green", "blue"], ["diffuse_red", "diffuse_green", "diffuse_blue"], ["r", "g", "b"]];
         let color = colors.into_iter().find_map(|names| all(element, names));
+        let alpha = ["alpha", "diffuse_alpha", "a"].iter().find_map(|name| element.number(name));
         Some(Self {
             position: all(element, ["x", "y", "z"])?,
             normal: all(element, ["nx", "ny", "nz"]),
@@ -85,6 +93,12 @@ impl Columns {
                 None | Some(Scalar::Float | Scalar::Double) => |linear| linear as f32,
                 Some(Scalar::Short | Scalar::UShort) => |word| decode_srgb((word / 65535.0) as f32),
                 Some(_) => |byte| decode_srgb((byte / 255.0) as f32),
+            },
+            alpha,
+            opaque: match alpha.map(|alpha| element.properties[alpha].kind) {
+                None | Some(Scalar::Float | Scalar::Double) => 1.0,
+                Some(Scalar::Short | Scalar::UShort) => 65535.0,
+                Some(_) => 255.0,
             },
         })
     }
@@ -97,6 +111,8 @@ struct PlyReader<'a, 'b> {
     rows: Rows<'a>,
     row: Row,
     model: Indexed,
+    /// Whether a vertex has an alpha of less than 1.
+    is_clear: bool,
 }
 
 impl PlyReader<'_, '_> {
@@ -137,7 +153,6 @@ impl PlyReader<'_, '_> {
 
     fn vertices(&mut self, element: &Element) -> Result<()> {
         let columns = Columns::of(element).ok_or_else(|| Error::input(self.path, None, "vertex has no x, y and z", CURE))?;
-        self.model.source_count = u32::try_from(element.count).unwrap_or(u32::MAX);
         for vertex in 0..element.count {
             // Others keep their numbers beside one that is broken.
             if !self.next(element)? {
@@ -153,6 +168,7 @@ impl PlyReader<'_, '_> {
         let (position, normal) = (DVec3::from(numbers(columns.position)), columns.normal.map(|normal| numbers(normal).into()));
         let color = columns.color.map(|color| Vec3::from(numbers(color).map(columns.decode)));
         let uv = columns.uv.map(|uv| Vec2::from(uv.map(|column| self.row.numbers[column] as f32)));
+        self.is_clear |= columns.alpha.is_some_and(|alpha| self.row.numbers[alpha] < columns.opaque);
         let problem = unusable(position);
         self.model.positions.push(if problem.is_some() { DVec3::NAN } else { position });
         if let Some(problem) = problem {
@@ -253,6 +269,9 @@ impl PlyReader<'_, '_> {
         }
         if material.albedo_texture.is_some() || !self.model.colors.is_empty() {
             material.albedo = Vec3::ONE;
+        }
+        if self.is_clear {
+            material.unshaded.push("alpha of vertices".to_owned());
         }
         Ok(material)
     }

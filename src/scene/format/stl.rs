@@ -1,6 +1,6 @@
 //! STL meshes, in text and in binary. They become one mesh, one instance and one material. [`load`] is the entry point.
 //!
-//! Corners at one position become one vertex. The normals and colours of the file are not used: the normals are those of the faces, and there are
+//! Corners at one position become one vertex. An STL has no list of vertices, so these are it, in the order in which they come first. The normals and colours of the file are not used: the normals are those of the faces, and there are
 //! two contradicting encodings of colours.
 //!
 //! The crate `stl_io` is not used: it refuses files of several solids, and binary files that begin with the word `solid`.
@@ -77,15 +77,16 @@ impl StlReader<'_, '_> {
             let problem = || format!("the header says {claimed} triangles, and there are bytes for {}", triangles.len());
             self.mend(None, "count", &problem, &format!("{count} are read"))?;
         }
-        for (number, triangle) in triangles[..count].iter().enumerate() {
+        // A closed surface has half as many vertices as triangles.
+        self.vertices.reserve(count / 2);
+        for (index, triangle) in triangles[..count].iter().enumerate() {
             let float = |at: usize| f64::from(f32::from_le_bytes([0, 1, 2, 3].map(|byte| triangle[at + byte])));
             for corner in 0..3 {
                 let position = [0, 4, 8].map(|at| float(12 + 12 * corner + at));
-                self.corner(None, (3 * number + corner) as u32, position.into())?;
+                self.corner(None, 3 * index + corner, position.into())?;
             }
             self.model.end_face(None);
         }
-        self.model.source_count = 3 * count as u32;
         Ok(())
     }
 
@@ -101,8 +102,8 @@ impl StlReader<'_, '_> {
                 "vertex" => {
                     let numbers: [f64; 3] =
                         std::array::from_fn(|_| words.next().and_then(|word| word.parse().ok()).unwrap_or(f64::NAN));
-                    let source = self.model.corners.len() as u32;
-                    self.corner(line, source, numbers.into())?;
+                    let number = self.model.corners.len();
+                    self.corner(line, number, numbers.into())?;
                 }
                 "endloop" | "endfacet" | "facet" | "endsolid" if self.model.corners.len() > first => {
                     first = self.model.corners.len();
@@ -115,27 +116,25 @@ impl StlReader<'_, '_> {
             self.mend(None, "end", &|| "the file ends within a facet".to_owned(), "it is left out")?;
             self.model.corners.truncate(first);
         }
-        self.model.source_count = self.model.corners.len() as u32;
         Ok(())
     }
 
-    /// Adds a corner to the face. `source` is its number in the file.
-    fn corner(&mut self, line: Option<usize>, source: u32, position: DVec3) -> Result<()> {
+    /// Adds a corner to the face. `number` counts the corners of the file.
+    fn corner(&mut self, line: Option<usize>, number: usize, position: DVec3) -> Result<()> {
         let problem = unusable(position);
         // Zero has two signs.
-        let vertex = self.vertex_at(if problem.is_some() { DVec3::NAN } else { position + 0.0 }, source);
+        let vertex = self.vertex_at(if problem.is_some() { DVec3::NAN } else { position + 0.0 });
         self.model.corners.push(vertex);
         match problem {
             None => Ok(()),
-            Some(problem) => self.mend(line, "position", &|| format!("corner {source} is {problem}"), "its face is left out"),
+            Some(problem) => self.mend(line, "position", &|| format!("corner {number} is {problem}"), "its face is left out"),
         }
     }
 
-    fn vertex_at(&mut self, position: DVec3, source: u32) -> u32 {
+    fn vertex_at(&mut self, position: DVec3) -> u32 {
         let model = &mut self.model;
         *self.vertices.entry(position.to_array().map(f64::to_bits)).or_insert_with(|| {
             model.positions.push(position);
-            model.sources.push(source);
             model.positions.len() as u32 - 1
         })
     }

@@ -201,7 +201,7 @@ impl<'a> MeshBuilder<'a> {
         let kept = self.meshes.iter().map(|(_, mesh)| mesh.triangles.len()).sum();
         loader.skipped(path, self.skipped, kept)?;
         let own = path.file_stem().unwrap_or_default().to_string_lossy();
-        let mut world = World { materials: self.materials.list, ..World::default() };
+        let mut world = World { materials: self.materials.list, has_one_list: true, ..World::default() };
         for (object, mut mesh) in self.meshes {
             let name =
                 object.map(|object| self.names[object].as_str()).filter(|name| !name.is_empty()).unwrap_or(&own).to_owned();
