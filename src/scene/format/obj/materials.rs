@@ -40,7 +40,13 @@ impl Materials {
         let search = Search::new(reader);
         let mut libraries =
             Libraries { loader, decoder, path, search, read: HashSet::new(), missing: Vec::new(), materials: Self::default() };
-        for statement in scan.libraries.iter().take(MOST_LIBRARIES) {
+        for (count, statement) in scan.libraries.iter().enumerate() {
+            if count == MOST_LIBRARIES {
+                let problem = || format!("there are more than {MOST_LIBRARIES} mtllib lines");
+                let fault = Fault { kind: "many", problem: &problem, mend: "the rest is left out", cure: "join the libraries" };
+                libraries.loader.warnings.mend(Place { path, line: Some(statement.line) }, &fault)?;
+                break;
+            }
             libraries.open(statement)?;
         }
         libraries.replace_missing(scan);
