@@ -201,7 +201,7 @@ fn skins_at_rest() {
     let node = model.mesh(json!({ "attributes": attributes }));
     let identity = DAffine3::IDENTITY;
     let lowered = DAffine3::from_translation(dvec3(0.0, -1.0, 0.0));
-    let matrix = |transform: DAffine3| glam::Mat4::from(glam::DMat4::from(transform).as_mat4()).to_cols_array();
+    let matrix = |transform: DAffine3| glam::DMat4::from(transform).as_mat4().to_cols_array();
     let inverse = model.accessor(crate::build::F32, "MAT4", &le(&[matrix(identity), matrix(lowered)].concat()));
     // The second joint is bound at height 1, and turned by a quarter about x.
     let s = FRAC_1_SQRT_2;

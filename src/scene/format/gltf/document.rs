@@ -111,7 +111,7 @@ fn check_version(path: &Path, version: &str) -> Result<()> {
 
 /// What is read before the rest, because versions and extensions may change its form.
 #[derive(Deserialize)]
-#[serde(rename_all = "camelCase")]
+#[serde(rename_all = "camelCase", expecting = "the root object of a glTF")]
 struct Preamble<'a> {
     #[serde(borrow)]
     asset: Option<About<'a>>,
