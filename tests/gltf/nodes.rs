@@ -131,6 +131,10 @@ fn nodes_in_a_circle_are_refused() {
     model.json["nodes"] = (0..40).map(|node| json!({ "children": [node + 1, node + 1] })).collect();
     model.push("nodes", json!({ "mesh": 0 }));
     assert!(model.refusal().contains("too many nodes are children of several"));
+    // Nor may hidden nodes be met again and again.
+    model.json["nodes"] = json!([{ "children": vec![1; 1000] }, { "children": vec![2; 1000] }]);
+    model.push("nodes", json!({ "mesh": 0, "extensions": { "KHR_node_visibility": { "visible": false } } }));
+    assert!(model.refusal().contains("too many nodes are children of several"));
     // A chain as deep as this overflows no stack.
     let mut model = Model::triangle();
     let last = 200_000;

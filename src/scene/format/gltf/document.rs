@@ -46,6 +46,15 @@ const EXTENSIONS: [&str; 27] = [
     "KHR_xmp_json_ld",
 ];
 
+/// The first of some names that is not empty, or else another. Only its start, if it is long: many things can have one name.
+pub fn name_of(names: [Option<&String>; 2], otherwise: impl FnOnce() -> String) -> String {
+    const MOST: usize = 256;
+    match names.into_iter().flatten().find(|name| !name.is_empty()) {
+        Some(name) => name[..name.floor_char_boundary(MOST)].to_owned(),
+        None => otherwise(),
+    }
+}
+
 /// The two parts of a file.
 pub struct Container<'a> {
     pub json: &'a [u8],

@@ -34,9 +34,9 @@ impl Unpacked {
             Extension::deserialize(extension).map_err(|error| fault(format!("is malformed: {error}")))?;
         let (bytes, _) = buffers.view(buffer_view)?;
         let most = buffers.left() as u64;
-        // Positions, normals, a tangent and a few coordinates.
+        // As much for a vertex as elsewhere.
         let limits =
-            DecodeLimits::default().with_max_points(most).with_max_faces(most).with_max_decoded_bytes(most.saturating_mul(64));
+            DecodeLimits::default().with_max_points(most).with_max_faces(most).with_max_decoded_bytes(most.saturating_mul(16));
         let mut mesh = draco_core::Mesh::new();
         let decoded = MeshDecoder::new().decode(&mut DecoderBuffer::new(bytes).with_limits(limits), &mut mesh);
         decoded.map_err(|error| fault(format!("cannot be unpacked: {error}")))?;

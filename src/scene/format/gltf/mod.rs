@@ -18,7 +18,7 @@ use std::path::Path;
 use glam::{DAffine3, DVec3};
 
 use self::buffers::Buffers;
-use self::document::{BROKEN, Container, Document};
+use self::document::{BROKEN, Container, Document, name_of};
 use self::material::Materials;
 use self::nodes::{Placed, Walk};
 use self::pose::Pose;
@@ -111,8 +111,7 @@ impl Assembly<'_, '_> {
         if mesh.primitives.iter().any(|primitive| primitive.targets.is_some()) {
             self.primitives.tally.morphed += usize::from(self.morphed.insert(index));
         }
-        let name = [&json.name, &mesh.name].into_iter().flatten().find(|name| !name.is_empty());
-        let name = name.cloned().unwrap_or_else(|| format!("node {}", placed.node));
+        let name = name_of([json.name.as_ref(), mesh.name.as_ref()], || format!("node {}", placed.node));
         // Only a mesh in the pose of its own is shared.
         let shared = !pose.is_skinned() && json.weights.is_none();
         for (primitive, json) in mesh.primitives.iter().enumerate() {
