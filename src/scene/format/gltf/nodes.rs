@@ -104,7 +104,7 @@ impl Walk {
         }
         // An instance is larger than a vertex.
         buffers.take(count.saturating_mul(4))?;
-        let vector = |values: &super::accessors::Values, copy| Vec3::from(values.get(copy)).as_dvec3();
+        let vector = |values: &super::accessors::AccessorValues, copy| Vec3::from(values.get(copy)).as_dvec3();
         let copies = (0..count).map(|copy| {
             let translation = translations.as_ref().map_or(DVec3::ZERO, |values| vector(values, copy));
             let rotation =
