@@ -138,14 +138,14 @@ struct About<'a> {
 
 /// The numbers of a node as the file has them. The crate's own types round them to f32, which moves a georeferenced model by metres.
 #[derive(Deserialize)]
-struct Placement {
+struct NodeNumbers {
     matrix: Option<[f64; 16]>,
     translation: Option<[f64; 3]>,
     rotation: Option<[f64; 4]>,
     scale: Option<[f64; 3]>,
 }
 
-impl Placement {
+impl NodeNumbers {
     fn transform(&self) -> DAffine3 {
         if let Some(matrix) = &self.matrix {
             return DAffine3::from_mat4(DMat4::from_cols_array(matrix));
@@ -183,9 +183,9 @@ impl<'a> Document<'a> {
         check_version(path, version)?;
         check_extensions(path, &preamble.extensions_required)?;
         let root = parse_root(container.json).map_err(malformed)?;
-        let placements = preamble.nodes.map(|nodes| serde_json::from_str::<Vec<Placement>>(nodes.get()));
-        let placements = placements.transpose().map_err(malformed)?.unwrap_or_default();
-        let document = Self { path, root, transforms: placements.iter().map(Placement::transform).collect() };
+        let numbers = preamble.nodes.map(|nodes| serde_json::from_str::<Vec<NodeNumbers>>(nodes.get()));
+        let numbers = numbers.transpose().map_err(malformed)?.unwrap_or_default();
+        let document = Self { path, root, transforms: numbers.iter().map(NodeNumbers::transform).collect() };
         match document.transforms.iter().position(|transform| !transform.is_finite()) {
             Some(node) => Err(document.fault(format_args!("nodes[{node}]"), "its transform is not finite")),
             None => Ok(document),

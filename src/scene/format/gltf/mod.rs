@@ -19,7 +19,7 @@ use glam::{DAffine3, DVec3};
 
 use self::buffers::Buffers;
 use self::document::{BROKEN, Container, Document, name_of};
-use self::material::Materials;
+use self::material::FileMaterials;
 use self::nodes::{Placed, Walk};
 use self::pose::Pose;
 use self::primitive::{FARTHEST, Primitives, Tally};
@@ -57,7 +57,7 @@ pub fn load(loader: &mut Loader, path: &Path) -> Result<World> {
     let document = Document::parse(path, &container)?;
     let buffers = Buffers::new(&document, reader, container.bin, bytes.len());
     let walk = Walk::of(loader, &document)?;
-    let materials = Materials::load(loader, &buffers)?;
+    let materials = FileMaterials::load(loader, &buffers)?;
     let primitives = Primitives { buffers: &buffers, tally: Tally::default() };
     let mut assembly = Assembly {
         buffers: &buffers,
@@ -84,7 +84,7 @@ pub fn load(loader: &mut Loader, path: &Path) -> Result<World> {
 struct Assembly<'a, 'b> {
     buffers: &'a Buffers<'b>,
     walk: &'a Walk,
-    materials: Materials,
+    materials: FileMaterials,
     primitives: Primitives<'a, 'b>,
     /// Meshes of the world by mesh and primitive of the file. `None`: nothing to draw.
     known: HashMap<(usize, usize), Option<usize>>,
