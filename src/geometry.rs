@@ -1,4 +1,4 @@
-//! The scene's surfaces on the GL side: a vertex array, a table of triangles, a table of materials and the albedo textures.
+//! The scene's surfaces on the GL side: a vertex array, a table of triangles, a table of materials, vertex colours and the albedo textures.
 //! Mirrors `glsl/surface.vert`, `glsl/include/surface.glsl` and `glsl/include/radiance.glsl`.
 
 mod ray_tables;
@@ -13,7 +13,7 @@ use glam::{DVec3, DVec4, Mat4, Vec3};
 use crate::error::{Error, Result};
 use crate::gpu::{Blend, DepthTest, Draw, Filter, Format, Gpu, Program, Shape, Target, Texture, Uniform, VertexArray, Wrap};
 use crate::math::dominant_axis;
-use crate::scene::{ImageTexture, Material, Mesh, Scene};
+use crate::scene::{ImageTexture, Material, Mesh, Sampler, Scene, WrapMode};
 
 pub use ray_tables::RayTables;
 
@@ -23,6 +23,8 @@ pub struct Geometry {
     vertices: VertexArray,
     triangles: Texture,
     materials: Texture,
+    /// The vertex colours of each triangle, if the mesh has them.
+    colors: Texture,
     /// Albedo textures for drawing; the last one is white, for triangles without a texture.
     textures: Vec<Texture>,
     /// All albedo textures in one, for the albedo of hits.
@@ -56,7 +58,7 @@ impl Geometry {
         let order = triangle_order(scene);
 
         let mut batches: Vec<Batch> = Vec::new();
-        let mut table = Vec::with_capacity(order.len());
+        let (mut table, mut colors) = (Vec::with_capacity(order.len()), Vec::new());
         let (mut positions, mut normals) = (Vec::with_capacity(order.len() * 3), Vec::with_capacity(order.len() * 3));
         for (slot, &triangle) in (0u32..).zip(&order) {
             match batches.last_mut() {
@@ -66,20 +68,25 @@ impl Geometry {
             let normal = mesh.geometric_normal(triangle);
             let code = mesh.triangles[triangle].material as usize * 4 + dominant_axis(normal);
             table.push(normal.extend(code as f32).to_array());
-            table.extend(texture_planes(mesh, triangle));
+            table.extend(planes(mesh, triangle, &mesh.uvs));
             table.push([0.0; 4]);
+            if !mesh.colors.is_empty() {
+                colors.extend(planes(mesh, triangle, &mesh.colors));
+                colors.push([0.0; 4]);
+            }
             positions.extend(mesh.corners(triangle));
             normals.extend(mesh.triangles[triangle].vertices.map(|vertex| mesh.normals[vertex as usize]));
         }
         let (texels, first_rows) = upload_texels(gpu, &scene.textures)?;
         let entry = |material: &Material| {
             let texture = material.albedo_texture.map_or([0.0; 4], |texture| {
-                let ImageTexture { width, height, .. } = scene.textures[texture];
-                [width as f32, height as f32, first_rows[texture] as f32, 0.0]
+                let ImageTexture { width, height, sampler, .. } = scene.textures[texture];
+                [width as f32, height as f32, first_rows[texture] as f32, sampler_code(sampler)]
             });
-            let textured = f32::from(material.albedo_texture.is_some());
+            // Bits: a texture, colours of vertices.
+            let varied = u8::from(material.albedo_texture.is_some()) + 2 * u8::from(!mesh.colors.is_empty());
             [
-                material.albedo.extend(textured).to_array(),
+                material.albedo.extend(f32::from(varied)).to_array(),
                 material.emission.extend(f32::from(material.two_sided)).to_array(),
                 texture,
                 [0.0; 4],
@@ -94,12 +101,12 @@ impl Geometry {
                 gpu,
                 Format::Srgb8Alpha8,
                 size,
-                Filter::Mipmapped,
-                Wrap::Repeat,
+                if texture.sampler.nearest { Filter::MipmappedNearest } else { Filter::Mipmapped },
+                texture.sampler.wrap.map(Wrap::from),
                 &texture.texels,
             )?);
         }
-        textures.push(Texture::from_texels(gpu, Format::Srgb8Alpha8, [1, 1], Filter::Nearest, Wrap::Repeat, &[[255u8; 4]])?);
+        textures.push(Texture::from_texels(gpu, Format::Srgb8Alpha8, [1, 1], Filter::Nearest, Wrap::CLAMP, &[[255u8; 4]])?);
 
         let attributes: [(i32, &[u8]); 2] = [(3, cast_slice(&positions)), (3, cast_slice(&normals))];
         Ok(Self {
@@ -107,6 +114,7 @@ impl Geometry {
             vertices: VertexArray::new(gpu, &attributes)?,
             triangles: Texture::table(gpu, Format::Rgba32F, table)?,
             materials: Texture::table(gpu, Format::Rgba32F, materials)?,
+            colors: Texture::table(gpu, Format::Rgba32F, colors)?,
             textures,
             texels,
             batches,
@@ -138,10 +146,11 @@ impl Geometry {
     }
 
     /// The uniforms by which shaders read the surface of a hit.
-    pub fn uniforms(&self) -> [(&'static str, Uniform<'_>); 4] {
+    pub fn uniforms(&self) -> [(&'static str, Uniform<'_>); 5] {
         [
             ("triangles", Uniform::Texture(&self.triangles)),
             ("materials", Uniform::Texture(&self.materials)),
+            ("colors", Uniform::Texture(&self.colors)),
             ("albedo_texels", Uniform::Texture(&self.texels)),
             ("albedo_shift", Uniform::Int(self.texels.width().ilog2() as i32)),
         ]
@@ -207,11 +216,31 @@ pub(crate) fn corner_weights([a, b, c]: [DVec3; 3]) -> [DVec4; 2] {
     [weight((c - a).cross(normal)), weight(normal.cross(b - a))]
 }
 
-/// The texture coordinates u and v of a triangle as linear functions of the position: (gradient, offset).
-fn texture_planes(mesh: &Mesh, triangle: usize) -> [[f32; 4]; 2] {
+/// Values at a triangle's corners as linear functions of the position, one for each component: (gradient, offset).
+fn planes<const N: usize, V: Copy + Into<[f32; N]>>(mesh: &Mesh, triangle: usize, values: &[V]) -> [[f32; 4]; N] {
     let [second, third] = corner_weights(mesh.corners(triangle).map(|corner| corner.as_dvec3()));
-    let [ta, tb, tc] = mesh.triangles[triangle].vertices.map(|vertex| mesh.uvs[vertex as usize].as_dvec2());
-    [0, 1].map(|k| (second * (tb[k] - ta[k]) + third * (tc[k] - ta[k]) + DVec4::W * ta[k]).as_vec4().to_array())
+    let [a, b, c] = mesh.triangles[triangle].vertices.map(|vertex| values[vertex as usize].into().map(f64::from));
+    std::array::from_fn(|k| (second * (b[k] - a[k]) + third * (c[k] - a[k]) + DVec4::W * a[k]).as_vec4().to_array())
+}
+
+/// A sampler as `glsl/include/albedo.glsl` reads it. Bits 0 and 1: mode along u. Bits 2 and 3: along v. Bit 4: nearest texel.
+fn sampler_code(Sampler { wrap, nearest }: Sampler) -> f32 {
+    let [u, v] = wrap.map(|mode| match mode {
+        WrapMode::Repeat => 0,
+        WrapMode::Mirror => 1,
+        WrapMode::Clamp => 2,
+    });
+    f32::from(u + 4 * v + 16 * u8::from(nearest))
+}
+
+impl From<WrapMode> for Wrap {
+    fn from(mode: WrapMode) -> Self {
+        match mode {
+            WrapMode::Repeat => Self::Repeat,
+            WrapMode::Mirror => Self::Mirror,
+            WrapMode::Clamp => Self::Clamp,
+        }
+    }
 }
 
 /// All textures in one, and the first row of each. Each begins a new row, which wastes least when narrow: the width grows only as device limits need.
@@ -237,5 +266,5 @@ fn upload_texels(gpu: &Gpu, textures: &[ImageTexture]) -> Result<(Texture, Vec<u
     }
     texels.resize(texels.len().max(width), [0; 4]);
     let size = [width, texels.len() / width].map(|side| side as u32);
-    Ok((Texture::from_texels(gpu, Format::Srgb8Alpha8, size, Filter::Nearest, Wrap::Clamp, &texels)?, first_rows))
+    Ok((Texture::from_texels(gpu, Format::Srgb8Alpha8, size, Filter::Nearest, Wrap::CLAMP, &texels)?, first_rows))
 }

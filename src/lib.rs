@@ -57,6 +57,7 @@ mod memory;
 pub mod npy;
 pub mod photon;
 pub mod photon_map;
+mod ply;
 pub mod points;
 pub mod prepared;
 pub mod quantity;

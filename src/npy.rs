@@ -91,15 +91,29 @@ impl<'a> Array<'a> {
 
 /// Encodes 32-bit floats, with the last index running fastest.
 pub fn encode(shape: &[usize], numbers: impl Iterator<Item = f32>) -> Vec<u8> {
+    encode_words(shape, "<f4", numbers.map(f32::to_le_bytes))
+}
+
+/// Encodes whole numbers of 32 bits in the same way.
+pub fn encode_u32(shape: &[usize], numbers: impl Iterator<Item = u32>) -> Vec<u8> {
+    encode_words(shape, "<u4", numbers.map(u32::to_le_bytes))
+}
+
+/// Whether a file begins as those of [`encode_u32`].
+pub fn is_u32(bytes: &[u8]) -> bool {
+    bytes.starts_with(MAGIC) && bytes.get(MAGIC.len() + 4..).is_some_and(|header| header.starts_with(b"{'descr': '<u4'"))
+}
+
+fn encode_words(shape: &[usize], kind: &str, words: impl Iterator<Item = [u8; 4]>) -> Vec<u8> {
     // In Python, a tuple of one number needs a comma.
     let shape: String = shape.iter().map(|side| format!("{side}, ")).collect();
-    let mut header = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({shape}), }}");
+    let mut header = format!("{{'descr': '{kind}', 'fortran_order': False, 'shape': ({shape}), }}");
     // Numbers begin at a multiple of 64 bytes, so that the file can be mapped into memory.
     let start = (MAGIC.len() + 4 + header.len() + 1).next_multiple_of(64);
     header.extend(std::iter::repeat_n(' ', start - MAGIC.len() - 4 - header.len() - 1));
     header.push('\n');
     let length = (header.len() as u16).to_le_bytes();
     let mut bytes = [MAGIC, &[1, 0], &length, header.as_bytes()].concat();
-    bytes.extend(numbers.flat_map(f32::to_le_bytes));
+    bytes.extend(words.flatten());
     bytes
 }

@@ -11,7 +11,7 @@ use std::time::Duration;
 
 use common::tool::{bytes, folder, json, names_in, refusal, scene, signal, stderr, success, text, tool};
 use finalgather::image::{Channel, Image, WriteOptions};
-use serde_json::Value;
+use serde_json::{Value, json};
 use tempfile::TempDir;
 
 const SMALL: [&str; 8] = ["--size", "32", "--directions", "16", "--layer-size", "64", "--photons", "1e4"];
@@ -267,6 +267,54 @@ fn info_lists_what_works() {
     assert!(info["devices"].is_array());
     let plain = text(&success(tool(&folder).arg("info")).stdout);
     assert!(plain.contains("works") && plain.contains("renderer"), "{plain}");
+}
+
+#[test]
+fn info_tells_what_is_in_a_scene() {
+    let folder = folder();
+    let cornell = scene("cornell.toml");
+    let info = json(tool(&folder).args(["info", "--json"]).arg(&cornell));
+    assert_eq!((&info["file"], &info["triangles"], &info["lights"]), (&json!("cornell.obj"), &json!(32), &json!(2)));
+    assert_eq!(info["materials"].as_array().unwrap().len(), 4);
+    let light = info["materials"].as_array().unwrap().iter().find(|one| one["name"] == "light").unwrap();
+    // 130 by 105 millimetres.
+    assert!((light["area"].as_f64().unwrap() - 130.0 * 105.0).abs() < 1.0, "{light}");
+    let power = info["emitted_power"][0].as_f64().unwrap();
+    assert!((power / (17.0 * std::f64::consts::PI * 130.0 * 105.0) - 1.0).abs() < 1e-3, "{power} W");
+    assert_eq!(
+        (&info["cameras"][0]["name"], &info["size"], &info["environment"]),
+        (&json!("camera"), &json!([512, 512]), &Value::Null)
+    );
+    // The map of this density has as many texels as the surface has, less the gaps.
+    let (density, area) = (info["light_map"]["texels_per_unit"].as_f64().unwrap(), info["area"].as_f64().unwrap());
+    assert!((0.3..0.9).contains(&(density * density * area / (512.0 * 512.0))), "{density}");
+    let estimate = &info["estimate"];
+    assert!(estimate["pipeline"] == "fused" && estimate["seconds"].as_f64().unwrap() > 0.0, "{estimate}");
+    assert!((300 << 20..700 << 20).contains(&estimate["memory_bytes"].as_u64().unwrap()), "{estimate}");
+    let plain = text(&success(tool(&folder).arg("info").arg(&cornell)).stdout);
+    for fragment in [
+        "cornell.obj: 1 object, 32 triangles",
+        "bounds: 0 0 0 to 556 548.8 559.2",
+        "red: albedo 0.63 0.065 0.05, 2 triangles",
+        "emits 17 12 4",
+        "camera: at 278 273 -800",
+        "2 sides of triangles emit",
+        "512 x 512 texels are about",
+        "1000 directions (fused): about",
+    ] {
+        assert!(plain.contains(fragment), "has no {fragment}:\n{plain}");
+    }
+    assert!(plain.lines().count() < 25, "{plain}");
+    // Long lists are cut, warnings are not.
+    let many: String = (0..40).map(|i| format!("newmtl m{i}\n")).collect();
+    fs::write(folder.path().join("m.mtl"), many).unwrap();
+    let faces: String = (0..40).map(|i| format!("usemtl m{i}\nf 1 2 3\n")).collect();
+    fs::write(folder.path().join("m.obj"), format!("mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\n{faces}f 1 1 2\n")).unwrap();
+    let plain = text(&success(tool(&folder).args(["info", "m.obj"])).stdout);
+    assert!(
+        plain.contains("and 30 more") && plain.contains("warning: 1 of 41 triangles") && plain.contains("lights: none"),
+        "{plain}"
+    );
 }
 
 #[test]

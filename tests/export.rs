@@ -76,11 +76,18 @@ impl Tent {
             positions: Positions::near(&self.world),
             materials: &self.materials,
             textures: &self.textures,
+            source: None,
         }
     }
 
     fn values<'a>(&'a self, columns: &'a [Channel]) -> PointValues<'a> {
-        PointValues { positions: Positions::near(&self.world), normals: &self.normals, columns, surface: Some(self.surface()) }
+        PointValues {
+            positions: Positions::near(&self.world),
+            normals: &self.normals,
+            columns,
+            surface: Some(self.surface()),
+            sources: None,
+        }
     }
 
     /// Each plate has a third of the map.
@@ -270,7 +277,7 @@ fn obj_with_a_light_map_is_a_scene() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("baked.obj");
     let (tent, irradiance) = (Tent::new(), lightmap_image());
-    let lightmap = Lightmap { surface: tent.surface(), uvs: &tent.lightmap_uvs(), irradiance: &irradiance };
+    let lightmap = Lightmap { surface: tent.surface(), uvs: &tent.lightmap_uvs(), irradiance: Some(&irradiance), openness: None };
     lightmap.write(&path, &WriteOptions { exposure: 1.0, metadata: None }).unwrap();
 
     let scene = World::load(&path).unwrap().world;
@@ -415,7 +422,7 @@ fn gltf_with_a_light_map() {
     let path = folder.path().join("a.glb");
     let (tent, irradiance) = (Tent::new(), lightmap_image());
     let uvs = tent.lightmap_uvs();
-    let lightmap = Lightmap { surface: tent.surface(), uvs: &uvs, irradiance: &irradiance };
+    let lightmap = Lightmap { surface: tent.surface(), uvs: &uvs, irradiance: Some(&irradiance), openness: None };
     lightmap.write(&path, &WriteOptions { exposure: 1.0, metadata: None }).unwrap();
     let glb = Glb::read(&path);
     let blob = glb.blob.as_slice();
@@ -479,9 +486,9 @@ fn what_cannot_be_written_is_said_and_leaves_nothing() {
     let mut broken = columns(&["AO"]);
     broken[0].samples[3] = f32::NAN;
     refused("a.glb", &broken, "AO is not finite");
-    let none = PointValues { positions: Positions::near(&[]), normals: &[], columns: &[], surface: None };
+    let none = PointValues { positions: Positions::near(&[]), normals: &[], columns: &[], surface: None, sources: None };
     assert!(none.write(&folder.path().join("a.ply"), &WriteOptions::default()).unwrap_err().to_string().contains("no points"));
-    let lightmap = Lightmap { surface: tent.surface(), uvs: &[], irradiance: &irradiance };
+    let lightmap = Lightmap { surface: tent.surface(), uvs: &[], irradiance: Some(&irradiance), openness: None };
     let error = lightmap.write(&folder.path().join("a.glb"), &WriteOptions::default()).unwrap_err();
     assert!(error.to_string().contains("0 coordinates on the light map for 12 vertices"), "{error}");
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);

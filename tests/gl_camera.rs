@@ -3,7 +3,7 @@
 
 mod common;
 
-use common::{Model, gpu};
+use common::{Model, colorful, gpu};
 use finalgather::geometry::Geometry;
 use finalgather::math::Aabb;
 use finalgather::points::CameraPoints;
@@ -44,6 +44,33 @@ fn check(name: &str, scene: &Scene, camera: Camera, one_in: usize) -> [f32; 2] {
     eprintln!("{name}: depths {range:?}, {off} pixels off");
     assert!(off <= (SIZE * SIZE) as usize / one_in, "{name}: {off} pixels see what their rays do not meet");
     range
+}
+
+/// Pixels of a plate show the albedo of their rays: vertex colours times a texture with its sampler, magnified.
+#[test]
+fn colors_and_samplers() {
+    let scene = colorful();
+    let gpu = gpu();
+    let geometry = Geometry::upload(&gpu, &scene).unwrap();
+    let camera = scene.camera([SIZE; 2]);
+    let visible = CameraPoints::new(&gpu, [SIZE; 2]).unwrap().see(&geometry, &camera, Vec2::splat(0.5));
+    gpu.check("finding visible points").unwrap();
+    let (mut off, mut seen) = (0, 0);
+    for (found, position) in visible.albedo.iter().zip(&visible.position) {
+        let Some(triangle) = (found.w as usize).checked_sub(1) else { continue };
+        // At grazing angles the picture has mipmaps.
+        let to_eye = (camera.eye - position.truncate()).normalize();
+        if scene.mesh.geometric_normal(triangle).dot(to_eye).abs() < 0.4 {
+            continue;
+        }
+        let expected = scene.albedo(triangle, scene.mesh.barycentric(triangle, position.truncate()));
+        seen += 1;
+        // Filters of textures have eight bits for the share of a texel.
+        off += usize::from((found.truncate() - expected).abs().max_element() > 0.01);
+    }
+    assert!(seen > (SIZE * SIZE / 4) as usize, "only {seen} pixels see a surface");
+    eprintln!("{off} of {seen} pixels off");
+    assert!(off * 200 < seen, "{off} of {seen} pixels show another albedo than their rays meet");
 }
 
 /// A wall before the camera at 1e-4 of the room's diameter fills the picture.

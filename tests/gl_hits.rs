@@ -5,8 +5,8 @@ mod common;
 use std::f32::consts::{PI, TAU};
 
 use common::{
-    Difference, Model, both_ends, cornell, directions, gather, gather_early, gather_fused, gather_rays, gpu, irradiance,
-    photon_grid, points_on, sized, vectors,
+    Difference, Model, both_ends, colorful, cornell, directions, gather, gather_early, gather_fused, gather_rays, gpu,
+    irradiance, photon_grid, points_on, sized, vectors,
 };
 use finalgather::direction::Direction;
 use finalgather::geometry::Geometry;
@@ -176,7 +176,7 @@ fn far_from_the_origin() {
     let (side, count, at_512) = sized(&gpu, (128, 256, AT_512), (32, 16, SMALL_512));
     let mut world = World::load("scenes/cornell.toml".as_ref()).unwrap().world;
     let away = Vec3::splat(1e5);
-    for position in &mut world.meshes[0].positions {
+    for position in world.meshes.iter_mut().flat_map(|mesh| &mut mesh.positions) {
         *position += away;
     }
     let (_, camera) = &mut world.cameras[0];
@@ -246,15 +246,18 @@ fn early_kill() {
 /// (measured 1.4e-4, bias -7e-5).
 const EXACT: Difference = Difference { mean: 0.0005, bias: 0.0002 };
 
-/// Fails unless rays on the GL side see what those on the CPU do.
-fn check_rays(name: &str, scene: &Scene, from: impl Fn(&Gpu) -> (Vec<GatherPoint>, u32)) {
+/// Where every hit decodes a texel of strong colour: llvmpipe decodes sRGB by a polynomial (measured 0.15 %, bias 0.06 %; softpipe, by a table, 1e-6).
+const DECODED: Difference = Difference { mean: 0.003, bias: 0.0015 };
+
+/// Fails unless rays on the GL side see what those on the CPU do. `even`: all surfaces have the same irradiance, so that albedo alone tells hits apart.
+fn check_rays(name: &str, scene: &Scene, even: bool, from: impl Fn(&Gpu) -> (Vec<GatherPoint>, u32)) {
     let gpu = gpu();
     let (points, count) = from(&gpu);
     let directions = directions(Sequence::R2, count);
     let bvh = Bvh::new(&scene.mesh);
     let mut grid = photon_grid(scene, &bvh, 200_000);
-    // Softpipe filters wrongly across the borders of its tiles of 32 texels. There, albedo alone tells hits apart.
-    if sized(&gpu, false, true) {
+    // Softpipe filters wrongly across the borders of its tiles of 32 texels.
+    if even || sized(&gpu, false, true) {
         grid.sums.fill([PI, PI, PI, 1.0]);
     }
     let photons = PhotonTexture::upload(&gpu, &grid).unwrap();
@@ -262,13 +265,14 @@ fn check_rays(name: &str, scene: &Scene, from: impl Fn(&Gpu) -> (Vec<GatherPoint
     let rays = irradiance(&gather_rays(&gpu, scene, &photons, &points, &directions));
     let found = Difference::between(&rays, &oracle);
     eprintln!("{name}, rays: mean {:.4} %, bias {:+.4} %", 100.0 * found.mean, 100.0 * found.bias);
-    assert!(found.mean <= EXACT.mean && found.bias.abs() <= EXACT.bias, "{name}: {found:?} is beyond {EXACT:?}");
+    let most = if even { DECODED } else { EXACT };
+    assert!(found.mean <= most.mean && found.bias.abs() <= most.bias, "{name}: {found:?} is beyond {most:?}");
 }
 
 #[test]
 fn rays_in_the_cornell_box() {
     let scene = cornell();
-    check_rays("Cornell box", &scene, |gpu| {
+    check_rays("Cornell box", &scene, false, |gpu| {
         let (side, count) = sized(gpu, (128, 250), (32, 13));
         (camera_points(gpu, &scene, side), count)
     });
@@ -277,7 +281,16 @@ fn rays_in_the_cornell_box() {
 #[test]
 fn rays_that_meet_textures() {
     let scene = World::load("scenes/cornell_textured.toml".as_ref()).unwrap().world.flatten();
-    check_rays("textured Cornell box", &scene, |gpu| {
+    check_rays("textured Cornell box", &scene, false, |gpu| {
+        let (side, count) = sized(gpu, (128, 250), (32, 13));
+        (camera_points(gpu, &scene, side), count)
+    });
+}
+
+#[test]
+fn rays_that_meet_samplers_and_colors() {
+    let scene = colorful();
+    check_rays("colours and samplers", &scene, true, |gpu| {
         let (side, count) = sized(gpu, (128, 250), (32, 13));
         (camera_points(gpu, &scene, side), count)
     });
@@ -294,7 +307,7 @@ fn rays_among_ten_thousand_triangles() {
     model.plate(vec3(0.0, 0.99, 0.0), 0.3 * Vec3::X, 0.3 * Vec3::Z, lamp);
     let scene = model.finish();
     assert!(scene.mesh.triangles.len() > 9_900);
-    check_rays("ten thousand triangles", &scene, |gpu| {
+    check_rays("ten thousand triangles", &scene, false, |gpu| {
         let (points, count) = sized(gpu, (16384, 100), (512, 13));
         (points_on(&scene, points), count)
     });

@@ -22,11 +22,12 @@ fn cornell() -> World {
 /// The Cornell box, its camera too, elsewhere.
 fn moved(by: Affine3A) -> World {
     let mut world = cornell();
-    let mesh = &mut world.meshes[0];
-    for position in &mut mesh.positions {
-        *position = by.transform_point3(*position);
+    for mesh in &mut world.meshes {
+        for position in &mut mesh.positions {
+            *position = by.transform_point3(*position);
+        }
+        assert!(mesh.normals.iter().all(|&normal| normal == Vec3::ZERO), "the box has no normals to turn");
     }
-    assert!(mesh.normals.iter().all(|&normal| normal == Vec3::ZERO), "the box has no normals to turn");
     let (_, camera) = &mut world.cameras[0];
     let to = |point: DVec3| by.transform_point3(point.as_vec3()).as_dvec3();
     (camera.eye, camera.target) = (to(camera.eye), to(camera.target));

@@ -11,7 +11,7 @@ use finalgather::bake::{Plan, RadianceCache};
 use finalgather::error::Error;
 use finalgather::image::Image;
 use finalgather::job::{
-    BakeRequest, Ending, Job, JobRequest, Keeping, Outcome, ReceiverKind, SceneRequest, TaskReport, Watch, Work, merge,
+    BakeRequest, Ending, Job, JobRequest, Keeping, Outcome, Per, ReceiverKind, SceneRequest, TaskReport, Watch, Work, merge,
 };
 use finalgather::points::LightMapOptions;
 use finalgather::quantity::Quantity;
@@ -96,6 +96,7 @@ fn a_bake_is_merged_from_its_request() {
             memory: 256,
         },
         light_map: LightMapOptions::default(),
+        per: Per::Row,
     };
     let request = |outputs: &[PathBuf]| request(scene(folder.path()), Work::Bake(bake.clone()), outputs);
     let run = |request, keeping: &Keeping| Job::new(request, keeping).unwrap().run(&mut ()).unwrap();

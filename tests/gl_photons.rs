@@ -114,7 +114,7 @@ fn limit(gpu: &Gpu) -> f32 {
 fn looked_up(gpu: &Gpu, source: &ShaderSource, size: [u32; 2], photons: &PhotonTexture, places: &[Vec4]) -> Vec<Vec4> {
     let program = Program::new(gpu, source).unwrap();
     let target = Target::new(gpu, size, &[Format::Rgba32F], false).unwrap();
-    let texture = Texture::from_texels(gpu, Format::Rgba32F, size, Filter::Nearest, Wrap::Clamp, places).unwrap();
+    let texture = Texture::from_texels(gpu, Format::Rgba32F, size, Filter::Nearest, Wrap::CLAMP, places).unwrap();
     Draw {
         target: &target,
         region: None,

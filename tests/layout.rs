@@ -15,7 +15,7 @@ use common::tool::stderr;
 /// module of its own floor.
 const FLOORS: [&[&str]; 11] = [
     &["error", "harmonics", "math", "random"],
-    &["file", "gpu", "npy", "quantity", "settings"],
+    &["file", "gpu", "npy", "ply", "quantity", "settings"],
     &["blocks", "direction", "image", "shaders"],
     &["scene"],
     &["export", "geometry", "photon"],

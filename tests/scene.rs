@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use finalgather::Environment;
 use finalgather::job::SceneRequest;
 use finalgather::scene::{
-    ImageTexture, Instance, Lens, LoadOptions, Loaded, Material, Mesh, Sampler, Scene, Surface, Triangle, World,
+    ImageTexture, Instance, Lens, LoadOptions, Loaded, Material, Mesh, Sampler, Scene, Surface, Triangle, World, WrapMode,
 };
 use finalgather::settings::{Pipeline, Settings};
 use glam::{DAffine3, DQuat, DVec3, Vec2, Vec3, dvec3, vec2, vec3};
@@ -73,10 +73,11 @@ fn png(width: u32, height: u32, color: [u8; 3]) -> Vec<u8> {
 #[test]
 fn cornell_box_loads_exactly() {
     let Loaded { world: scene, settings, report } = World::load(Path::new("scenes/cornell.toml")).unwrap();
-    let [mesh] = &scene.meshes[..] else { panic!("{} meshes", scene.meshes.len()) };
-    let [instance] = &scene.instances[..] else { panic!("{:?}", scene.instances) };
-    assert_eq!((instance.name.as_str(), instance.mesh, instance.transform), ("cornell", 0, DAffine3::IDENTITY));
-    assert_eq!(mesh.triangles.len(), 32);
+    let parts: Vec<_> =
+        scene.instances.iter().map(|instance| (instance.name.as_str(), scene.meshes[instance.mesh].triangles.len())).collect();
+    let walls = ["floor", "ceiling", "back_wall", "green_wall", "red_wall"].map(|name| (name, 2));
+    assert_eq!(parts, [&walls[..], &[("short_block", 10), ("tall_block", 10), ("light", 2)]].concat());
+    assert!(scene.instances.iter().all(|instance| instance.transform == DAffine3::IDENTITY));
     let names: Vec<_> = scene.materials.iter().map(|material| material.name.as_str()).collect();
     assert_eq!(names, ["white", "red", "green", "light"]);
     assert_eq!(scene.materials[1].albedo, vec3(0.63, 0.065, 0.05));
@@ -87,19 +88,19 @@ fn cornell_box_loads_exactly() {
     assert_eq!(report.warnings, [""; 0]);
     assert_eq!(report.files.len(), 3);
 
-    let lights: Vec<_> = (0..32).filter(|&t| scene.materials[mesh.triangles[t].material as usize].is_emissive()).collect();
-    assert_eq!(lights, [30, 31]);
     assert_eq!(scene.materials[3].emission, vec3(17.0, 12.0, 4.0));
-    assert_eq!(area(mesh, 30..32), 130.0 * 105.0);
-    for light in lights {
-        assert_eq!(mesh.geometric_normal(light), Vec3::NEG_Y);
-        assert!(mesh.corners(light).iter().all(|corner| corner.y == 548.7));
+    let light = &scene.meshes[7];
+    assert_eq!(area(light, 0..2), 130.0 * 105.0);
+    for triangle in 0..2 {
+        assert_eq!(light.triangles[triangle].material, 3);
+        assert_eq!(light.geometric_normal(triangle), Vec3::NEG_Y);
+        assert!(light.corners(triangle).iter().all(|corner| corner.y == 548.7));
     }
-    assert_eq!(mesh.bounds().max, vec3(556.0, 548.8, 559.2));
-    assert!(mesh.normals.iter().all(|normal| *normal == Vec3::ZERO));
+    assert_eq!(scene.bounds()[1].as_vec3(), vec3(556.0, 548.8, 559.2));
+    assert!(scene.meshes.iter().flat_map(|mesh| &mesh.normals).all(|normal| *normal == Vec3::ZERO));
     // Each material's corners are shared: the floor has 4, not 6.
-    assert_eq!(mesh.triangles[0].vertices, [0, 1, 2]);
-    assert_eq!(mesh.triangles[1].vertices, [0, 2, 3]);
+    let floor = &scene.meshes[0];
+    assert_eq!((floor.triangles[0].vertices, floor.triangles[1].vertices), ([0, 1, 2], [0, 2, 3]));
 }
 
 #[test]
@@ -160,12 +161,12 @@ fn polygons_of_any_shape_keep_area_and_winding() {
 #[test]
 fn faces_refer_back_forward_and_absolutely() {
     // The middle face comes before its vertices; polylines of three points are not faces; numbers may precede a comment.
-    let more = "g a\nv 0 0 7\nv 1 0 7 # comment\nv 0 1 7\nf -3 -2 -1\no b\nf 7 8 9 # comment\nv 0 0 8\nv 1 0 8\nv 0 1 8\n\
-                g c\nl 1 2 3\nf 4 5 6 \n";
+    let more = "s 1\nv 0 0 7\nv 1 0 7 # comment\nv 0 1 7\nf -3 -2 -1\ns 2\nf 7 8 9 # comment\nv 0 0 8\nv 1 0 8\nv 0 1 8\n\
+                s off\nl 1 2 3\nf 4 5 6 \n";
     let (mesh, _) = load_mesh(more);
     let heights: Vec<_> = (0..mesh.triangles.len()).map(|triangle| mesh.corners(triangle).map(|corner| corner.z)).collect();
     assert_eq!(heights, [[0.0; 3], [7.0; 3], [8.0; 3], [7.0; 3]]);
-    // The last face repeats the second, and shares its vertices though it is in another group.
+    // The last face repeats the second, and shares its vertices though it is in another smoothing group.
     assert_eq!(mesh.triangles[1], mesh.triangles[3]);
     assert_eq!(mesh.positions.len(), 9);
 }
@@ -275,9 +276,40 @@ fn textures_decode_srgb_and_interpolate_linearly() {
 }
 
 #[test]
+fn samplers_choose_texels_beyond_the_edge() {
+    use WrapMode::{Clamp, Mirror, Repeat};
+    // Of one row: black, grey of 1/5, white.
+    let texels = vec![[0, 0, 0, 255], [124, 124, 124, 255], [255, 255, 255, 255]];
+    let dark = 0.201_556_4;
+    for (wrap, nearest, u, expected) in [
+        (Repeat, false, 1.5 / 3.0, dark),
+        (Repeat, false, 0.0, 0.5),
+        (Repeat, false, 1.25 / 3.0, 0.75 * dark),
+        (Repeat, true, 1.25 / 3.0, dark),
+        (Repeat, true, 0.95 / 3.0, 0.0),
+        (Repeat, true, -0.1, 1.0),
+        (Clamp, false, -7.0, 0.0),
+        (Clamp, false, 0.0, 0.0),
+        (Clamp, false, 40.0, 1.0),
+        (Clamp, true, 1.0, 1.0),
+        (Mirror, false, 1.0, 1.0),
+        (Mirror, false, 1.0 + 1.5 / 3.0, dark),
+        (Mirror, false, 1.0 + 1.75 / 3.0, 0.75 * dark),
+        (Mirror, false, -0.5 / 3.0, 0.0),
+        (Mirror, false, -2.5 / 3.0, 1.0),
+        (Mirror, true, 2.9 / 3.0 + 2.0, 1.0),
+    ] {
+        let sampler = Sampler { wrap: [wrap, Repeat], nearest };
+        let sample = ImageTexture { width: 3, height: 1, texels: texels.clone(), sampler }.sample_linear(vec2(u, 0.5));
+        assert!((sample.x - expected).abs() < 1e-4, "{wrap:?}, nearest {nearest}, {u}: {sample}, not {expected}");
+    }
+}
+
+#[test]
 fn texture_files_of_any_depth_are_loaded_once() {
     let mtl = "newmtl a\nmap_Kd -clamp on -s 1 1 -o 0.5 my tiles\\red one.png\nKe 1 1 1\n\
-               newmtl b\nmap_Kd my tiles/red one.png\nKd 0.5 0.5 0.5\nnewmtl c\nmap_Kd grey.png\nmap_Ke glow.png\n";
+               newmtl b\nmap_Kd my tiles/red one.png\nKd 0.5 0.5 0.5\nnewmtl c\nmap_Kd grey.png\n\
+               map_Ke glow.png\nnewmtl d\nKd 0 0 0\nmap_Kd my tiles/red one.png\n";
     let obj =
         "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nv 0 0 1\nusemtl a\nf 1/1 2/2 3/3\nusemtl b\nf 1 2 4\n";
     let folder = Folder::new(&[("m.obj", obj.as_bytes()), ("m.mtl", mtl.as_bytes())]);
@@ -287,19 +319,18 @@ fn texture_files_of_any_depth_are_loaded_once() {
 
     let Loaded { world: scene, report, .. } = folder.load("m.obj");
     let used: Vec<_> = scene.materials.iter().map(|material| (material.albedo, material.albedo_texture)).collect();
-    assert_eq!(used, [(Vec3::ONE, Some(0)), (Vec3::splat(0.5), Some(0)), (Vec3::ONE, Some(1))]);
-    assert_eq!(scene.textures.len(), 2);
-    assert_eq!(
-        scene.textures[0],
-        ImageTexture { width: 3, height: 2, texels: vec![[255, 0, 0, 255]; 6], sampler: Sampler::default() }
-    );
-    assert_eq!(scene.textures[1].texels, [[128, 128, 128, 255]]);
+    assert_eq!(used, [(Vec3::ONE, Some(0)), (Vec3::splat(0.5), Some(1)), (Vec3::ONE, Some(2)), (Vec3::ZERO, Some(1))]);
+    // Other options make another texture.
+    let red = |sampler| ImageTexture { width: 3, height: 2, texels: vec![[255, 0, 0, 255]; 6], sampler };
+    assert_eq!(scene.textures[..2], [red(Sampler { wrap: [WrapMode::Clamp; 2], nearest: false }), red(Sampler::default())]);
+    assert_eq!(scene.textures.len(), 3);
+    assert_eq!(scene.textures[2].texels, [[128, 128, 128, 255]]);
     assert_eq!(scene.flatten().albedo(1, Vec3::X), vec3(0.5, 0.0, 0.0));
     let warnings = report.warnings.join("\n");
-    for part in ["m.mtl:2: options of map_Kd are ignored", "m.mtl:9: map_Ke is ignored", "1 triangle with a texture has no"] {
+    for part in ["glow.png: cannot read this texture, named at ", "m.mtl:9: No such file", "1 triangle with a texture has no"] {
         assert!(warnings.contains(part), "{warnings}");
     }
-    assert_eq!(report.warnings.len(), 3);
+    assert_eq!(report.warnings.len(), 2);
 }
 
 #[test]

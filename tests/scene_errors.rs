@@ -1,9 +1,10 @@
-//! Each malformed scene is refused with its file, line, problem and cure.
+//! Each malformed scene is refused with its file, line, problem and cure, if its files are to be exact. `obj_as_found.rs` tests what is mended.
 
 use std::fs;
+use std::path::Path;
 
 use finalgather::error::Error;
-use finalgather::scene::World;
+use finalgather::scene::{LoadOptions, Loaded, World};
 
 const MTL: &str = "newmtl lamp\nKe 5 5 5\n";
 const TRIANGLE: &str = "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl lamp\nf 1 2 3\n";
@@ -15,6 +16,10 @@ fn place(error: &Error) -> String {
     line.map_or(name.to_string(), |line| format!("{name}:{line}"))
 }
 
+fn load_strictly(path: &Path) -> Result<Loaded, Error> {
+    World::load_with(path, LoadOptions { strict: true, ..LoadOptions::default() })
+}
+
 /// Loads `entry` from a folder that holds a sound m.obj and m.mtl beside, or replaced by, the given file.
 fn check(entry: &str, name: &str, contents: &[u8], expected_place: &str, fragment: &str) {
     let folder = tempfile::tempdir().unwrap();
@@ -22,7 +27,7 @@ fn check(entry: &str, name: &str, contents: &[u8], expected_place: &str, fragmen
         fs::write(folder.path().join(name), contents).unwrap();
     }
     let shown = String::from_utf8_lossy(&contents[..contents.len().min(200)]);
-    let Err(error) = World::load(&folder.path().join(entry)) else { panic!("loaded: {shown}") };
+    let Err(error) = load_strictly(&folder.path().join(entry)) else { panic!("loaded: {shown}") };
     assert_eq!(place(&error), expected_place, "{shown}\n{error}");
     let message = error.to_string();
     assert!(message.contains(fragment), "{shown}\nhas no \"{fragment}\": {message}");
@@ -204,7 +209,7 @@ fn scene_files() {
     }
     check("none.toml", "other", b"", "none.toml", "cannot read this scene file");
     check("none.obj", "other", b"", "none.obj", "cannot read this model");
-    check("m.stl", "other", b"", "m.stl", "scene file (.toml) or a model (.obj)");
+    check("m.xyz", "other", b"", "m.xyz", "scene file (.toml) or a model (.obj");
 }
 
 /// Whatever bytes change, loading ends in a scene or an error.
@@ -234,6 +239,9 @@ fn damaged_files_never_panic() {
         }
         fs::write(folder.path().join(names[which]), &damaged).unwrap();
         if let Err(error) = World::load(&folder.path().join(names[0])) {
+            place(&error);
+        }
+        if let Err(error) = load_strictly(&folder.path().join(names[0])) {
             place(&error);
             refused += 1;
         }

@@ -22,15 +22,19 @@ pub fn check<T>(read: Result<T>) {
     }
 }
 
-/// Loads a model alone.
+/// Loads a model of these bytes, with the texture `t.png` beside it.
 pub fn load_model(name: &str, bytes: &[u8]) {
-    let files = Files::Memory(BTreeMap::from([(name.into(), bytes.to_vec())]));
-    check(World::load_with(Path::new(name), LoadOptions { files, ..LoadOptions::default() }));
+    let texture = include_bytes!("../seeds/texture/rgb.png").to_vec();
+    let files = BTreeMap::from([(name.into(), bytes.to_vec()), ("t.png".into(), texture)]);
+    check(World::load_with(Path::new(name), LoadOptions { files: Files::Memory(files), ..LoadOptions::default() }));
 }
 
 /// Loads the scene with `bytes` as the contents of file `name`.
 pub fn load(name: &str, bytes: &[u8]) {
     let mut files = BTreeMap::from(SCENE.map(|(name, bytes)| (name.into(), bytes.to_vec())));
     files.insert(name.into(), bytes.to_vec());
-    check(World::load_with(Path::new("s.toml"), LoadOptions { files: Files::Memory(files), ..LoadOptions::default() }));
+    for strict in [false, true] {
+        let files = Files::Memory(files.clone());
+        check(World::load_with(Path::new("s.toml"), LoadOptions { files, strict, ..LoadOptions::default() }));
+    }
 }

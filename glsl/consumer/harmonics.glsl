@@ -42,7 +42,7 @@ void consume(GatherPoint point, PointHit hit, int i)
 #ifdef VERTEX_CACHE
     if (hit.triangle > 0 && weight > 0.0) {
         Surface surface = fetch_surface(hit.triangle - 1);
-        vec3 back = dot(surface.normal, hit.direction) < 0.0 ? weight * albedo(surface, hit.position) : vec3(0.0);
+        vec3 back = dot(surface.normal, hit.direction) < 0.0 ? weight * albedo(hit.triangle - 1, surface, hit.position) : vec3(0.0);
         CachePlace place = cache_place(hit.triangle - 1, hit.position);
         EACH(ADD_CACHED);
     }

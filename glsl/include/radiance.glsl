@@ -23,5 +23,5 @@ vec3 hit_radiance(int triangle, vec3 position, vec3 direction)
 #else
     vec3 irradiance = photon_irradiance(triangle, position, front);
 #endif
-    return albedo(surface, position) * irradiance * 0.318309886;
+    return albedo(triangle, surface, position) * irradiance * 0.318309886;
 }

@@ -1,7 +1,9 @@
 // The tables of the scene's triangles and materials. Mirrors `Geometry` in src/geometry.rs.
 
 uniform sampler2D triangles;        // three texels each, see Surface
-uniform sampler2D materials;        // three texels each: albedo (a: 1 with a texture), emission (a: 1 if the back emits), albedo texture
+uniform sampler2D materials;        // three texels each: albedo (a: bits of what varies it, 1 a texture, 2 vertex colours), emission (a: 1 if the back
+                                    // emits), albedo texture
+uniform sampler2D colors;           // three texels for each triangle: red, green and blue as functions of the position; empty without vertex colours
 
 struct Surface
 {
@@ -28,10 +30,21 @@ Surface fetch_surface(int triangle)
                    texelFetch(triangles, texel + ivec2(2, 0), 0));
 }
 
-// The albedo of the material, without its texture, which multiplies it.
+// The albedo of the material, without its texture and vertex colours, which multiply it.
 vec3 plain_albedo(Surface surface)
 {
     return texelFetch(materials, table_texel(surface.material), 0).rgb;
+}
+
+// The vertex colours of a triangle at a position.
+vec3 vertex_color(int triangle, vec3 position)
+{
+    ivec2 texel = table_texel(triangle);
+    vec4 place = vec4(position, 1.0);
+    vec3 color = vec3(dot(texelFetch(colors, texel, 0), place), dot(texelFetch(colors, texel + ivec2(1, 0), 0), place),
+                      dot(texelFetch(colors, texel + ivec2(2, 0), 0), place));
+    // Rounding may leave the range.
+    return clamp(color, 0.0, 1.0);
 }
 
 // The radiance that the front or the back emits.
@@ -44,6 +57,6 @@ vec3 emission(Surface surface, bool front)
 vec2 texture_coordinates(Surface surface, vec3 position)
 {
     // v runs up, texture rows run down.
-    return vec2(dot(surface.u.xyz, position) + surface.u.w, -dot(surface.v.xyz, position) - surface.v.w);
+    return vec2(dot(surface.u.xyz, position) + surface.u.w, 1.0 - (dot(surface.v.xyz, position) + surface.v.w));
 }
 

@@ -12,6 +12,8 @@
 //!
 //! The two are separate materials, because readers of `MOZ_lightmap` would count the light twice in one.
 //!
+//! Results of a glTF scene are added to its file instead (`round_trip.rs`).
+//!
 //! The file is built with `serde_json`, because the types of the crate `gltf-json` write out every absent field. Tests check the result
 //! with that crate's reader and the Khronos validator.
 
@@ -20,7 +22,7 @@ use std::path::Path;
 use glam::{DVec3, Vec2, Vec3};
 use serde_json::{Map, Value, json};
 
-use super::{ExportMesh, Lightmap, PointValues, Positions, snake_case};
+use super::{ExportMesh, Lightmap, PointValues, Positions, round_trip, snake_case};
 use crate::error::{Error, Result};
 use crate::file::write_file;
 use crate::image::{Channel, Image, WriteOptions, encode_png, tone};
@@ -31,42 +33,31 @@ use crate::scene::Material;
 const UNSIGNED_SHORT: u32 = 5123;
 const UNSIGNED_INT: u32 = 5125;
 const FLOAT: u32 = 5126;
-const ARRAY_BUFFER: u32 = 34962;
+pub const ARRAY_BUFFER: u32 = 34962;
 const ELEMENT_ARRAY_BUFFER: u32 = 34963;
 const POINTS: u32 = 0;
 const LINEAR: u32 = 9729;
 const CLAMP_TO_EDGE: u32 = 33071;
 
-const UNLIT: &str = "KHR_materials_unlit";
-const VARIANTS: &str = "KHR_materials_variants";
-const LIGHTMAP: &str = "MOZ_lightmap";
+pub const UNLIT: &str = "KHR_materials_unlit";
+pub const VARIANTS: &str = "KHR_materials_variants";
+pub const LIGHTMAP: &str = "MOZ_lightmap";
 
 pub fn write_values(path: &Path, values: &PointValues, options: &WriteOptions) -> Result<()> {
     if let Some(column) = values.columns.iter().find(|column| !column.samples.iter().all(|sample| sample.is_finite())) {
         let problem = format!("{}: {} is not finite everywhere, as glTF wants it", path.display(), column.name);
         return Err(Error::usage(problem, "write a .ply or .npy"));
     }
+    if let Some(surface) = values.surface.filter(|surface| surface.source.is_some()) {
+        return round_trip::write_values(path, &surface, values, options);
+    }
     let mut file = Builder::default();
     let mut attributes = Map::new();
     attributes.insert("POSITION".into(), file.positions(values.positions).into());
     attributes.insert("NORMAL".into(), file.vec3s(values.normals).into());
-    // Linear values need 16 bits: with 8, dark parts would show bands.
-    let colours = values.shown(options.exposure).into_iter();
-    let colours = colours.flat_map(|colour| colour.extend(1.0).to_array().map(|value| (value * 65535.0).round() as u16));
-    let colours: Vec<u8> = colours.flat_map(u16::to_le_bytes).collect();
-    let count = values.positions.world.len();
-    let colours = file.accessor(
-        &colours,
-        ARRAY_BUFFER,
-        json!({"componentType": UNSIGNED_SHORT, "normalized": true, "type": "VEC4", "count": count}),
-    );
-    attributes.insert("COLOR_0".into(), colours.into());
-    for these in components(values.columns) {
-        let name = if these.len() == 1 { &these[0].name } else { stem(&these[0]) };
-        let rows = (0..count).flat_map(|i| these.iter().map(move |column| column.samples[i]));
-        let accessor = file.floats(these.len(), rows);
-        attributes.insert(format!("_{}", snake_case(name).to_ascii_uppercase()), accessor.into());
-    }
+    let all: Vec<Option<u32>> = (0..values.positions.world.len() as u32).map(Some).collect();
+    attributes.insert("COLOR_0".into(), file.shown_colours(values, options.exposure, &all).into());
+    attributes.extend(file.columns(values.columns, &all));
     match values.surface {
         None => {
             file.materials.push(json!({"name": "points", "extensions": {UNLIT: {}}}));
@@ -93,6 +84,9 @@ pub fn write_values(path: &Path, values: &PointValues, options: &WriteOptions) -
 
 pub fn write_lightmap(path: &Path, lightmap: &Lightmap, options: &WriteOptions) -> Result<()> {
     let surface = &lightmap.surface;
+    if surface.source.is_some() {
+        return round_trip::write_lightmap(path, lightmap, options);
+    }
     let mut file = Builder::default();
     let mut attributes = Map::new();
     attributes.insert("POSITION".into(), file.positions(surface.positions).into());
@@ -102,38 +96,69 @@ pub fn write_lightmap(path: &Path, lightmap: &Lightmap, options: &WriteOptions) 
     // TEXCOORD_1 needs a TEXCOORD_0, even if nothing reads it.
     attributes.insert("TEXCOORD_0".into(), file.uvs(&surface.mesh.uvs).into());
     attributes.insert("TEXCOORD_1".into(), file.uvs(lightmap.uvs).into());
-
-    let (linear, intensity) = linear_png(lightmap.irradiance)?;
-    let [shown, linear] =
-        [("shown", lightmap.shown_png(options.exposure)?), ("irradiance", linear)].map(|(name, png)| file.texture(name, &png));
-    // Mipmaps and repetition would mix texels of different charts.
-    for map in [shown, linear] {
-        file.textures[map]["sampler"] = 0.into();
+    if !surface.mesh.colors.is_empty() {
+        attributes.insert("COLOR_0".into(), file.vec3s(&surface.mesh.colors).into());
     }
-    file.samplers.push(json!({"magFilter": LINEAR, "minFilter": LINEAR, "wrapS": CLAMP_TO_EDGE, "wrapT": CLAMP_TO_EDGE}));
+
+    let map = |file: &mut Builder, name: &str, png: &[u8]| {
+        let texture = file.texture(name, png);
+        // Mipmaps and repetition would mix texels of different charts.
+        file.textures[texture]["sampler"] = 0.into();
+        texture
+    };
+    file.samplers.push(map_sampler());
+    let openness = lightmap.openness_png()?.map(|png| map(&mut file, "occlusion", &png));
+    let light = match lightmap.irradiance {
+        None => None,
+        Some(irradiance) => {
+            let shown = map(&mut file, "shown", &Lightmap::shown_png(irradiance, options.exposure)?);
+            let (linear, intensity) = linear_png(irradiance)?;
+            Some((shown, map(&mut file, "irradiance", &linear), intensity))
+        }
+    };
     let textures = file.albedo_textures(surface)?;
     for (index, indices) in surface.indices_by_material() {
         let material = &surface.materials[index];
-        let unlit = if material.is_emissive() {
-            let [r, g, b] = (material.emission * options.exposure.exp2()).map(tone).to_array();
-            json!({"baseColorFactor": [r, g, b, 1.0]})
-        } else {
-            let [r, g, b] = surface.mean_albedo(material).to_array();
-            json!({"baseColorFactor": [r, g, b, 1.0], "baseColorTexture": {"index": shown, "texCoord": 1}})
-        };
-        let first = file.materials.len();
-        file.materials
-            .push(json!({"name": material.name, "doubleSided": true, "pbrMetallicRoughness": unlit, "extensions": {UNLIT: {}}}));
-        let mut engine = shaded(material, &textures);
-        engine["extensions"] = json!({LIGHTMAP: {"index": linear, "texCoord": 1, "intensity": intensity}});
-        file.materials.push(engine);
         let indices = file.indices(&indices);
-        let variants =
-            json!({VARIANTS: {"mappings": [{"material": first, "variants": [0]}, {"material": first + 1, "variants": [1]}]}});
-        file.primitives.push(json!({"attributes": attributes, "indices": indices, "material": first, "extensions": variants}));
+        let mut primitive = json!({"attributes": attributes, "indices": indices, "material": file.materials.len()});
+        let mut engine = shaded(material, &textures);
+        if let Some(openness) = openness {
+            engine["occlusionTexture"] = json!({"index": openness, "texCoord": 1});
+        }
+        if let Some((shown, linear, intensity)) = light {
+            let unlit = shown_surface(surface, material, (shown, 1), options.exposure);
+            let first = file.materials.len();
+            let unlit =
+                json!({"name": material.name, "doubleSided": true, "pbrMetallicRoughness": unlit, "extensions": {UNLIT: {}}});
+            file.materials.push(unlit);
+            engine["extensions"] = json!({LIGHTMAP: {"index": linear, "texCoord": 1, "intensity": intensity}});
+            let mappings = json!([{"material": first, "variants": [0]}, {"material": first + 1, "variants": [1]}]);
+            primitive["extensions"] = json!({VARIANTS: {"mappings": mappings}});
+        }
+        file.materials.push(engine);
+        file.primitives.push(primitive);
+    }
+    if light.is_none() {
+        return file.write(path, &[], options);
     }
     file.extensions = json!({VARIANTS: {"variants": [{"name": "shown"}, {"name": "lightmap"}]}});
     file.write(path, &[UNLIT, VARIANTS, LIGHTMAP], options)
+}
+
+/// The sampler of light maps.
+pub fn map_sampler() -> Value {
+    json!({"magFilter": LINEAR, "minFilter": LINEAR, "wrapS": CLAMP_TO_EDGE, "wrapT": CLAMP_TO_EDGE})
+}
+
+/// `pbrMetallicRoughness` of an unlit material that shows a map, given by its texture and its set of coordinates. The mean of a texture stands for the
+/// texture.
+pub fn shown_surface(surface: &ExportMesh, material: &Material, (shown, set): (usize, usize), exposure: f32) -> Value {
+    if material.is_emissive() {
+        let [r, g, b] = (material.emission * exposure.exp2()).map(tone).to_array();
+        return json!({"baseColorFactor": [r, g, b, 1.0]});
+    }
+    let [r, g, b] = surface.mean_albedo(material).to_array();
+    json!({"baseColorFactor": [r, g, b, 1.0], "baseColorTexture": {"index": shown, "texCoord": set}})
 }
 
 /// Groups the columns that form one vector, such as `A.R`, `A.G`, `A.B`.
@@ -164,7 +189,7 @@ fn shaded(material: &Material, textures: &[usize]) -> Value {
 }
 
 /// Encodes irradiance over its greatest value, and returns both.
-fn linear_png(irradiance: &Image) -> Result<(Vec<u8>, f32)> {
+pub fn linear_png(irradiance: &Image) -> Result<(Vec<u8>, f32)> {
     let rgb = irradiance.rgb()?;
     let greatest = rgb.iter().copied().flatten().copied().filter(|value| value.is_finite()).fold(0.0, f32::max);
     let intensity = if greatest > 0.0 { greatest } else { 1.0 };
@@ -175,14 +200,14 @@ fn linear_png(irradiance: &Image) -> Result<(Vec<u8>, f32)> {
 
 /// The parts of a file so far.
 #[derive(Default)]
-struct Builder {
+pub struct Builder {
     bin: Vec<u8>,
     views: Vec<Value>,
     accessors: Vec<Value>,
     images: Vec<Value>,
-    textures: Vec<Value>,
-    samplers: Vec<Value>,
-    materials: Vec<Value>,
+    pub textures: Vec<Value>,
+    pub samplers: Vec<Value>,
+    pub materials: Vec<Value>,
     primitives: Vec<Value>,
     extensions: Value,
     /// Of the positions, in world space.
@@ -190,6 +215,33 @@ struct Builder {
 }
 
 impl Builder {
+    /// Takes the lists out of a file, to add to them.
+    pub fn of(root: &mut Value, bin: Vec<u8>) -> Self {
+        let mut list = |key: &str| root.get_mut(key).and_then(Value::as_array_mut).map(std::mem::take).unwrap_or_default();
+        let [views, accessors, images, textures] = ["bufferViews", "accessors", "images", "textures"].map(&mut list);
+        let [samplers, materials] = ["samplers", "materials"].map(&mut list);
+        Self { bin, views, accessors, images, textures, samplers, materials, ..Self::default() }
+    }
+
+    /// Puts the lists into a file, and writes it.
+    pub fn finish(mut self, path: &Path, mut root: Value) -> Result<()> {
+        self.bin.resize(self.bin.len().next_multiple_of(4), 0);
+        for (key, values) in [
+            ("materials", self.materials),
+            ("accessors", self.accessors),
+            ("bufferViews", self.views),
+            ("images", self.images),
+            ("textures", self.textures),
+            ("samplers", self.samplers),
+        ] {
+            if !values.is_empty() {
+                root[key] = values.into();
+            }
+        }
+        root["buffers"][0]["byteLength"] = self.bin.len().into();
+        encode(path, &root, &self.bin)
+    }
+
     fn view(&mut self, bytes: &[u8]) -> usize {
         // glTF requires that numbers begin at multiples of their size.
         self.bin.resize(self.bin.len().next_multiple_of(4), 0);
@@ -198,7 +250,7 @@ impl Builder {
         self.views.len() - 1
     }
 
-    fn accessor(&mut self, bytes: &[u8], target: u32, mut json: Value) -> usize {
+    pub fn accessor(&mut self, bytes: &[u8], target: u32, mut json: Value) -> usize {
         let view = self.view(bytes);
         self.views[view]["target"] = target.into();
         json["bufferView"] = view.into();
@@ -206,8 +258,15 @@ impl Builder {
         self.accessors.len() - 1
     }
 
+    /// Sets the distance of an accessor's elements in its view.
+    pub fn set_stride(&mut self, accessor: usize, stride: usize) {
+        if let Some(view) = self.accessors[accessor]["bufferView"].as_u64() {
+            self.views[view as usize]["byteStride"] = stride.into();
+        }
+    }
+
     /// An accessor of `width` numbers a vertex, 1 to 4.
-    fn floats(&mut self, width: usize, numbers: impl Iterator<Item = f32>) -> usize {
+    pub fn floats(&mut self, width: usize, numbers: impl Iterator<Item = f32>) -> usize {
         let bytes: Vec<u8> = numbers.flat_map(f32::to_le_bytes).collect();
         let kind = ["SCALAR", "VEC2", "VEC3", "VEC4"][width - 1];
         self.accessor(&bytes, ARRAY_BUFFER, json!({"componentType": FLOAT, "type": kind, "count": bytes.len() / (4 * width)}))
@@ -229,17 +288,39 @@ impl Builder {
     }
 
     /// An accessor of coordinates whose v points up; in glTF it points down.
-    fn uvs(&mut self, uvs: &[Vec2]) -> usize {
+    pub fn uvs(&mut self, uvs: &[Vec2]) -> usize {
         self.floats(2, uvs.iter().flat_map(|uv| [uv.x, 1.0 - uv.y]))
     }
 
-    fn indices(&mut self, indices: &[u32]) -> usize {
+    /// Colours for display at vertices that show rows of the values; black without a row. Linear values need 16 bits: with 8, dark parts would show bands.
+    pub fn shown_colours(&mut self, values: &PointValues, exposure: f32, rows: &[Option<u32>]) -> usize {
+        let shown = values.shown(exposure);
+        let colour = |row: &Option<u32>| row.map_or(Vec3::ZERO, |row| shown[row as usize]).extend(1.0).to_array();
+        let numbers = rows.iter().flat_map(colour).map(|value| (value * 65535.0).round() as u16);
+        let bytes: Vec<u8> = numbers.flat_map(u16::to_le_bytes).collect();
+        let json = json!({"componentType": UNSIGNED_SHORT, "normalized": true, "type": "VEC4", "count": rows.len()});
+        self.accessor(&bytes, ARRAY_BUFFER, json)
+    }
+
+    /// Attributes with the columns' values at vertices that show rows of them; 0 without a row.
+    pub fn columns(&mut self, columns: &[Channel], rows: &[Option<u32>]) -> Map<String, Value> {
+        let mut attributes = Map::new();
+        for these in components(columns) {
+            let name = if these.len() == 1 { &these[0].name } else { stem(&these[0]) };
+            let value = |row: Option<u32>| these.iter().map(move |column| row.map_or(0.0, |row| column.samples[row as usize]));
+            let accessor = self.floats(these.len(), rows.iter().copied().flat_map(value));
+            attributes.insert(format!("_{}", snake_case(name).to_ascii_uppercase()), accessor.into());
+        }
+        attributes
+    }
+
+    pub fn indices(&mut self, indices: &[u32]) -> usize {
         let bytes: Vec<u8> = indices.iter().flat_map(|index| index.to_le_bytes()).collect();
         let json = json!({"componentType": UNSIGNED_INT, "type": "SCALAR", "count": indices.len()});
         self.accessor(&bytes, ELEMENT_ARRAY_BUFFER, json)
     }
 
-    fn texture(&mut self, name: &str, png: &[u8]) -> usize {
+    pub fn texture(&mut self, name: &str, png: &[u8]) -> usize {
         let view = self.view(png);
         self.images.push(json!({"name": name, "mimeType": "image/png", "bufferView": view}));
         self.textures.push(json!({"source": self.images.len() - 1}));
@@ -256,7 +337,6 @@ impl Builder {
     }
 
     fn write(mut self, path: &Path, extensions_used: &[&str], options: &WriteOptions) -> Result<()> {
-        self.bin.resize(self.bin.len().next_multiple_of(4), 0);
         let mut node = json!({"mesh": 0});
         if self.origin != DVec3::ZERO {
             node["translation"] = json!(self.origin.to_array());
@@ -266,39 +346,39 @@ impl Builder {
             "scene": 0,
             "scenes": [{"nodes": [0]}],
             "nodes": [node],
-            "meshes": [{"primitives": self.primitives}],
-            "materials": self.materials,
-            "accessors": self.accessors,
-            "bufferViews": self.views,
-            "buffers": [{"byteLength": self.bin.len()}],
+            "meshes": [{"primitives": std::mem::take(&mut self.primitives)}],
+            "buffers": [{}],
             "extensionsUsed": extensions_used,
         });
-        for (key, values) in [("images", self.images), ("textures", self.textures), ("samplers", self.samplers)] {
-            if !values.is_empty() {
-                root[key] = values.into();
-            }
+        if extensions_used.is_empty() {
+            root.as_object_mut().map(|root| root.remove("extensionsUsed"));
         }
         if !self.extensions.is_null() {
-            root["extensions"] = self.extensions;
+            root["extensions"] = self.extensions.take();
         }
         if let Some(metadata) = options.metadata {
-            root["asset"]["extras"] = serde_json::from_str(metadata).unwrap_or_else(|_| metadata.into());
+            root["asset"]["extras"] = metadata_json(metadata);
         }
-        let mut json = root.to_string().into_bytes();
-        json.resize(json.len().next_multiple_of(4), b' ');
-
-        let length = |bytes: usize| {
-            u32::try_from(bytes).map(u32::to_le_bytes).map_err(|_| {
-                Error::usage(
-                    format!("{}: a GLB holds 4 GiB, and this takes {bytes} bytes", path.display()),
-                    "write a .ply or .npy",
-                )
-            })
-        };
-        let total = length(12 + 8 + json.len() + 8 + self.bin.len())?;
-        let [json_length, bin_length] = [length(json.len())?, length(self.bin.len())?];
-        let parts: [&[u8]; 9] =
-            [b"glTF", &2_u32.to_le_bytes(), &total, &json_length, b"JSON", &json, &bin_length, b"BIN\0", &self.bin];
-        write_file(path, &parts.concat())
+        self.finish(path, root)
     }
+}
+
+/// Metadata as JSON, if it is that.
+pub fn metadata_json(metadata: &str) -> Value {
+    serde_json::from_str(metadata).unwrap_or_else(|_| metadata.into())
+}
+
+/// Writes the container.
+fn encode(path: &Path, root: &Value, bin: &[u8]) -> Result<()> {
+    let mut json = root.to_string().into_bytes();
+    json.resize(json.len().next_multiple_of(4), b' ');
+    let length = |bytes: usize| {
+        u32::try_from(bytes).map(u32::to_le_bytes).map_err(|_| {
+            Error::usage(format!("{}: a GLB holds 4 GiB, and this takes {bytes} bytes", path.display()), "write a .ply or .npy")
+        })
+    };
+    let total = length(12 + 8 + json.len() + 8 + bin.len())?;
+    let [json_length, bin_length] = [length(json.len())?, length(bin.len())?];
+    let parts: [&[u8]; 9] = [b"glTF", &2_u32.to_le_bytes(), &total, &json_length, b"JSON", &json, &bin_length, b"BIN\0", bin];
+    write_file(path, &parts.concat())
 }

@@ -11,13 +11,14 @@ use serde_json::Value;
 
 use crate::error::{Error, Result};
 use crate::file::{MOST_BYTES, read_file};
-use crate::image::{Channel, Image, WriteOptions, tone};
-use crate::scene::{ImageTexture, Material, Mesh};
+use crate::image::{Channel, Image, WriteOptions, encode_png, tone};
+use crate::scene::{GltfFile, ImageTexture, Instance, Material, Mesh, Scene, Source};
 
 mod glb;
 mod npy;
 mod obj;
 mod ply;
+mod round_trip;
 
 pub use npy::{is_of, parse_prt, read_prt};
 
@@ -40,6 +41,18 @@ pub struct PointValues<'a> {
     pub columns: &'a [Channel],
     /// The mesh whose vertices the points are, if there is one; both have one order.
     pub surface: Option<ExportMesh<'a>>,
+    /// Where the points come from, if a file numbers them.
+    pub sources: Option<SourceMap<'a>>,
+}
+
+/// The vertices of a model's file that points belong to. glTF files leave it out, which have no place for whole numbers of 32 bits.
+#[derive(Clone, Copy)]
+pub struct SourceMap<'a> {
+    /// Name of the model's file.
+    pub file: &'a str,
+    pub instances: &'a [Instance],
+    /// One a point.
+    pub points: &'a [Source],
 }
 
 /// A mesh with its materials and their textures.
@@ -51,6 +64,23 @@ pub struct ExportMesh<'a> {
     pub positions: Positions<'a>,
     pub materials: &'a [Material],
     pub textures: &'a [ImageTexture],
+    /// The glTF file of the mesh, if a `.glb` is to be that file with the results in it.
+    pub source: Option<ExportSource<'a>>,
+}
+
+/// The glTF file that a mesh is of.
+#[derive(Clone, Copy)]
+pub struct ExportSource<'a> {
+    pub file: &'a GltfFile,
+    /// The world's instances, for [`Source`](crate::scene::Source).
+    pub instances: &'a [Instance],
+}
+
+impl<'a> ExportSource<'a> {
+    /// The file of a scene that is a glTF file.
+    pub fn of(scene: &'a Scene) -> Option<Self> {
+        Some(Self { file: scene.gltf.as_deref()?, instances: &scene.instances })
+    }
 }
 
 /// A light map and its mesh.
@@ -59,8 +89,19 @@ pub struct Lightmap<'a> {
     pub surface: ExportMesh<'a>,
     /// Map coordinates of each vertex, v up.
     pub uvs: &'a [Vec2],
-    /// Irradiance in `R`, `G` and `B`.
-    pub irradiance: &'a Image,
+    /// Irradiance in `R`, `G` and `B`. An OBJ needs it; a `.glb` needs this or the openness.
+    pub irradiance: Option<&'a Image>,
+    /// Openness (ambient occlusion) in one channel, for a `.glb`.
+    pub openness: Option<&'a Image>,
+}
+
+impl SourceMap<'_> {
+    /// The names of the objects in few characters, none of which ends a line.
+    fn names(&self) -> impl Iterator<Item = String> {
+        const MOST: usize = 100;
+        let plain = |letter: char| if letter.is_control() { ' ' } else { letter };
+        self.instances.iter().map(move |instance| instance.name.chars().take(MOST).map(plain).collect())
+    }
 }
 
 impl<'a> Positions<'a> {
@@ -107,7 +148,9 @@ impl PointValues<'_> {
         }
         let lengths = self.columns.iter().map(|column| (column.name.as_str(), column.samples.len()));
         let vertices = self.surface.map(|surface| ("the mesh", surface.mesh.normals.len()));
-        match lengths.chain([("normals", self.normals.len())]).chain(vertices).find(|&(_, length)| length != count) {
+        let sources = self.sources.map(|sources| ("sources", sources.points.len()));
+        match lengths.chain([("normals", self.normals.len())]).chain(vertices).chain(sources).find(|&(_, length)| length != count)
+        {
             None => Ok(()),
             Some((name, length)) => Err(Error::usage(format!("{name}: {length} values for {count} points"), "give one a point")),
         }
@@ -159,19 +202,28 @@ impl Lightmap<'_> {
         if uvs != vertices {
             return Err(Error::usage(format!("{uvs} coordinates on the light map for {vertices} vertices"), "give one a vertex"));
         }
-        match ending {
-            "obj" => obj::write(path, self, options),
+        match (ending, self.irradiance) {
+            ("obj", Some(irradiance)) => obj::write(path, self, irradiance, options),
+            ("obj", None) => Err(Error::usage(format!("{}: the light map has no irradiance", path.display()), "bake irradiance")),
             _ => glb::write_lightmap(path, self, options),
         }
     }
 
-    /// Encodes the map as a PNG for display: the radiance of a white surface.
-    fn shown_png(&self, exposure: f32) -> Result<Vec<u8>> {
-        let radiance = self.irradiance.rgb()?.map(|samples| samples.iter().map(|value| value * FRAC_1_PI).collect::<Vec<_>>());
+    /// Encodes irradiance as a PNG for display: the radiance of a white surface.
+    fn shown_png(irradiance: &Image, exposure: f32) -> Result<Vec<u8>> {
+        let radiance = irradiance.rgb()?.map(|samples| samples.iter().map(|value| value * FRAC_1_PI).collect::<Vec<_>>());
         let channels = ["R", "G", "B"].into_iter().zip(radiance).map(|(name, samples)| Channel { name: name.into(), samples });
-        let Image { width, height, .. } = *self.irradiance;
+        let Image { width, height, .. } = *irradiance;
         let picture = Image { width, height, channels: channels.collect() };
-        crate::image::encode_png(width, height, &picture.to_srgb8(exposure)?)
+        encode_png(width, height, &picture.to_srgb8(exposure)?)
+    }
+
+    /// Encodes the openness as grey.
+    fn openness_png(&self) -> Result<Option<Vec<u8>>> {
+        let Some(&Image { width, height, ref channels }) = self.openness else { return Ok(None) };
+        let grey = |value: &f32| [(value.clamp(0.0, 1.0) * 255.0).round() as u8; 3];
+        let bytes: Vec<u8> = channels.iter().take(1).flat_map(|channel| channel.samples.iter().flat_map(grey)).collect();
+        encode_png(width, height, &bytes).map(Some)
     }
 }
 
@@ -212,7 +264,7 @@ pub fn metadata_of(path: &Path) -> Option<Value> {
 /// All files that writing `path` makes: itself, and the files beside it that a format adds.
 pub fn written_with(path: &Path) -> Vec<PathBuf> {
     let beside: &[&str] = match ending(path, &["npy", "obj"]) {
-        Ok("npy") => &["json"],
+        Ok("npy") => &["json", npy::SOURCES],
         Ok(_) => &["mtl", "png"],
         Err(_) => &[],
     };

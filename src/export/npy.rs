@@ -1,4 +1,5 @@
-//! NumPy's `.npy`, with a `.json` of the same name that describes the numbers: columns, shape, units, basis.
+//! NumPy's `.npy`, with a `.json` of the same name that describes the numbers: columns, shape, units, basis. A second array, `.sources.npy`, maps
+//! vertices to those of the model's file.
 //!
 //! One quantity has the shape that research code expects: `[points, coefficients, 3]` for coefficients, else `[points, 3]` or `[points]`.
 //! Several quantities have the shape `[points, columns]`.
@@ -7,7 +8,7 @@ use std::path::Path;
 
 use serde_json::{Map, Value, json};
 
-use super::{PointValues, Positions};
+use super::{PointValues, Positions, SourceMap};
 use crate::blocks::sha256;
 use crate::error::{Error, Result};
 use crate::file::{MOST_BYTES, MOST_WORDS, read_file, write_file};
@@ -20,6 +21,9 @@ const ABOUT: &str = "finalgather";
 const ARRAY: &str = "npy_sha256";
 /// Key of the positions' checksum.
 const POSITIONS: &str = "positions_sha256";
+/// Ending of the array of sources, and key of its description.
+pub const SOURCES: &str = "sources.npy";
+const MAP: &str = "sources";
 const BASIS: &str =
     "real orthonormal spherical harmonics without the Condon-Shortley phase, at index l (l + 1) + m; z is the polar axis";
 
@@ -62,8 +66,29 @@ pub fn write(path: &Path, values: &PointValues, options: &WriteOptions) -> Resul
     let array = npy::encode(&shape, rows);
     // The checksum shows whether both files are from one bake: an error may leave one of them unwritten.
     about[ARRAY] = sha256(&array).into();
+    if let Some(sources) = &values.sources {
+        let map = sources_array(sources);
+        about[MAP] = describe(sources, path, &map);
+        write_file(&path.with_extension(SOURCES), &map)?;
+    }
     write_file(&path.with_extension("json"), format!("{about:#}\n").as_bytes())?;
     write_file(path, &array)
+}
+
+/// Whole numbers of the shape `[points, 2]`: the object, and the index in its list of vertices.
+fn sources_array(sources: &SourceMap) -> Vec<u8> {
+    npy::encode_u32(&[sources.points.len(), 2], sources.points.iter().flat_map(|source| [source.instance, source.index]))
+}
+
+fn describe(sources: &SourceMap, path: &Path, array: &[u8]) -> Value {
+    json!({
+        "array": path.with_extension(SOURCES).file_name().unwrap_or_default().to_string_lossy(),
+        "columns": ["object", "index"],
+        "meaning": "for each point, its object in the list here and the index of its vertex in the file, from 0",
+        "file": sources.file,
+        "objects": sources.names().collect::<Vec<_>>(),
+        ARRAY: sha256(array),
+    })
 }
 
 /// The description beside the array at `path`.
@@ -83,6 +108,11 @@ pub fn check_ours(path: &Path) -> Result<()> {
     if beside.exists() && !description(path).is_some_and(|about| about["shape"].is_array() && about["columns"].is_array()) {
         let problem = format!("{}: is there already, and describes no array", beside.display());
         return Err(Error::usage(problem, "give the array another name, for its description goes beside it (.json)"));
+    }
+    let sources = path.with_extension(SOURCES);
+    if sources.exists() && !read_file(&sources, MOST_BYTES).is_ok_and(|bytes| npy::is_u32(&bytes)) {
+        let problem = format!("{}: is there already, and maps no points to vertices", sources.display());
+        return Err(Error::usage(problem, "give the array another name, for this map goes beside it (.sources.npy)"));
     }
     Ok(())
 }

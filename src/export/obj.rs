@@ -8,7 +8,7 @@ use glam::{DVec3, Vec3};
 use super::Lightmap;
 use crate::error::{Error, Result};
 use crate::file::{MOST_BYTES, read_file, write_file};
-use crate::image::WriteOptions;
+use crate::image::{Image, WriteOptions};
 
 /// The first characters of our files. Other files are not replaced.
 const OURS: &str = "# by finalgather bake";
@@ -24,7 +24,7 @@ pub fn check_ours(path: &Path) -> Result<()> {
     Ok(())
 }
 
-pub fn write(path: &Path, lightmap: &Lightmap, options: &WriteOptions) -> Result<()> {
+pub fn write(path: &Path, lightmap: &Lightmap, irradiance: &Image, options: &WriteOptions) -> Result<()> {
     let surface = &lightmap.surface;
     let (mtl_path, png_path) = (path.with_extension("mtl"), path.with_extension("png"));
     let name = |path: &Path| path.file_name().and_then(|name| name.to_str()).map(str::to_owned);
@@ -71,7 +71,7 @@ pub fn write(path: &Path, lightmap: &Lightmap, options: &WriteOptions) -> Result
             let _ = writeln!(obj, "f {a} {b} {c}");
         }
     }
-    write_file(&png_path, &lightmap.shown_png(options.exposure)?)?;
+    write_file(&png_path, &Lightmap::shown_png(irradiance, options.exposure)?)?;
     write_file(&mtl_path, mtl.as_bytes())?;
     write_file(path, obj.as_bytes())
 }

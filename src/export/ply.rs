@@ -1,4 +1,4 @@
-//! Binary PLY: a colour for display, and one property for each column.
+//! Binary PLY: a colour for display, one property for each column, and the place of each vertex in the model's file.
 //!
 //! The crate that reads points is not used to write, because it asks for every property of every vertex by name.
 
@@ -40,6 +40,13 @@ pub fn write(path: &Path, values: &PointValues, options: &WriteOptions) -> Resul
         let _ = writeln!(header, "{ABOUT}{}", metadata.replace(['\r', '\n'], " "));
         let _ = writeln!(header, "{DATA}{}", sha256(&data));
     }
+    if let Some(sources) = values.sources {
+        let file = sources.file.replace(char::is_control, " ");
+        let _ = writeln!(header, "comment file {file}");
+        for (object, name) in sources.names().enumerate() {
+            let _ = writeln!(header, "comment object {object} {name}");
+        }
+    }
     let _ = writeln!(header, "element vertex {}", values.positions.world.len());
     let kind = if values.positions.are_far() { "double" } else { "float" };
     for name in ["x", "y", "z"] {
@@ -53,6 +60,9 @@ pub fn write(path: &Path, values: &PointValues, options: &WriteOptions) -> Resul
     }
     for column in values.columns {
         let _ = writeln!(header, "property float {}", snake_case(&column.name));
+    }
+    if values.sources.is_some() {
+        let _ = writeln!(header, "property uint source_object\nproperty uint source_index");
     }
     if !triangles.is_empty() {
         let _ = writeln!(header, "element face {}\nproperty list uchar int vertex_indices", triangles.len());
@@ -80,6 +90,10 @@ fn data(values: &PointValues, triangles: &[Triangle], exposure: f32) -> Vec<u8> 
         bytes.extend(colour.to_array().map(|value| (encode_srgb(value) * 255.0).round() as u8));
         for column in values.columns {
             bytes.extend(column.samples[i].to_le_bytes());
+        }
+        if let Some(sources) = values.sources {
+            bytes.extend(sources.points[i].instance.to_le_bytes());
+            bytes.extend(sources.points[i].index.to_le_bytes());
         }
     }
     for triangle in triangles {

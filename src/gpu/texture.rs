@@ -27,12 +27,20 @@ pub enum Filter {
     Linear,
     /// Trilinear over mipmaps. The upload makes the mipmaps.
     Mipmapped,
+    /// The same where texels are smaller than pixels, the nearest texel where they are larger.
+    MipmappedNearest,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Wrap {
     Clamp,
     Repeat,
+    Mirror,
+}
+
+impl Wrap {
+    /// Along both axes.
+    pub const CLAMP: [Self; 2] = [Self::Clamp; 2];
 }
 
 /// A 2D or 3D texture, or an array of 2D ones.
@@ -74,12 +82,12 @@ impl Texture {
     /// # Errors
     /// [`Error::Usage`] if the size exceeds the device's limit, [`Error::Gl`] if the device has too little memory.
     pub fn empty(gpu: &Gpu, format: Format, width: u32, height: u32) -> Result<Self> {
-        Self::new(gpu, glow::TEXTURE_2D, format, [width, height, 1], Filter::Nearest, Wrap::Clamp, None)
+        Self::new(gpu, glow::TEXTURE_2D, format, [width, height, 1], Filter::Nearest, Wrap::CLAMP, None)
     }
 
     /// An empty array of `count` 2D textures with nearest filtering, to render into. Fails as [`Self::empty`].
     pub fn empty_array(gpu: &Gpu, format: Format, [width, height]: [u32; 2], count: u32) -> Result<Self> {
-        Self::new(gpu, glow::TEXTURE_2D_ARRAY, format, [width, height, count], Filter::Nearest, Wrap::Clamp, None)
+        Self::new(gpu, glow::TEXTURE_2D_ARRAY, format, [width, height, count], Filter::Nearest, Wrap::CLAMP, None)
     }
 
     /// Texels in a row of a table. OpenGL 3.3 promises at least this texture width.
@@ -91,7 +99,7 @@ impl Texture {
         format: Format,
         [width, height]: [u32; 2],
         filter: Filter,
-        wrap: Wrap,
+        wrap: [Wrap; 2],
         texels: &[T],
     ) -> Result<Self> {
         Self::new(gpu, glow::TEXTURE_2D, format, [width, height, 1], filter, wrap, Some(bytemuck::cast_slice(texels)))
@@ -101,18 +109,18 @@ impl Texture {
     pub fn table<T: Pod>(gpu: &Gpu, format: Format, mut texels: Vec<T>) -> Result<Self> {
         let rows = texels.len().div_ceil(Self::TABLE_WIDTH).max(1);
         texels.resize(rows * Self::TABLE_WIDTH, T::zeroed());
-        Self::from_texels(gpu, format, [Self::TABLE_WIDTH as u32, rows as u32], Filter::Nearest, Wrap::Clamp, &texels)
+        Self::from_texels(gpu, format, [Self::TABLE_WIDTH as u32, rows as u32], Filter::Nearest, Wrap::CLAMP, &texels)
     }
 
     /// An array of one 2D texture of `texels`, with nearest filtering. Fails as [`Self::empty`].
     pub fn array_of_one<T: Pod>(gpu: &Gpu, format: Format, [width, height]: [u32; 2], texels: &[T]) -> Result<Self> {
         let texels = Some(bytemuck::cast_slice(texels));
-        Self::new(gpu, glow::TEXTURE_2D_ARRAY, format, [width, height, 1], Filter::Nearest, Wrap::Clamp, texels)
+        Self::new(gpu, glow::TEXTURE_2D_ARRAY, format, [width, height, 1], Filter::Nearest, Wrap::CLAMP, texels)
     }
 
     /// A 3D texture of `texels`, x fastest, with linear filtering clamped at the edge. Fails as [`Self::empty`].
     pub fn from_texels_3d<T: Pod>(gpu: &Gpu, format: Format, size: [u32; 3], texels: &[T]) -> Result<Self> {
-        Self::new(gpu, glow::TEXTURE_3D, format, size, Filter::Linear, Wrap::Clamp, Some(bytemuck::cast_slice(texels)))
+        Self::new(gpu, glow::TEXTURE_3D, format, size, Filter::Linear, Wrap::CLAMP, Some(bytemuck::cast_slice(texels)))
     }
 
     fn new(
@@ -121,7 +129,7 @@ impl Texture {
         format: Format,
         size: [u32; 3],
         filter: Filter,
-        wrap: Wrap,
+        wrap: [Wrap; 2],
         texels: Option<&[u8]>,
     ) -> Result<Self> {
         let limits = gpu.info().limits;
@@ -152,11 +160,13 @@ impl Texture {
             Filter::Nearest => (glow::NEAREST, glow::NEAREST),
             Filter::Linear => (glow::LINEAR, glow::LINEAR),
             Filter::Mipmapped => (glow::LINEAR_MIPMAP_LINEAR, glow::LINEAR),
+            Filter::MipmappedNearest => (glow::LINEAR_MIPMAP_LINEAR, glow::NEAREST),
         };
-        let wrap = match wrap {
+        let [along_s, along_t] = wrap.map(|wrap| match wrap {
             Wrap::Clamp => glow::CLAMP_TO_EDGE,
             Wrap::Repeat => glow::REPEAT,
-        };
+            Wrap::Mirror => glow::MIRRORED_REPEAT,
+        });
         unsafe {
             gl.bind_texture(kind, Some(resource.name()));
             if kind == glow::TEXTURE_3D || kind == glow::TEXTURE_2D_ARRAY {
@@ -167,13 +177,13 @@ impl Texture {
             for (name, value) in [
                 (glow::TEXTURE_MIN_FILTER, minify),
                 (glow::TEXTURE_MAG_FILTER, magnify),
-                (glow::TEXTURE_WRAP_S, wrap),
-                (glow::TEXTURE_WRAP_T, wrap),
-                (glow::TEXTURE_WRAP_R, wrap),
+                (glow::TEXTURE_WRAP_S, along_s),
+                (glow::TEXTURE_WRAP_T, along_t),
+                (glow::TEXTURE_WRAP_R, glow::CLAMP_TO_EDGE),
             ] {
                 gl.tex_parameter_i32(kind, name, value as i32);
             }
-            if filter == Filter::Mipmapped {
+            if minify == glow::LINEAR_MIPMAP_LINEAR {
                 gl.generate_mipmap(kind);
             } else {
                 // Without this, some drivers take a texture without mipmaps for incomplete, whatever its filter.

@@ -13,7 +13,7 @@ const MOST_SAMPLES: u64 = 1 << 30;
 
 pub use file::{WriteOptions, check_writable};
 pub(crate) use png::encode as encode_png;
-pub use png::{encode_srgb, tone, write_srgb8};
+pub use png::{decode_srgb, encode_srgb, tone, write_srgb8};
 
 /// A picture: channels of one size with linear values, rows from the top.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -86,7 +86,8 @@ pub fn encode_srgb(x: f32) -> f32 {
     if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 }
 }
 
-fn decode_srgb(x: f32) -> f32 {
+/// The inverse of [`encode_srgb`].
+pub fn decode_srgb(x: f32) -> f32 {
     if x <= 0.040_45 { x / 12.92 } else { ((x + 0.055) / 1.055).powf(2.4) }
 }
 

@@ -3,9 +3,11 @@
 //! [`Job::new`] checks a request. [`Job::run`] works and reports to a [`Watch`]. [`merge`] merges shards. Requests and results are in world space.
 
 mod checkpoint;
+mod estimate;
 mod inside_out;
 mod merge;
 mod outputs;
+mod per_source;
 mod receiver;
 mod report;
 mod request;
@@ -21,8 +23,10 @@ use crate::error::{Error, Result};
 use crate::scene::Loaded;
 
 pub use checkpoint::Keeping;
+pub use estimate::{Estimate, estimate};
 pub use merge::merge;
 pub use outputs::{check_kept, metadata, of_picture};
+pub use per_source::Per;
 pub use receiver::{Receiver, ReceiverKind, ReceiverValues, outputs_of};
 pub use report::{JobReport, JobSeconds, ReceiverReport, TaskReport};
 pub use request::{BakeRequest, DeviceRequest, JobRequest, SceneRequest, Work};

@@ -21,7 +21,7 @@ pub fn check_kept<'a>(outputs: &[PathBuf], inputs: impl IntoIterator<Item = &'a 
     let places: Vec<_> = written.iter().map(|output| place_of(output).unwrap_or_else(|_| output.clone())).collect();
     let twice = written.iter().enumerate().find(|&(i, _)| places[..i].contains(&places[i]));
     if let Some((_, output)) = twice {
-        let cure = "name each file once; .obj also writes .mtl and .png, .npy .json";
+        let cure = "name each file once; .obj also writes .mtl and .png, .npy .json and .sources.npy";
         return Err(Error::usage(format!("{}: is to be written twice", output.display()), cure));
     }
     let inputs: Vec<_> = inputs.into_iter().filter_map(|input| fs::canonicalize(input).ok()).collect();

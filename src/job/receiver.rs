@@ -11,7 +11,7 @@ use serde_json::{Value, json};
 use crate::bake::vertex_inset;
 use crate::blocks::Part;
 use crate::error::{Error, Result};
-use crate::export::{self, ExportMesh, Lightmap, PointValues, Positions};
+use crate::export::{self, ExportMesh, ExportSource, Lightmap, PointValues, Positions, SourceMap};
 use crate::image::{self, Channel, Image, WriteOptions};
 use crate::points::{GBuffer, GatherPoint, LightMap, LightMapOptions, Resolution, Vertices, file};
 use crate::quantity::Quantity;
@@ -104,7 +104,12 @@ impl ReceiverKind {
             Self::Camera => export::check_writable(path, &["exr", "png", "ply", "npy"]),
             Self::LightMap => {
                 export::check_writable(path, &["exr", "png", "obj", "glb"])?;
-                what.contains(&Quantity::Irradiance).then_some(()).ok_or_else(|| no_light(path))
+                let serves = |quantity: &Quantity| match quantity {
+                    Quantity::Irradiance => true,
+                    Quantity::Ao => path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("glb")),
+                    _ => false,
+                };
+                what.iter().any(serves).then_some(()).ok_or_else(|| no_light(path))
             }
         }
     }
@@ -257,17 +262,28 @@ impl ReceiverValues {
     /// [`Error::Output`] when the file cannot be written.
     pub fn write(&self, path: &Path, scene: &Scene, options: &WriteOptions) -> Result<()> {
         let positions = Positions { world: &self.positions, origin: self.origin };
-        let of_scene = |mesh| ExportMesh { mesh, positions, materials: &scene.materials, textures: &scene.textures };
+        let of_scene = |mesh| ExportMesh {
+            mesh,
+            positions,
+            materials: &scene.materials,
+            textures: &scene.textures,
+            source: ExportSource::of(scene),
+        };
         let surface = self.mesh.as_ref().map(of_scene);
         match (&self.image, surface) {
             (Some(image), _) if is_picture(path) => write_picture(image, path, options),
             (Some(image), Some(surface)) => {
-                let irradiance = &irradiance_of(image).ok_or_else(|| no_light(path))?;
-                Lightmap { surface, uvs: &surface.mesh.lightmap_uvs, irradiance }.write(path, options)
+                let openness = image.channel("AO").map(|samples| vec![Channel { name: "AO".into(), samples: samples.to_vec() }]);
+                let openness = openness.map(|channels| Image { channels, ..*image });
+                let irradiance = irradiance_of(image);
+                let uvs = &surface.mesh.lightmap_uvs;
+                Lightmap { surface, uvs, irradiance: irradiance.as_ref(), openness: openness.as_ref() }.write(path, options)
             }
             _ => {
                 let Self { normals, columns, .. } = self;
-                PointValues { positions, normals, columns, surface }.write(path, options)
+                let points = self.mesh.as_ref().map(|mesh| &mesh.sources).filter(|sources| !sources.is_empty());
+                let sources = points.map(|points| SourceMap { file: &scene.file, instances: &scene.instances, points });
+                PointValues { positions, normals, columns, surface, sources }.write(path, options)
             }
         }
     }
@@ -384,7 +400,7 @@ fn write_picture(image: &Image, path: &Path, options: &WriteOptions) -> Result<(
 
 fn no_light(path: &Path) -> Error {
     Error::usage(
-        format!("{}: a model with its light map shows irradiance, and none was baked", path.display()),
+        format!("{}: a model with its light map shows irradiance, or as .glb openness, and neither was baked", path.display()),
         "add irradiance to --what, or write .exr or .png",
     )
 }

@@ -10,7 +10,7 @@ use serde_json::{Map, Value, json};
 
 use super::outputs::{local_origin, metadata, of_picture};
 use super::receiver::check_kinds;
-use super::{ReceiverKind, Watch};
+use super::{Per, ReceiverKind, Watch};
 use crate::bake::{Plan, blocks_of as blocks_of_bake};
 use crate::blocks::Blocks;
 use crate::error::{Error, Result};
@@ -54,12 +54,15 @@ pub struct BakeRequest {
     pub plan: Plan,
     /// For [`ReceiverKind::LightMap`]. Texels per unit refer to world space.
     pub light_map: LightMapOptions,
+    /// For [`ReceiverKind::Vertices`]. It moves no point, so parts and checkpoints of both are the same.
+    #[serde(default)]
+    pub per: Per,
 }
 
 /// A scene file, and changes to it.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct SceneRequest {
-    /// `.toml` or `.obj`.
+    /// A scene file (`.toml`) or a model.
     pub path: PathBuf,
     /// A lat-long picture that replaces the scene's environment.
     pub environment: Option<PathBuf>,
@@ -218,8 +221,13 @@ impl JobRequest {
         let own = match &self.work {
             Work::Render => of_picture(job),
             // Padding is the only light map option that moves no point. So the job does not contain it.
-            Work::Bake(BakeRequest { receivers, light_map, .. }) => {
-                json!({ "plan": job["plan"], "receiver": receivers[receiver].name(), "padding": light_map.padding })
+            Work::Bake(BakeRequest { receivers, light_map, per, .. }) => {
+                let kind = &receivers[receiver];
+                let mut own = json!({ "plan": job["plan"], "receiver": kind.name(), "padding": light_map.padding });
+                if *kind == ReceiverKind::Vertices && *per == Per::Source {
+                    own["per"] = json!(per);
+                }
+                own
             }
         };
         metadata(job, exposure, &own, done)

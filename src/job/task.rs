@@ -11,7 +11,7 @@ use super::inside_out::inside_out;
 use super::outputs::are_finished;
 use super::receiver::is_picture;
 use super::report::{ReceiverReport, TaskReport};
-use super::{BakeRequest, JobRequest, Receiver, ReceiverKind, Watch, Work};
+use super::{BakeRequest, JobRequest, Per, Receiver, ReceiverKind, Watch, Work, per_source};
 use crate::bake::Bake;
 use crate::blocks::Part;
 use crate::error::{Error, Result};
@@ -249,7 +249,12 @@ impl Results<'_> {
                     let own = |all: &Channel| Channel { name: all.name.clone(), samples: all.samples[range.clone()].to_vec() };
                     let picture = paths.iter().any(|path| is_picture(path));
                     let own = columns.iter().map(own).collect();
-                    let values = receivers[index].values(own, &inside[range.clone()], &scene.space, picture);
+                    let mut values = receivers[index].values(own, &inside[range.clone()], &scene.space, picture);
+                    if let (Receiver::Vertices(_), Work::Bake(BakeRequest { per: Per::Source, .. })) =
+                        (&receivers[index], &request.work)
+                    {
+                        values = values.per_source(scene);
+                    }
                     errors.extend(paths.iter().filter_map(|path| values.write(path, scene, &options).err()));
                     counts.push(values.counts);
                 }
@@ -281,6 +286,7 @@ pub(super) fn place(
     camera: &dyn Fn() -> Result<Receiver>,
     watch: &mut dyn Watch,
 ) -> Result<(Vec<Receiver>, Vec<GatherPoint>)> {
+    per_source::check(request, scene)?;
     let new = |kind| Receiver::new(kind, &request.light_map, scene, settings, camera);
     let receivers = request.receivers.iter().map(new).collect::<Result<Vec<_>>>()?;
     receivers.iter().flat_map(Receiver::warnings).for_each(|warning| watch.say(&format!("warning: {warning}")));

@@ -5,12 +5,10 @@
 use std::path::Path;
 
 use glam::{DVec3, Vec3};
-use ply_rs_bw::parser::{ParseError, Parser, Reader};
-use ply_rs_bw::ply::{ElementDef, Encoding, Property, PropertyAccess, PropertyAccessResult, PropertyType, ScalarType};
 
 use crate::error::{Error, Result};
 use crate::file::{MOST_BYTES, read_file};
-use crate::npy;
+use crate::{npy, ply};
 
 /// Names of the columns, in the order of a CSV without names.
 const COLUMNS: [&str; 6] = ["x", "y", "z", "nx", "ny", "nz"];
@@ -183,89 +181,34 @@ fn counted_columns(fields: &[String], line: usize, rows: &PointReader) -> Result
 
 fn read_ply(bytes: &[u8], rows: &mut PointReader) -> Result<()> {
     let path = rows.path;
-    let broken = |error: ParseError| {
-        // Keep the first line: after it, the crate quotes the file's line in a debug format.
-        let problem = error.to_string();
-        let (_, problem) = problem.split_once(": ").filter(|_| error.line().is_some()).unwrap_or(("", &problem));
-        let problem = format!("this is not a sound PLY: {}", problem.lines().next().unwrap_or_default());
-        Error::input(path, error.line(), problem, "export it again, as PLY with x, y, z, nx, ny, nz")
+    let broken = |ply::PlyFault { line, problem }| {
+        let cure = "export it again, as PLY with x, y, z, nx, ny, nz";
+        Error::input(path, line, format!("this is not a sound PLY: {problem}"), cure)
     };
-    let mut reader = Reader::new(bytes);
-    let header = Parser::<PlyVertex>::new().read_header(&mut reader).map_err(broken)?;
-    let header_lines = || bytes[..bytes.len() - reader.get_ref().len()].split(|&byte| byte == b'\n');
-    let stated = |word: &[u8]| header_lines().filter(|line| line.starts_with(word)).count();
-    let properties: usize = header.elements.values().map(|element| element.properties.len()).sum();
-    if (stated(b"element "), stated(b"property ")) != (header.elements.len(), properties) {
-        return Err(rows.refused(None, "the header names an element or a property twice"));
+    let (header, mut data) = ply::parse(bytes).map_err(broken)?;
+    if let Some(fault) = header.unknown.into_iter().next() {
+        return Err(broken(fault));
     }
-    let is_ascii = header.encoding == Encoding::Ascii;
-    for (name, element) in &header.elements {
-        let is_vertex = name == "vertex";
-        if is_vertex {
-            let has =
-                |column: &&&str| matches!(element.properties.get(**column).map(|p| &p.data_type), Some(PropertyType::Scalar(_)));
-            match COLUMNS.iter().filter(has).count() {
-                6 => {}
-                _ if COLUMNS[..3].iter().all(|column| has(&column)) => return Err(rows.no_normals()),
-                _ => return Err(rows.refused(None, "vertex has no x, y and z")),
-            }
-        }
-        let left = reader.get_ref().len();
-        let least = element.count.checked_mul(least_size(element, is_ascii));
-        if least.is_none_or(|least| least > left + usize::from(is_ascii)) {
-            let problem = format!("the header says {} of {name}, but {left} bytes are left for them", element.count);
-            return Err(rows.refused(None, problem));
-        }
-        // Elements without properties take no bytes.
-        if element.properties.is_empty() {
+    for element in &header.elements {
+        data.holds(element).map_err(broken)?;
+        if element.name != "vertex" {
+            data.skip(element).map_err(broken)?;
             continue;
         }
-        let first_line = reader.line();
-        let parsed = Parser::<PlyVertex>::new().read_payload_for_element(&mut reader, element, &header).map_err(broken)?;
-        if is_vertex {
-            return (first_line..).zip(parsed).try_for_each(|(line, row)| rows.push(is_ascii.then_some(line), row.0));
+        let columns = COLUMNS.map(|column| element.number(column));
+        let [Some(x), Some(y), Some(z), normal @ ..] = columns else {
+            return Err(rows.refused(None, "vertex has no x, y and z"));
+        };
+        let [Some(nx), Some(ny), Some(nz)] = normal else { return Err(rows.no_normals()) };
+        let mut row = ply::Row::default();
+        for _ in 0..element.count {
+            data.read(element, &mut row).map_err(broken)?;
+            if row.is_longer {
+                return Err(rows.refused(row.line, "this line has more numbers than the header says"));
+            }
+            rows.push(row.line, [x, y, z, nx, ny, nz].map(|column| row.numbers[column]))?;
         }
+        break;
     }
     Ok(())
-}
-
-/// The least bytes that one instance of an element takes.
-fn least_size(element: &ElementDef, is_ascii: bool) -> usize {
-    let least = |kind: &PropertyType| match kind {
-        // A digit and a separator.
-        _ if is_ascii => 2,
-        // An empty list still has its length.
-        PropertyType::Scalar(scalar) | PropertyType::List(scalar, _) => match scalar {
-            ScalarType::Char | ScalarType::UChar => 1,
-            ScalarType::Short | ScalarType::UShort => 2,
-            ScalarType::Int | ScalarType::UInt | ScalarType::Float => 4,
-            ScalarType::Double => 8,
-        },
-    };
-    element.properties.values().map(|property| least(&property.data_type)).sum()
-}
-
-/// The columns of a PLY's vertex.
-struct PlyVertex([f64; 6]);
-
-impl PropertyAccess for PlyVertex {
-    fn new() -> Self {
-        Self([0.0; 6])
-    }
-
-    fn set_property(&mut self, name: &str, property: Property) -> PropertyAccessResult {
-        let Some(column) = COLUMNS.iter().position(|&column| column == name) else { return PropertyAccessResult::Ignored };
-        self.0[column] = match property {
-            Property::Char(value) => value.into(),
-            Property::UChar(value) => value.into(),
-            Property::Short(value) => value.into(),
-            Property::UShort(value) => value.into(),
-            Property::Int(value) => value.into(),
-            Property::UInt(value) => value.into(),
-            Property::Float(value) => value.into(),
-            Property::Double(value) => value,
-            _ => return PropertyAccessResult::UnsupportedType,
-        };
-        PropertyAccessResult::Set
-    }
 }

@@ -46,7 +46,7 @@ impl PointTextures {
     /// # Errors
     /// If `size` exceeds the device's limits.
     pub fn upload(gpu: &Gpu, size: [u32; 2], position: &[Vec4], normal: &[Vec4], count: u32) -> Result<Self> {
-        let upload = |texels| Texture::from_texels(gpu, Format::Rgba32F, size, Filter::Nearest, Wrap::Clamp, texels);
+        let upload = |texels| Texture::from_texels(gpu, Format::Rgba32F, size, Filter::Nearest, Wrap::CLAMP, texels);
         Ok(Self { position: upload(position)?, normal: upload(normal)?, count })
     }
 

@@ -45,7 +45,7 @@ impl Vertices {
         let mut around: HashMap<[u32; 3], Vec<(usize, f32)>> = HashMap::new();
         for (triangle, corner) in corners.clone() {
             let vertex = mesh.triangles[triangle].vertices[corner];
-            around.entry(place(vertex)).or_default().push((triangle, angle(mesh.corners(triangle), corner)));
+            around.entry(place(vertex)).or_default().push((triangle, mesh.angle(triangle, corner)));
         }
         let normal_at = |vertex: u32, face: Vec3| {
             let near = around[&place(vertex)].iter().filter(|(other, _)| faces[*other].dot(face) > CREASE);
@@ -69,7 +69,7 @@ impl Vertices {
                 index
             });
             triangles[triangle].vertices[corner] = index;
-            let angle = angle(mesh.corners(triangle), corner);
+            let angle = mesh.angle(triangle, corner);
             if angle > widest[index as usize].0 {
                 widest[index as usize] = (angle, triangle);
             }
@@ -132,10 +132,4 @@ impl Vertices {
         let hidden = known.iter().filter(|known| !**known).count();
         VertexCounts { vertices: self.points.len(), turned: self.turned, filled, hidden }
     }
-}
-
-/// The angle of a triangle at one of its corners.
-fn angle(corners: [Vec3; 3], corner: usize) -> f32 {
-    let [here, next, last] = [0, 1, 2].map(|step| corners[(corner + step) % 3]);
-    (next - here).angle_between(last - here)
 }

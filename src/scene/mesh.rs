@@ -19,6 +19,8 @@ pub struct Mesh {
     pub colors: Vec<Vec3>,
     /// The place of each vertex in the file. Empty if the mesh is of no file.
     pub sources: Vec<Source>,
+    /// Length of the file's own list of vertices, which may have some that no triangle uses.
+    pub source_count: u32,
     pub triangles: Vec<Triangle>,
 }
 
@@ -61,6 +63,11 @@ impl Mesh {
         a * barycentric.x + b * barycentric.y + c * barycentric.z
     }
 
+    /// [`Self::source_count`], or what the vertices say if that is less.
+    pub fn length_of_source(&self) -> u32 {
+        self.sources.iter().map(|source| source.index.saturating_add(1)).fold(self.source_count, u32::max)
+    }
+
     pub fn bounds(&self) -> Aabb {
         Aabb::from_points(self.positions.iter().copied())
     }
@@ -97,6 +104,13 @@ impl Mesh {
         }
         let normal = normal.normalize();
         if normal.dot(side) < 0.0 { -normal } else { normal }
+    }
+
+    /// The angle of a triangle at one of its corners, in radians.
+    pub fn angle(&self, triangle: usize, corner: usize) -> f32 {
+        let corners = self.corners(triangle);
+        let [here, next, last] = [0, 1, 2].map(|step| corners[(corner + step) % 3]);
+        (next - here).angle_between(last - here)
     }
 
     pub fn area(&self, triangle: usize) -> f32 {

@@ -8,6 +8,7 @@
 //! | `mesh.rs`, `material.rs`, `texture.rs`, `camera.rs` | the parts of worlds and scenes |
 //! | `unit_space.rs` | transforms between world space and unit space |
 //! | `bvh.rs`, `flat_bvh.rs` | CPU ray queries, and a tree for shaders |
+//! | `source_lists.rs` | the lists of vertices in a model's file |
 //! | `winding.rs`, `reversed_lamps.rs` | which side is the front, and lamps of which it is the wrong one |
 //! | `specular.rs` | paths through mirrors and glass |
 //!
@@ -15,6 +16,8 @@
 //! emits: the side from which the triangle winds counter-clockwise. The back emits only if the material is two-sided.
 //!
 //! In a loaded world every index is in range, every number finite, every albedo in [0, 1], and every triangle has an area. Later stages rely on it.
+
+use std::sync::Arc;
 
 use glam::Vec3;
 
@@ -27,6 +30,7 @@ mod light;
 mod material;
 mod mesh;
 mod reversed_lamps;
+mod source_lists;
 mod specular;
 mod texture;
 mod unit_space;
@@ -36,15 +40,17 @@ mod world;
 pub use bvh::{Bvh, Hit, RAY_OFFSET};
 pub use camera::{Camera, Lens, WorldCamera};
 pub use flat_bvh::FlatBvh;
+pub(crate) use format::gltf;
 pub use format::{Files, LoadOptions, LoadReport, Loaded};
 pub use light::{Environment, Focus, LightSample, Lights};
 pub use material::{Material, Surface};
 pub use mesh::{Mesh, Source, Triangle};
 pub use reversed_lamps::reversed_lamps;
+pub use source_lists::SourceLists;
 pub use specular::{MOST_SPECULAR, Path, Split, fresnel};
 pub use texture::{ImageTexture, Sampler, WrapMode};
 pub use unit_space::UnitSpace;
-pub use world::{Instance, Part, World};
+pub use world::{GltfFile, Instance, Part, World};
 
 /// All triangles of a [`World`] as one mesh in unit space. Passes draw it.
 #[derive(Clone, Debug)]
@@ -60,6 +66,12 @@ pub struct Scene {
     pub space: UnitSpace,
     /// Those of the world, for [`Source::instance`].
     pub instances: Vec<Instance>,
+    /// As in [`World::gltf`].
+    pub gltf: Option<Arc<GltfFile>>,
+    /// What [`Source`]s refer to.
+    pub source_lists: SourceLists,
+    /// As in [`World::file`].
+    pub file: String,
 }
 
 impl Scene {
@@ -91,9 +103,9 @@ impl Scene {
         albedo * self.textures[texture].sample_linear(a * barycentric.x + b * barycentric.y + c * barycentric.z)
     }
 
-    /// Whether there are albedo textures.
+    /// Whether the albedo varies over a triangle, by textures or vertex colours.
     pub fn is_textured(&self) -> bool {
-        !self.textures.is_empty()
+        !self.textures.is_empty() || !self.mesh.colors.is_empty()
     }
 
     /// Whether any surface is a mirror or glass.

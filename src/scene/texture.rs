@@ -57,28 +57,50 @@ const MOST_TEXELS: usize = 1 << 30;
 pub struct Textures<'a> {
     pub list: Vec<ImageTexture>,
     by_file: HashMap<(PathBuf, Sampler), usize>,
+    /// Mean colours of pictures that are no textures.
+    means: HashMap<PathBuf, Vec3>,
     texels: usize,
     reader: &'a Reader<'a>,
 }
 
 impl<'a> Textures<'a> {
     pub fn new(reader: &'a Reader<'a>) -> Self {
-        Self { list: Vec::new(), by_file: HashMap::new(), texels: 0, reader }
+        Self { list: Vec::new(), by_file: HashMap::new(), means: HashMap::new(), texels: 0, reader }
     }
 
     /// Returns the index of the texture in file `path`. `named_at` is the place of the statement that names it.
     pub fn load(&mut self, path: &Path, named_at: &str) -> Result<usize> {
-        let unread = |unread: Unread| {
-            let what = format!("this texture, named at {named_at}");
-            unread.error(path, None, &what, "put the picture there, or correct its name")
-        };
-        let file = self.reader.find(path).map_err(unread)?;
-        if let Some(&index) = self.by_file.get(&(file.clone(), Sampler::default())) {
-            return Ok(index);
+        self.load_with(path, named_at, Sampler::default())
+    }
+
+    /// The same with a sampler. One file with two samplers makes two textures.
+    pub fn load_with(&mut self, path: &Path, named_at: &str, sampler: Sampler) -> Result<usize> {
+        let file = self.find(path, named_at)?;
+        if let Some(known) = self.known(&file, sampler) {
+            return Ok(known);
         }
-        let bytes = self.reader.read(&file, MOST_BYTES).map_err(unread)?;
-        let texture = Self::decode(path, &bytes, named_at)?;
+        let texture = ImageTexture { sampler, ..self.read(&file, path, named_at)? };
         self.add(file, texture, path, named_at)
+    }
+
+    /// Returns the mean linear colour of a picture, which does not become a texture.
+    pub fn mean(&mut self, path: &Path, named_at: &str) -> Result<Vec3> {
+        let file = self.find(path, named_at)?;
+        if let Some(&mean) = self.means.get(&file) {
+            return Ok(mean);
+        }
+        let mean = self.read(&file, path, named_at)?.mean_linear();
+        self.means.insert(file, mean);
+        Ok(mean)
+    }
+
+    fn find(&self, path: &Path, named_at: &str) -> Result<PathBuf> {
+        self.reader.find(path).map_err(|reason| unread(reason, path, named_at))
+    }
+
+    fn read(&self, file: &Path, path: &Path, named_at: &str) -> Result<ImageTexture> {
+        let bytes = self.reader.read(file, MOST_BYTES).map_err(|reason| unread(reason, path, named_at))?;
+        Self::decode(path, &bytes, named_at)
     }
 
     /// The index of a texture that was loaded before.
@@ -88,11 +110,12 @@ impl<'a> Textures<'a> {
 
     /// Adds a decoded picture as the texture of a file, or of a part of a file that `file` stands for. `path` is for messages.
     pub fn add(&mut self, file: PathBuf, texture: ImageTexture, path: &Path, named_at: &str) -> Result<usize> {
-        self.texels += texture.texels.len();
-        if self.texels > MOST_TEXELS {
+        let texels = self.texels + texture.texels.len();
+        if texels > MOST_TEXELS {
             let problem = format!("this texture, named at {named_at}, makes more than {MOST_TEXELS} texels of them all");
             return Err(Error::input(path, None, problem, "shrink some of them"));
         }
+        self.texels = texels;
         self.by_file.insert((file, texture.sampler), self.list.len());
         self.list.push(texture);
         Ok(self.list.len() - 1)
@@ -111,6 +134,25 @@ impl<'a> Textures<'a> {
             _ => refused(format!("cannot be decoded: {error}"), "save it again as 8-bit PNG, JPEG, TGA or BMP".into()),
         })
     }
+}
+
+impl WrapMode {
+    /// The two texels on either side of a coordinate, and the weight of the second. Texel centres lie at (i + 0.5) / `size`.
+    fn neighbours(self, coordinate: f32, size: usize) -> (usize, usize, f32) {
+        let inside = match self {
+            Self::Repeat => return neighbours(coordinate, size),
+            Self::Mirror => 1.0 - (1.0 - coordinate.rem_euclid(2.0)).abs(),
+            Self::Clamp => coordinate.clamp(0.0, 1.0),
+        };
+        let position = inside * size as f32 - 0.5;
+        let first = position.floor();
+        let at = |index: f32| index.clamp(0.0, (size - 1) as f32) as usize;
+        (at(first), at(first + 1.0), position - first)
+    }
+}
+
+fn unread(reason: Unread, path: &Path, named_at: &str) -> Error {
+    reason.error(path, None, &format!("this texture, named at {named_at}"), "put the picture there, or correct its name")
 }
 
 fn decode(path: &Path, bytes: &[u8]) -> Result<ImageTexture, ImageError> {
@@ -146,13 +188,21 @@ static LINEAR: LazyLock<[f32; 256]> = LazyLock::new(|| {
 });
 
 impl ImageTexture {
-    /// Linear reflectance at `uv`. Texels are decoded, interpolated bilinearly, and repeat. Equals GL_LINEAR with GL_REPEAT on an sRGB texture with
-    /// these rows, sampled at (u, 1 - v).
+    /// Linear reflectance at `uv`. Texels are decoded, then interpolated bilinearly unless the sampler wants the nearest. Equals what OpenGL samples of an
+    /// sRGB texture with these rows and this sampler, without mipmaps, at (u, 1 - v).
     pub fn sample_linear(&self, uv: Vec2) -> Vec3 {
-        let (left, right, x) = neighbours(uv.x, self.width as usize);
-        let (above, below, y) = neighbours(1.0 - uv.y, self.height as usize);
+        let Sampler { wrap: [along_u, along_v], nearest } = self.sampler;
+        let (left, right, x) = along_u.neighbours(uv.x, self.width as usize);
+        let (above, below, y) = along_v.neighbours(1.0 - uv.y, self.height as usize);
+        // The nearest texel is the one of greater weight.
+        let [x, y] = [x, y].map(|share| if nearest { (share + 0.5).floor() } else { share });
         let row = |row| self.texel(left, row).lerp(self.texel(right, row), x);
         row(above).lerp(row(below), y)
+    }
+
+    /// Whether a texel is not opaque.
+    pub fn has_alpha(&self) -> bool {
+        self.texels.iter().any(|texel| texel[3] < 255)
     }
 
     /// Mean linear reflectance of the whole picture.

@@ -1,11 +1,13 @@
 //! The world: contents of the scene files in world space. [`World::flatten`] makes the scene that passes draw.
 
 use std::collections::HashSet;
+use std::path::PathBuf;
+use std::sync::Arc;
 
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 
 use super::mesh::has_area;
-use super::{Environment, ImageTexture, Material, Mesh, Scene, Source, Triangle, UnitSpace, WorldCamera};
+use super::{Environment, Files, ImageTexture, Material, Mesh, Scene, Source, SourceLists, Triangle, UnitSpace, WorldCamera};
 
 /// A world of meshes. Each mesh can be placed several times.
 ///
@@ -23,6 +25,21 @@ pub struct World {
     pub cameras: Vec<(String, WorldCamera)>,
     /// Radiance from outside the scene. `None` is black.
     pub environment: Option<Environment>,
+    /// Name of the model's file, without its folder. Empty if there is none.
+    pub file: String,
+    /// Whether all instances refer to one list of vertices, as the objects of an OBJ do. Otherwise each has its own.
+    pub has_one_list: bool,
+    /// The glTF file that the instances are of, if there is one.
+    pub gltf: Option<Arc<GltfFile>>,
+}
+
+/// A glTF file, which can be read again to write it with more in it.
+#[derive(Clone, Debug)]
+pub struct GltfFile {
+    pub path: PathBuf,
+    /// The scene that names it, or itself, and where files may be.
+    pub scene: PathBuf,
+    pub files: Files,
 }
 
 /// A mesh placed in the world. The default places mesh 0 without a transform.
@@ -114,6 +131,9 @@ impl World {
             camera: self.cameras.first().map(|(_, camera)| space.enter_camera(*camera)),
             space,
             instances: self.instances.clone(),
+            gltf: self.gltf.clone(),
+            source_lists: SourceLists::of(self),
+            file: self.file.clone(),
         }
     }
 }

@@ -20,9 +20,12 @@ use finalgather::photon::{PhotonGrid, PhotonTexture, PhotonTracer};
 use finalgather::points::{GatherPoint, Interleave, PointList};
 use finalgather::random::Random;
 use finalgather::reference::Reference;
-use finalgather::scene::{Bvh, Camera, Instance, Lights, Material, Mesh, Scene, Triangle, UnitSpace, World, WorldCamera};
+use finalgather::scene::{
+    Bvh, Camera, ImageTexture, Instance, Lights, Material, Mesh, Sampler, Scene, SourceLists, Triangle, UnitSpace, World,
+    WorldCamera, WrapMode,
+};
 use finalgather::settings::{GatherSettings, LayerSize, Pipeline, Sequence, Settings};
-use glam::{DVec3, Vec2, Vec3, Vec4, vec3};
+use glam::{DVec3, Vec2, Vec3, Vec4, vec2, vec3};
 
 thread_local! {
     /// Each test runs on its own thread. Only the thread with this lock may have contexts, until it ends: see [`Gpu::headless`].
@@ -62,6 +65,23 @@ pub fn writes_images(gpu: &Gpu) -> bool {
     need::need("shaders that write to images", found).is_some()
 }
 
+/// A Cornell box of which every surface has a small texture with another sampler, coordinates far outside 0 to 1, and colours at its vertices.
+pub fn colorful() -> Scene {
+    let mut scene = cornell();
+    let wraps = [WrapMode::Repeat, WrapMode::Mirror, WrapMode::Clamp];
+    for (index, material) in scene.materials.iter_mut().enumerate() {
+        let texels = (0..15u8).map(|i| [17 * i, 255 - 13 * i, 60 + 11 * (i % 4), 255]).collect();
+        let sampler = Sampler { wrap: [wraps[index % 3], wraps[(index + 1) % 3]], nearest: index % 2 == 1 };
+        scene.textures.push(ImageTexture { width: 5, height: 3, texels, sampler });
+        material.albedo_texture = Some(index);
+    }
+    let mesh = &mut scene.mesh;
+    let vertices = mesh.positions.len() as u32;
+    mesh.uvs = (0..vertices).map(|i| vec2((i * 7 % 11) as f32 / 6.0 - 0.7, (i * 5 % 13) as f32 / 8.0 - 0.6)).collect();
+    mesh.colors = (0..vertices).map(|i| vec3((i % 3) as f32 / 2.0, (i % 5) as f32 / 4.0, (i % 7) as f32 / 6.0)).collect();
+    scene
+}
+
 /// A scene under construction, in its own coordinates. Fronts wind counter-clockwise. Points lie on fronts.
 pub struct Model {
     pub scene: Scene,
@@ -79,6 +99,9 @@ impl Model {
             camera: Some(camera),
             space: UnitSpace::around([DVec3::NEG_ONE, DVec3::ONE]),
             instances: Vec::new(),
+            gltf: None,
+            source_lists: SourceLists::default(),
+            file: String::new(),
         };
         let mut model = Self { scene };
         model.material(Vec3::ONE, Vec3::ZERO);
@@ -203,6 +226,7 @@ pub fn world_of(scene: Scene) -> World {
         textures,
         cameras: camera.map(|camera| ("camera".into(), in_world(camera))).into_iter().collect(),
         environment,
+        ..World::default()
     }
 }
 

@@ -73,10 +73,20 @@ fn a_scene_reads_nothing_outside_its_folder() {
     for (name, text) in outside {
         restore();
         fs::write(path("scene").join(name), &text).unwrap();
-        let error = World::load(&path("scene/s.toml")).map(drop).expect_err(&text);
+        let strict = LoadOptions { strict: true, ..LoadOptions::default() };
+        let error = World::load_with(&path("scene/s.toml"), strict).map(drop).expect_err(&text);
         let message = error.to_string();
         assert!(matches!(error, Error::Input { .. }), "{text}: {message}");
         assert!(message.contains("outside the scene's folder") && message.contains("--allow-outside"), "{text}: {message}");
+        // Where faults are mended, the scene does without.
+        if let Ok(loaded) = World::load(&path("scene/s.toml")) {
+            assert!(!name.ends_with("toml"), "{text}");
+            let inside = fs::canonicalize(path("scene")).unwrap();
+            assert!(loaded.report.files.iter().all(|file| file.starts_with(&inside)), "{text}: {:?}", loaded.report.files);
+            assert!(loaded.report.warnings[0].contains("outside the scene's folder"), "{text}: {:?}", loaded.report.warnings);
+        } else {
+            assert!(name.ends_with("toml"), "{text}");
+        }
         // Asked to, it is read, or missed.
         match World::load_with(&path("scene/s.toml"), with(Files::Anywhere)) {
             Ok(loaded) => assert_eq!(loaded.world.meshes[0].triangles.len(), 1),
@@ -202,7 +212,7 @@ fn the_tool_ends_with_words_and_no_file() {
     }
     refusal(folder.path(), "render s.toml --size 4000000000 -o out.png", 2);
     // A name in a file is no command to the terminal.
-    let said = refusal(folder.path(), "render escape.obj -o out.png", 65);
+    let said = refusal(folder.path(), "render escape.obj --strict -o out.png", 65);
     assert!(said.contains("[2J") && !said.contains(['\x1b', '\x07']), "{said:?}");
     // Each command that loads a scene asks before it leaves the folder.
     fs::write(path("prt.npy"), seed("transfer/prt.npy")).unwrap();

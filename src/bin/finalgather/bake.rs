@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use finalgather::bake::{Plan, RadianceCache};
 use finalgather::error::Result;
 use finalgather::harmonics::MAX_ORDER;
-use finalgather::job::{BakeRequest, Job, JobRequest, ReceiverKind, Work, outputs_of};
+use finalgather::job::{BakeRequest, Job, JobRequest, Per, ReceiverKind, Work, outputs_of};
 use finalgather::points::{LightMapOptions, Resolution, UvSource};
 use finalgather::quantity::Quantity;
 use finalgather::settings::PhotonMapKind;
@@ -14,6 +14,9 @@ use serde::Deserialize;
 use crate::args::{DeviceArgs, JobArgs, Overrides, checked, choose_photon_map, count, named};
 use crate::{report, terminal};
 
+/// Texels along a side of a light map, where nothing else is said.
+pub const LIGHT_MAP_SIDE: u32 = 512;
+
 /// Bake vertices, light maps, pixels or points of a file: irradiance, openness, spherical harmonics, radiance transfer
 ///
 /// One gather serves all receivers and all quantities. Settings come from these options, else from [settings] in the scene file, else from the
@@ -21,7 +24,7 @@ use crate::{report, terminal};
 #[derive(Debug, clap::Args)]
 #[command(after_help = include_str!("help/bake.txt"), args_override_self = true, allow_negative_numbers = true)]
 pub struct BakeArgs {
-    /// Scene file: .toml, or a bare .obj with its .mtl
+    /// Scene file (.toml) or model (.obj with its .mtl, .ply, .stl)
     scene: PathBuf,
 
     /// Where to bake: vertices, lightmap, camera (one point in each pixel) or points:FILE (.ply, .npy or .csv, in world space); can be given several times
@@ -35,6 +38,11 @@ pub struct BakeArgs {
     /// File to write; can be given several times. With several receivers, put the receiver's name before it, as in vertices:box.ply. The formats of each receiver are listed below
     #[arg(short, long = "output", value_name = "[RECEIVER:]FILE", required = true)]
     outputs: Vec<String>,
+
+    /// Rows of --to vertices. row: one for each normal at a vertex, with a map to the vertices of the model's file. source: one for each vertex of the
+    /// file, in its order, also for those that no triangle uses: their values are NaN
+    #[arg(long, default_value = "row", value_parser = named::<Per>(&["row", "source"]))]
+    per: Per,
 
     /// Print one JSON object about the run on stdout
     #[arg(long)]
@@ -58,7 +66,7 @@ pub struct BakeArgs {
     gather_bounces: Option<u32>,
 
     /// Side of the light map in texels
-    #[arg(long, value_name = "N", default_value_t = 512, value_parser = count::<u32>, conflicts_with = "texels_per_unit", help_heading = "Light map")]
+    #[arg(long, value_name = "N", default_value_t = LIGHT_MAP_SIDE, value_parser = count::<u32>, conflicts_with = "texels_per_unit", help_heading = "Light map")]
     resolution: u32,
 
     /// Texels along one unit of the scene, instead of --resolution
@@ -127,11 +135,14 @@ pub fn run(args: BakeArgs) -> Result<u8> {
         report::say("warning: --gather-bounces has no effect here; the depth of photons is --photon-depth");
     }
     let gather_bounces = gather_bounces.unwrap_or(2);
+    if args.per == Per::Source && !receivers.contains(&ReceiverKind::Vertices) {
+        report::say("warning: --per has no effect here; it is for --to vertices");
+    }
     let plan = Plan { what, order, gather_bounces, ao_distance, radiance_cache, memory: Plan::MEMORY };
     let resolution = args.texels_per_unit.map_or(Resolution::Pixels(args.resolution), Resolution::TexelsPerUnit);
     let light_map = LightMapOptions { resolution, uvs, padding, samples_per_texel };
     let (scene, device) = (choose_photon_map(args.overrides.scene(&args.scene)?, map), args.device.request());
-    let work = Work::Bake(BakeRequest { receivers, plan, light_map });
+    let work = Work::Bake(BakeRequest { receivers, plan, light_map, per: args.per });
     let request = JobRequest { scene, work, outputs, memory: args.memory, device };
     terminal::run(Job::new(request, &keeping)?, args.json)
 }

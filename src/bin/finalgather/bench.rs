@@ -24,7 +24,7 @@ const HEADS: &str = ",ends,ms/dir,ms/sample,Msamples/s,xFUSED,peel,gather,wait,i
 #[derive(Debug, clap::Args)]
 #[command(after_help = include_str!("help/bench.txt"), args_override_self = true)]
 pub struct BenchArgs {
-    /// Scene file: .toml, or a bare .obj with its .mtl [default: scenes/cornell.toml, if it exists]
+    /// Scene file (.toml) or model (.obj with its .mtl, .ply, .stl) [default: scenes/cornell.toml, if it exists]
     scene: Option<PathBuf>,
 
     #[command(flatten)]
@@ -125,7 +125,7 @@ fn default_scene() -> Result<PathBuf> {
     }
     Err(Error::usage(
         "no scene is given, and there is no scenes/cornell.toml here",
-        "name a scene: finalgather bench SCENE.toml, or a bare .obj",
+        "name a scene: finalgather bench SCENE.toml, or a model",
     ))
 }
 

@@ -1,20 +1,18 @@
 //! `finalgather info`: the OpenGL that a render would get, or what is in a scene. For the OpenGL it opens contexts.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use finalgather::error::{Error, Result};
 use finalgather::gpu::{self, Backend, DeviceChoice, Gpu};
-use finalgather::prepared::Prepared;
-use finalgather::scene::Loaded;
 use serde_json::{Value, json};
 
 use crate::args::SceneArgs;
-use crate::report;
+use crate::{about_scene, report};
 
 /// Show the OpenGL of this machine: backends that work, devices, renderer, limits. Or show what is in a scene, with all warnings
 #[derive(Debug, clap::Args)]
 pub struct InfoArgs {
-    /// Scene file: .toml, or a bare .obj with its .mtl
+    /// Scene file (.toml) or model (.obj with its .mtl, .ply, .stl)
     scene: Option<PathBuf>,
 
     #[command(flatten)]
@@ -28,7 +26,8 @@ pub struct InfoArgs {
 /// Returns exit code 0 for a scene that can be read, or if a render can get a context, else an error with the exit code of a render.
 pub fn run(args: &InfoArgs) -> Result<u8> {
     if let Some(scene) = &args.scene {
-        return show_scene(scene, args);
+        about_scene::show(&args.files.scene(scene), args.json)?;
+        return Ok(0);
     }
     let probe = |name, backend| match Gpu::headless(backend, DeviceChoice::Auto) {
         Ok(gpu) => json!({ "name": name, "works": true, "gl": gpu.info() }),
@@ -53,25 +52,6 @@ pub fn run(args: &InfoArgs) -> Result<u8> {
     } else {
         Err(Error::gl("no backend gives an OpenGL 3.3 context", "mend one of the problems listed above, or run scripts/setup.sh"))
     }
-}
-
-fn show_scene(path: &Path, args: &InfoArgs) -> Result<u8> {
-    // Openness needs no light, so a scene may have none.
-    let Loaded { world, report, .. } = args.files.scene(path).load(false)?;
-    let [min, max] = world.bounds();
-    let prepared = Prepared::without_glass(&world)?;
-    let (triangles, lights) = (prepared.scene.mesh.triangles.len(), prepared.lights.count());
-    let warnings = [report.warnings, prepared.warnings()].concat();
-    if args.json {
-        let bounds = [min.to_array(), max.to_array()];
-        let about = json!({ "triangles": triangles, "lights": lights, "bounds": bounds, "warnings": warnings });
-        report::print_json(&about)?;
-    } else {
-        let about = format!("{triangles} triangles, {lights} sides of them emit\nfrom {min} to {max}");
-        let warnings = warnings.iter().map(|warning| format!("warning: {warning}"));
-        report::print(&[about].into_iter().chain(warnings).collect::<Vec<_>>().join("\n"))?;
-    }
-    Ok(0)
 }
 
 /// Lines about a backend for the user: all facts from the driver, or why it does not work.

@@ -5,6 +5,7 @@ use std::process::ExitCode;
 use clap::{Parser, Subcommand};
 use finalgather::error::{Error, Result};
 
+mod about_scene;
 mod args;
 mod bake;
 mod bench;

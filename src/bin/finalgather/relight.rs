@@ -4,7 +4,7 @@ use std::f32::consts::{FRAC_1_PI, PI};
 use std::path::{Path, PathBuf};
 
 use finalgather::error::{Error, Result};
-use finalgather::export::{self, ExportMesh, PointValues, Positions, read_prt};
+use finalgather::export::{self, ExportMesh, ExportSource, PointValues, Positions, read_prt};
 use finalgather::harmonics::project;
 use finalgather::image::{self, Channel, Image, WriteOptions};
 use finalgather::job::{SceneRequest, check_kept};
@@ -16,7 +16,7 @@ use rayon::prelude::*;
 
 use crate::args::{SceneArgs, size, stops};
 
-const CURE: &str = "give the scene that it was baked of, with --to vertices";
+const CURE: &str = "give the scene that it was baked of, with --to vertices and --per row";
 /// Rings of sample directions for the projection of the environment.
 const RINGS: usize = 512;
 /// Rays along each side of a pixel.
@@ -106,13 +106,14 @@ pub fn run(args: &RelightArgs) -> Result<u8> {
             (Some(model), _) => {
                 let surface = model.surface();
                 let (positions, normals) = (surface.positions, &model.mesh.normals);
-                PointValues { positions, normals, columns: &columns, surface: Some(surface) }.write(path, &options)?;
+                PointValues { positions, normals, columns: &columns, surface: Some(surface), sources: None }
+                    .write(path, &options)?;
             }
             // A .npy file contains only the columns.
             (None, _) => {
                 let (nowhere, normals) = (vec![DVec3::ZERO; irradiance.len()], &vec![Vec3::ZERO; irradiance.len()]);
                 let positions = Positions::near(&nowhere);
-                PointValues { positions, normals, columns: &columns, surface: None }.write(path, &options)?;
+                PointValues { positions, normals, columns: &columns, surface: None, sources: None }.write(path, &options)?;
             }
         }
     }
@@ -161,7 +162,8 @@ impl Model {
     }
 
     fn surface(&self) -> ExportMesh<'_> {
-        ExportMesh { mesh: &self.mesh, positions: self.world(), materials: &self.unit.materials, textures: &self.unit.textures }
+        let (materials, textures) = (&self.unit.materials[..], &self.unit.textures[..]);
+        ExportMesh { mesh: &self.mesh, positions: self.world(), materials, textures, source: ExportSource::of(&self.unit) }
     }
 
     /// The view of the scene's camera. Front sides show albedo × irradiance / π, interpolated between vertices. Misses show the environment.

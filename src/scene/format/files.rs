@@ -66,6 +66,11 @@ impl<'a> Reader<'a> {
         }
     }
 
+    /// The scene file or model, and where its files may be.
+    pub fn origin(&self) -> (&'a Path, &'a Files) {
+        (self.scene, self.files)
+    }
+
     /// All files that were read.
     pub fn into_done(self) -> Vec<PathBuf> {
         self.done.into_inner()
@@ -82,6 +87,38 @@ impl<'a> Reader<'a> {
             Files::Memory(files) => files.contains_key(path),
             _ => self.is_inside_by_name(path).unwrap_or(false) && path.is_file(),
         }
+    }
+
+    /// The files in a folder of the scene and in folders up to two levels below, the nearest first. Empty for a folder outside the scene's.
+    pub fn below(&self, folder: &Path) -> Vec<PathBuf> {
+        /// More entries are not looked at.
+        const MOST_ENTRIES: usize = 2000;
+        const LEVELS: usize = 2;
+        let level = |file: &Path| file.strip_prefix(folder).ok().map(|inside| inside.components().count());
+        if let Files::Memory(files) = self.files {
+            let mut files: Vec<_> =
+                files.keys().filter(|file| level(file).is_some_and(|level| level <= LEVELS + 1)).cloned().collect();
+            files.sort_by_key(|file| level(file));
+            return files;
+        }
+        let (mut files, mut folders, mut entries) = (Vec::new(), vec![folder.to_owned()], 0);
+        for _ in 0..=LEVELS {
+            for folder in std::mem::take(&mut folders) {
+                let place = if folder.as_os_str().is_empty() { Path::new(".") } else { &folder };
+                // A folder may be a link.
+                if self.find(place).is_err() {
+                    continue;
+                }
+                let listed = fs::read_dir(place).into_iter().flatten().flatten().take(MOST_ENTRIES - entries);
+                let mut listed: Vec<_> = listed.map(|entry| folder.join(entry.file_name())).collect();
+                entries += listed.len();
+                listed.sort_unstable();
+                let (below, here): (Vec<_>, Vec<_>) = listed.into_iter().partition(|path| path.is_dir());
+                folders.extend(below);
+                files.extend(here);
+            }
+        }
+        files
     }
 
     /// Whether the file may be anywhere.

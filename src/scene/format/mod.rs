@@ -7,17 +7,20 @@
 
 use std::path::{Path, PathBuf};
 
-use glam::{Vec2, Vec3};
+use glam::{DVec3, Vec2, Vec3};
 
 use super::texture::Textures;
-use super::{Environment, Material, Mesh, World};
+use super::{Environment, Material, Mesh, UnitSpace, World};
 use crate::error::{Error, Result};
 use crate::settings::Settings;
 
 mod files;
-mod gltf;
+pub mod gltf;
+mod indexed;
 mod obj;
+mod ply;
 mod polygon;
+mod stl;
 mod toml;
 mod warnings;
 
@@ -29,7 +32,8 @@ use warnings::Warnings;
 type MeshLoader = fn(&mut Loader, &Path) -> Result<World>;
 
 /// Mesh formats, with the endings of their files.
-const FORMATS: [(&str, MeshLoader); 3] = [("obj", obj::load), ("glb", gltf::load), ("gltf", gltf::load)];
+const FORMATS: [(&str, MeshLoader); 5] =
+    [("obj", obj::load), ("glb", gltf::load), ("gltf", gltf::load), ("ply", ply::load), ("stl", stl::load)];
 
 /// A loaded scene file or model.
 #[derive(Clone, Debug)]
@@ -84,7 +88,18 @@ struct Loader<'a> {
 }
 
 impl World {
-    /// Reads a scene file (`.toml`) or a model (`.obj`, `.glb`, `.gltf`), with all files that it names. These must be in its folder.
+    /// Endings of the files of models.
+    pub const MODELS: [&str; FORMATS.len()] = {
+        let mut endings = [""; FORMATS.len()];
+        let mut index = 0;
+        while index < FORMATS.len() {
+            endings[index] = FORMATS[index].0;
+            index += 1;
+        }
+        endings
+    };
+
+    /// Reads a scene file (`.toml`) or a model (of any format), with all files that it names. These must be in its folder.
     ///
     /// # Errors
     /// [`Error::Input`], with the place in the file: when a file cannot be read, is malformed or outside the folder, or nothing emits light.
@@ -121,12 +136,10 @@ impl Loader<'_> {
         let ending = path.extension().unwrap_or_default();
         let (mut world, settings) = match format_of(path) {
             _ if ending.eq_ignore_ascii_case("toml") => toml::load(self, path)?,
-            Some(load) => (load(self, path)?, Settings::default()),
+            Some(load) => (self.model(load, path)?, Settings::default()),
             None => {
                 let problem = "not a kind of scene that can be read";
-                let endings: Vec<String> = FORMATS.iter().map(|(ending, _)| format!(".{ending}")).collect();
-                let cure = format!("give a scene file (.toml) or a model ({})", endings.join(", "));
-                return Err(Error::input(path, None, problem, cure));
+                return Err(Error::input(path, None, problem, format!("give a scene file (.toml) or a model ({})", endings())));
             }
         };
         if let Some(name) = &options.camera {
@@ -143,6 +156,12 @@ impl Loader<'_> {
         Ok((world, settings))
     }
 
+    /// Reads a model.
+    fn model(&mut self, load: MeshLoader, path: &Path) -> Result<World> {
+        let file = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        Ok(World { file, ..load(self, path)? })
+    }
+
     /// Gives a world without light a sky, or refuses it.
     fn light(&mut self, world: &mut World, path: &Path, options: &LoadOptions) -> Result<()> {
         let problem = "no light: no material in use emits (Ke, emission), and there is no environment that is not black";
@@ -156,13 +175,36 @@ impl Loader<'_> {
         Ok(())
     }
 
-    /// Adds the warnings that all formats share, and cuts a list that is too long.
-    fn check(&mut self, world: &World) {
-        for instance in &world.instances {
-            if let Some(warning) = against_normals(&instance.name, &world.meshes[instance.mesh]) {
-                self.warnings.say(warning);
+    /// Tells of triangles without area that were left out of a model, where `kept` were not.
+    ///
+    /// # Errors
+    /// [`Error::Input`] when no triangle is left.
+    fn skipped(&mut self, path: &Path, skipped: usize, kept: usize) -> Result<()> {
+        let total = skipped + kept;
+        match skipped {
+            _ if total == 0 => {
+                Err(Error::input(path, None, "no face can be drawn", "correct the faces, or export the model again"))
+            }
+            0 => Ok(()),
+            _ if kept == 0 => {
+                let cure = "check the export's scale, and that vertices differ";
+                Err(Error::input(path, None, format!("none of the {total} triangles has an area"), cure))
+            }
+            1 => {
+                self.warnings.say(format!("1 of {total} triangles has no area and was skipped"));
+                Ok(())
+            }
+            _ => {
+                self.warnings.say(format!("{skipped} of {total} triangles have no area and were skipped"));
+                Ok(())
             }
         }
+    }
+
+    /// Adds the warnings that all formats share, and cuts a list that is too long.
+    fn check(&mut self, world: &World) {
+        self.against_normals(world);
+        self.unshaded(world);
         let untextured = world.meshes.iter().flat_map(|mesh| {
             mesh.triangles.iter().filter(|triangle| {
                 let textured = world.materials[triangle.material as usize].albedo_texture.is_some();
@@ -177,6 +219,44 @@ impl Loader<'_> {
             }
         }
     }
+
+    /// Tells of instances with shading normals that point to the backs of most faces.
+    fn against_normals(&mut self, world: &World) {
+        let meshes: Vec<_> = world.meshes.iter().map(against_normals).collect();
+        let wrong: Vec<_> =
+            world.instances.iter().filter_map(|instance| Some((instance.name.as_str(), meshes[instance.mesh]?))).collect();
+        if wrong.is_empty() {
+            return;
+        }
+        let [against, all] = wrong.iter().fold([0, 0], |[a, b], (_, [against, all])| [a + against, b + all]);
+        self.warnings.say(format!(
+            "the normals (vn) of {} point to the back of {against} of {all} triangles, and its fronts are where the winding says; if the \
+             normals are right, turn these triangles by --flip, or flip = true in a scene file",
+            few(wrong.iter().map(|(name, _)| (*name).to_owned())),
+        ));
+    }
+
+    /// Tells what files say about materials in use, and pictures do not show.
+    fn unshaded(&mut self, world: &World) {
+        let mut is_used = vec![false; world.materials.len()];
+        world.meshes.iter().flat_map(|mesh| &mesh.triangles).for_each(|triangle| is_used[triangle.material as usize] = true);
+        let used = world.materials.iter().zip(is_used).filter(|(material, is_used)| *is_used && !material.unshaded.is_empty());
+        let notes: Vec<_> = used.map(|(material, _)| format!("{} ({})", material.name, material.unshaded.join(", "))).collect();
+        match notes.len() {
+            0 => {}
+            1 => self.warnings.say(format!("1 material has what pictures do not show yet: {}", notes[0])),
+            count => {
+                self.warnings.say(format!("{count} materials have what pictures do not show yet: {}", few(notes.into_iter())))
+            }
+        }
+    }
+}
+
+/// What is wrong if the shading normals of most faces of a mesh point to their backs: how many do, of how many.
+fn against_normals(mesh: &Mesh) -> Option<[usize; 2]> {
+    let known = (0..mesh.triangles.len()).filter_map(|triangle| mesh.is_against_normals(triangle));
+    let [against, all] = known.fold([0, 0], |[against, all], is_against| [against + usize::from(is_against), all + 1]);
+    (2 * against > all).then_some([against, all])
 }
 
 /// Makes the camera of this name the first.
@@ -191,17 +271,9 @@ fn choose_camera(world: &mut World, name: &str, path: &Path) -> Result<()> {
     Ok(())
 }
 
-/// A warning if the shading normals of most faces point to their backs.
-fn against_normals(name: &str, mesh: &Mesh) -> Option<String> {
-    let known: Vec<bool> = (0..mesh.triangles.len()).filter_map(|triangle| mesh.is_against_normals(triangle)).collect();
-    let against = known.iter().filter(|against| **against).count();
-    (2 * against > known.len()).then(|| {
-        format!(
-            "the normals (vn) of {name} point to the back of {against} of {} triangles, and its fronts are where the winding says; if the \
-             normals are right, turn these triangles by --flip, or flip = true in a scene file",
-            known.len()
-        )
-    })
+/// The endings of models for a message.
+fn endings() -> String {
+    World::MODELS.map(|ending| format!(".{ending}")).join(", ")
 }
 
 fn format_of(path: &Path) -> Option<MeshLoader> {
@@ -209,9 +281,23 @@ fn format_of(path: &Path) -> Option<MeshLoader> {
     FORMATS.iter().find(|(known, _)| ending.eq_ignore_ascii_case(known)).map(|&(_, load)| load)
 }
 
+/// The origin of a mesh's coordinates, so that f32 holds those of a georeferenced model. Zero for a model that is not far from its own origin.
+fn origin_of(positions: impl Iterator<Item = DVec3>) -> DVec3 {
+    let grow = |[min, max]: [DVec3; 2], position: DVec3| [min.min(position), max.max(position)];
+    UnitSpace::around(positions.fold([DVec3::INFINITY, DVec3::NEG_INFINITY], grow)).local_origin()
+}
+
 /// The path of a file that the file `from` names. It accepts both kinds of slash.
 fn beside(from: &Path, name: &str) -> PathBuf {
     from.with_file_name(name.replace('\\', "/"))
+}
+
+/// A list for a message, at most 5.
+fn few(list: impl ExactSizeIterator<Item = String>) -> String {
+    const FEW: usize = 5;
+    let more = list.len().saturating_sub(FEW);
+    let shown = list.take(FEW).collect::<Vec<_>>().join(", ");
+    if more == 0 { shown } else { format!("{shown} and {more} more") }
 }
 
 /// The names of materials for a message, at most 20.

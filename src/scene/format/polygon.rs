@@ -5,6 +5,9 @@ use std::collections::HashMap;
 use earcut::Earcut;
 use glam::{DVec2, DVec3, Vec3};
 
+/// Most corners of a polygon that a file may have. The test for a self-crossing polygon takes quadratic time in its corners.
+pub const MOST_CORNERS: usize = 5000;
+
 /// Cuts a polygon into triangles of the same winding, as indices into `corners`. It uses a fan from the first corner if the fan covers the polygon or
 /// nothing can, and ear clipping otherwise. A polygon without area gives no triangles.
 pub fn triangulate(corners: &[Vec3]) -> Vec<[usize; 3]> {

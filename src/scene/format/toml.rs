@@ -181,7 +181,7 @@ pub fn load(loader: &mut Loader, path: &Path) -> Result<(World, Settings)> {
 
     // A model of unknown ending is read as OBJ.
     let mesh = beside(path, &file.mesh);
-    let mut world = format_of(&mesh).unwrap_or(obj::load)(loader, &mesh)?;
+    let mut world = loader.model(format_of(&mesh).unwrap_or(obj::load), &mesh)?;
     loader.flip |= file.flip;
     world.cameras.splice(0..0, camera.map(|camera| ("camera".to_owned(), camera)));
     let indices: HashMap<_, _> = world.materials.iter().enumerate().map(|(i, material)| (material.name.clone(), i)).collect();

@@ -55,15 +55,43 @@ impl Warnings {
         if self.strict {
             return Err(Error::input(place.path, place.line, problem(), cure));
         }
-        match self.mends.get(&(place.path.to_owned(), kind)) {
+        self.tell(place, kind, &|| format!("{}; {mend}", problem()));
+        Ok(())
+    }
+
+    /// As [`Self::mend`] for a file that could not be used. `error` tells its own place, and `path` is the file that names it.
+    ///
+    /// # Errors
+    /// `error` where faults are errors.
+    pub fn mend_error(&mut self, path: &Path, kind: &'static str, error: Error, mend: &str) -> Result<()> {
+        if self.strict {
+            return Err(error);
+        }
+        let text = error.to_string();
+        let (problem, _) = text.split_once("\n  cure: ").unwrap_or((&text, ""));
+        self.count(path, kind, &|| format!("{problem}; {mend}"));
+        Ok(())
+    }
+
+    /// Tells of something that is no fault. Equal kinds in one file become one warning.
+    pub fn tell(&mut self, place: Place, kind: &'static str, text: &dyn Fn() -> String) {
+        let line = place.line.map(|line| format!("{line}:")).unwrap_or_default();
+        self.count(place.path, kind, &|| format!("{}:{line} {}", place.path.display(), text()));
+    }
+
+    fn count(&mut self, path: &Path, kind: &'static str, text: &dyn Fn() -> String) {
+        match self.mends.get(&(path.to_owned(), kind)) {
             Some(&known) => self.list[known].1 += 1,
             None => {
-                self.mends.insert((place.path.to_owned(), kind), self.list.len());
-                let line = place.line.map(|line| format!("{line}:")).unwrap_or_default();
-                self.say(format!("{}:{line} {}; {mend}", place.path.display(), problem()));
+                self.mends.insert((path.to_owned(), kind), self.list.len());
+                self.say(text());
             }
         }
-        Ok(())
+    }
+
+    /// Whether faults are errors.
+    pub fn is_strict(&self) -> bool {
+        self.strict
     }
 
     /// All warnings as sentences, not more than a user reads.

@@ -10,7 +10,7 @@ use egui::{
 };
 use egui_file_dialog::FileDialog;
 use finalgather::error::{Error, Result};
-use finalgather::scene::WorldCamera;
+use finalgather::scene::{World, WorldCamera};
 use winit::event_loop::EventLoopProxy;
 
 use super::camera::{KEYS, move_camera};
@@ -292,7 +292,7 @@ impl App {
         self.saving = false;
         self.dialog = dialog(self.folder.as_deref())
             .title("Open a scene")
-            .add_file_filter_extensions("Scenes", vec!["toml", "obj", "glb", "gltf"])
+            .add_file_filter_extensions("Scenes", ["toml"].into_iter().chain(World::MODELS).collect())
             .default_file_filter("Scenes");
         self.dialog.pick_file();
     }

@@ -9,7 +9,14 @@ use gltf::json::validation::Checked;
 use super::buffers::Buffers;
 use crate::error::Result;
 
-/// AccessorValues that an accessor gives, each of some components. All are checked to be there.
+/// Component types, as constants of OpenGL.
+const I8: u64 = 5120;
+const U8: u64 = 5121;
+const I16: u64 = 5122;
+const U16: u64 = 5123;
+const U32: u64 = 5125;
+
+/// Values that an accessor gives, each of some components. All are checked to be there.
 pub struct AccessorValues<'a> {
     pub count: usize,
     /// Components of a value.
@@ -99,6 +106,42 @@ impl AccessorValues<'_> {
         match &self.storage {
             Storage::Floats(floats) => floats[index * self.width] as u32,
             Storage::Packed { format, .. } => self.place(index).map_or(0, |(bytes, at)| whole(format.component, bytes, at)),
+        }
+    }
+
+    /// Some of the values, in a component type of glTF that need not be their own, each at a multiple of `align` bytes. Also returns their distance.
+    pub fn encode(&self, order: impl Iterator<Item = usize>, component: u64, normalized: bool, align: usize) -> (Vec<u8>, usize) {
+        let size = match component {
+            I8 | U8 => 1,
+            I16 | U16 => 2,
+            _ => 4,
+        };
+        let stride = (size * self.width).next_multiple_of(align);
+        let most = |most: f32| if normalized { most } else { 1.0 };
+        let mut bytes = Vec::new();
+        for index in order {
+            let end = bytes.len() + stride;
+            for number in (0..self.width).map(|component| self.number(index, component)) {
+                match component {
+                    I8 => bytes.push(((number * most(127.0)).round() as i8).cast_unsigned()),
+                    U8 => bytes.push((number * most(255.0)).round() as u8),
+                    I16 => bytes.extend(((number * most(32767.0)).round() as i16).to_le_bytes()),
+                    U16 => bytes.extend(((number * most(65535.0)).round() as u16).to_le_bytes()),
+                    U32 => bytes.extend((number as u32).to_le_bytes()),
+                    _ => bytes.extend(number.to_le_bytes()),
+                }
+            }
+            bytes.resize(end, 0);
+        }
+        (bytes, stride)
+    }
+
+    fn number(&self, index: usize, component: usize) -> f32 {
+        match &self.storage {
+            Storage::Floats(floats) => floats[index * self.width + component],
+            Storage::Packed { format, .. } => {
+                self.place(index).map_or(0.0, |(bytes, at)| format.number(bytes, at + component * format.component.size()))
+            }
         }
     }
 

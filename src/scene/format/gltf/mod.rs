@@ -9,15 +9,17 @@
 //! | `nodes.rs` | which scene, which nodes, where they stand |
 //! | `primitive.rs`, `pose.rs` | triangles and vertices, morphed and skinned |
 //! | `material.rs`, `images.rs` | materials and textures |
+//! | `plain.rs` | the same file in one piece, to add to it |
 //!
 //! Nothing in a file is believed: each index, offset and count is checked before use, and [`Buffers::take`] bounds what a file may ask for.
 
 use std::collections::{HashMap, HashSet};
 use std::path::Path;
+use std::sync::Arc;
 
 use glam::{DAffine3, DVec3};
 
-use self::buffers::Buffers;
+pub use self::buffers::Buffers;
 use self::document::{BROKEN, Container, Document, name_of};
 use self::material::FileMaterials;
 use self::nodes::{Placed, Walk};
@@ -28,7 +30,7 @@ use super::warnings::{Fault, Place};
 use crate::error::{Error, Result};
 use crate::file::MOST_BYTES;
 use crate::scene::mesh::has_area;
-use crate::scene::{Instance, Mesh, Part, World};
+use crate::scene::{GltfFile, Instance, Mesh, Part, World};
 
 mod accessors;
 mod buffers;
@@ -38,13 +40,17 @@ mod images;
 mod material;
 mod meshopt;
 mod nodes;
+mod plain;
 mod pose;
 mod primitive;
 
 /// The most triangles of all instances together: flat scenes count vertices in 32 bits.
 const MOST_PLACED: usize = 1 << 28;
 
-pub fn load(loader: &mut Loader, path: &Path) -> Result<World> {
+pub use self::plain::PlainGltf;
+pub use self::primitive::triangles_of;
+
+pub(super) fn load(loader: &mut Loader, path: &Path) -> Result<World> {
     let reader = loader.reader;
     let cure = "name an existing glTF file that you may read";
     let bytes = reader.read_named(path, MOST_BYTES).map_err(|unread| unread.error(path, None, "this model", cure))?;
@@ -77,6 +83,8 @@ pub fn load(loader: &mut Loader, path: &Path) -> Result<World> {
     world.materials = materials.list;
     world.cameras = walk.cameras(loader, &document)?;
     walk.tell_lights(loader, &document);
+    let (scene, files) = reader.origin();
+    world.gltf = Some(Arc::new(GltfFile { path: path.to_owned(), scene: scene.to_owned(), files: files.clone() }));
     Ok(world)
 }
 

@@ -101,20 +101,22 @@ impl<'a> PrimitiveReading<'a, '_> {
         let indices = self.primitive.indices.map(|index| self.buffers.values(index.value(), &[1])).transpose()?;
         let count = indices.as_ref().map_or(vertices, |indices| indices.count);
         self.buffers.take(count)?;
-        let corner = |at: usize| indices.as_ref().map_or(at as u32, |indices| indices.index(at));
-        let corners = |places: [usize; 3]| places.map(corner);
-        let behind = 0..count.saturating_sub(2);
-        Ok(match mode {
-            Mode::TriangleStrip => behind.map(|i| corners([i, i + 1 + i % 2, i + 2 - i % 2])).collect(),
-            Mode::TriangleFan => behind.map(|i| corners([i + 1, i + 2, 0])).collect(),
-            _ => {
-                if !count.is_multiple_of(3) {
-                    let problem = || format!("{} has {count} corners, which are no whole triangles", self.place);
-                    self.mend(warnings, "corners", &problem, "the last are left out")?;
-                }
-                (0..count / 3).map(|i| corners([3 * i, 3 * i + 1, 3 * i + 2])).collect()
-            }
-        })
+        if mode == Mode::Triangles && !count.is_multiple_of(3) {
+            let problem = || format!("{} has {count} corners, which are no whole triangles", self.place);
+            self.mend(warnings, "corners", &problem, "the last are left out")?;
+        }
+        Ok(triangles_of(mode, indices.as_ref(), count))
+    }
+}
+
+/// The corners of all triangles of a primitive with `count` corners, as indices of vertices.
+pub fn triangles_of(mode: Mode, indices: Option<&AccessorValues>, count: usize) -> Vec<[u32; 3]> {
+    let corners = |places: [usize; 3]| places.map(|at| indices.map_or(at as u32, |indices| indices.index(at)));
+    let behind = 0..count.saturating_sub(2);
+    match mode {
+        Mode::TriangleStrip => behind.map(|i| corners([i, i + 1 + i % 2, i + 2 - i % 2])).collect(),
+        Mode::TriangleFan => behind.map(|i| corners([i + 1, i + 2, 0])).collect(),
+        _ => (0..count / 3).map(|i| corners([3 * i, 3 * i + 1, 3 * i + 2])).collect(),
     }
 }
 
@@ -181,6 +183,7 @@ impl Primitives<'_, '_> {
             lightmap_uvs: lightmap.map_or_else(Vec::new, |values| vertices().map(|vertex| uv(&values, vertex, V_UP)).collect()),
             colors: colors.map_or_else(Vec::new, |values| vertices().map(|vertex| color(&values, vertex)).collect()),
             sources: used.list.iter().map(|&index| Source { instance: 0, index }).collect(),
+            source_count: count as u32,
             triangles: triangles
                 .iter()
                 .map(|triangle| Triangle { vertices: triangle.map(|vertex| used.index(vertex)), material: look.material })

@@ -1,143 +1,215 @@
-//! Wavefront OBJ with its material libraries (MTL). It becomes one mesh and one instance. [`load`] is the entry point.
+//! Wavefront OBJ with its material libraries (MTL). Each object becomes a mesh with an instance. [`load`] is the entry point.
 //!
-//! `scan.rs` checks statements, tobj reads them, and `mtl.rs` reads libraries. This module triangulates polygons, merges corners with equal position, normal and texture
-//! coordinate, and leaves out triangles without area. Only normals in the file (`vn`) make smooth shading. Smoothing groups are ignored.
+//! `scan.rs` reads statements and mends them, `faces.rs` writes faces for tobj, which groups them and merges equal corners. `materials.rs` finds
+//! libraries and `mtl.rs` reads them. This module triangulates polygons and leaves out triangles without area. Only normals in the file (`vn`) make
+//! smooth shading. Smoothing groups are ignored.
 
-use std::collections::hash_map::Entry;
-use std::collections::{HashMap, HashSet};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use glam::{DAffine3, DVec2, DVec3, Vec3};
+use glam::{DAffine3, DVec3, Vec2, Vec3};
 
-use self::scan::{Named, scan};
+use self::materials::Materials;
+use self::scan::{Scan, Vertices, scan};
+use self::text::Decoder;
 use super::polygon::triangulate;
-use super::{Loader, Reader, Unread, beside, names};
+use super::warnings::{Fault, Place};
+use super::{Loader, Reader, origin_of};
 use crate::error::{Error, Result};
-use crate::file::{MOST_BYTES, MOST_WORDS};
+use crate::file::MOST_BYTES;
+use crate::image::decode_srgb;
 use crate::scene::mesh::has_area;
-use crate::scene::{Instance, Material, Mesh, Triangle, UnitSpace, World};
+use crate::scene::{Instance, Material, Mesh, Source, Triangle, World};
 
+mod faces;
+mod materials;
 mod mtl;
+mod number;
+mod picture;
 mod scan;
+mod search;
+mod text;
+mod unshaded;
 
 pub fn load(loader: &mut Loader, path: &Path) -> Result<World> {
     let cure = "name an existing OBJ file that you may read";
-    let reader = loader.reader;
+    let reader: &Reader = loader.reader;
     let bytes = reader.read_named(path, MOST_BYTES).map_err(|unread| unread.error(path, None, "this model", cure))?;
-    let scan = scan(path, &bytes)?;
+    let mut decoder = Decoder::default();
+    let text = decoder.decode(&mut loader.warnings, path, &bytes)?;
+    let mut scan = scan(&mut loader.warnings, &mut decoder, path, &text)?;
+    drop(text);
     drop(bytes);
-    let mut materials: Vec<Material> = Vec::new();
-    let mut by_name: HashMap<String, usize> = HashMap::new();
-    let mut read = HashSet::new();
-    for (library, line) in scan.libraries.iter().flat_map(|statement| library_files(reader, path, statement)) {
-        let unread = |unread: Unread| {
-            let what = format!("material library {}", library.display());
-            unread.error(path, Some(line), &what, "put it there, or correct or remove the mtllib line")
-        };
-        let file = reader.find(&library).map_err(unread)?;
-        if !read.insert(file.clone()) {
-            continue;
-        }
-        let bytes = reader.read(&file, MOST_WORDS).map_err(unread)?;
-        // A later definition of a name replaces the earlier one.
-        for material in mtl::load(loader, &library, &bytes)? {
-            match by_name.entry(material.name.clone()) {
-                Entry::Occupied(known) => materials[*known.get()] = material,
-                Entry::Vacant(new) => {
-                    new.insert(materials.len());
-                    materials.push(material);
-                }
-            }
-        }
-    }
-    if let Some(unknown) = scan.materials.iter().find(|used| !by_name.contains_key(&used.name)) {
-        let problem = format!("no material library defines material \"{}\"", unknown.name);
-        let known = names(&materials);
-        let cure = format!("define it in a file that mtllib names, or use a defined one: {known}");
-        return Err(Error::input(path, Some(unknown.line), problem, cure));
-    }
+    decode_colors(loader, path, &mut scan.vertices.colors)?;
+    let materials = Materials::read(loader, &mut decoder, path, &scan)?;
 
     // tobj needs the names of the materials alone. The materials are read already.
-    let (models, _) =
-        tobj::load_obj_buf(&mut scan.text.as_bytes(), &tobj::LoadOptions::default(), |_| Ok((Vec::new(), by_name.clone())))
-            .map_err(|error| Error::input(path, None, format!("this is not a valid OBJ: {error}"), "export the model again"))?;
-    let origin = origin_of(&models);
-    let mut mesh = Mesh::default();
-    let mut skipped = 0;
-    for model in models.iter().map(|model| &model.mesh).filter(|model| !model.indices.is_empty()) {
-        let material = model.material_id.unwrap_or_else(|| {
-            materials.push(Material::default());
-            materials.len() - 1
+    let used = || materials.used.iter().enumerate().map(|(name, &index)| (name.to_string(), index)).collect();
+    let options = tobj::LoadOptions { single_index: true, ..tobj::LoadOptions::default() };
+    let text = std::mem::take(&mut scan.text);
+    let (models, _) = tobj::load_obj_buf(&mut text.as_bytes(), &options, |_| Ok((Vec::new(), used())))
+        .map_err(|error| Error::input(path, None, format!("this is not a valid OBJ: {error}"), "export the model again"))?;
+    drop(text);
+
+    let positions = &scan.vertices.positions;
+    let used =
+        models.iter().flat_map(|model| model.mesh.positions.iter().step_by(3)).map(|&number| positions[number as usize - 1]);
+    let origin = origin_of(used);
+    let mut builder = MeshBuilder::new(&scan, materials, origin);
+    models.into_iter().for_each(|model| builder.add(&model.mesh, model.name.parse().ok()));
+    builder.finish(loader, path)
+}
+
+/// Decodes colours, which are in sRGB from 0 to 1, or from 0 to 255.
+fn decode_colors(loader: &mut Loader, path: &Path, colors: &mut [Vec3]) -> Result<()> {
+    /// Rounding may exceed 1 a little.
+    const MOST: f32 = 1.5;
+    let largest = colors.iter().map(|color| color.max_element()).fold(0.0, f32::max);
+    let scale = if largest > MOST { 255.0 } else { 1.0 };
+    let place = Place { path, line: None };
+    if largest > MOST {
+        let text = || format!("the vertex colours reach {largest}; they are divided by 255");
+        loader.warnings.tell(place, "colour bytes", &text);
+    }
+    let is_outside = |color: &&mut Vec3| !color.is_nan() && (color.min_element() < 0.0 || color.max_element() > scale);
+    for color in colors.iter_mut().filter(is_outside) {
+        let problem = || format!("vertex colour {color} is outside 0 to {scale}");
+        loader
+            .warnings
+            .mend(place, &Fault { kind: "colour", problem: &problem, mend: "it is clamped", cure: "give numbers from 0 to 1" })?;
+    }
+    for color in colors.iter_mut().filter(|color| !color.is_nan()) {
+        *color = (*color / scale).clamp(Vec3::ZERO, Vec3::ONE).to_array().map(decode_srgb).into();
+    }
+    Ok(())
+}
+
+/// Makes meshes of the models of tobj. A model has faces of one object and one material that follow each other.
+struct MeshBuilder<'a> {
+    vertices: &'a Vertices,
+    names: &'a [String],
+    materials: Materials,
+    origin: DVec3,
+    /// Index of the material of faces without any.
+    default: Option<u32>,
+    /// Meshes, with the indices of the objects' names, in the order of their first faces.
+    meshes: Vec<(Option<usize>, Mesh)>,
+    /// Index into `meshes` of each object; that of faces before the first object comes last.
+    by_object: Vec<Option<usize>>,
+    /// Number of triangles without area.
+    skipped: usize,
+}
+
+impl<'a> MeshBuilder<'a> {
+    fn new(scan: &'a Scan, mut materials: Materials, origin: DVec3) -> Self {
+        let (vertices, names) = (&scan.vertices, &scan.objects[..]);
+        if !vertices.colors.is_empty() {
+            // Where no material says otherwise, the colours themselves show.
+            let defined = materials.placements.len();
+            materials.list[defined..].iter_mut().for_each(|material| material.albedo = Vec3::ONE);
+        }
+        let by_object = vec![None; names.len() + 1];
+        Self { vertices, names, materials, origin, default: None, meshes: Vec::new(), by_object, skipped: 0 }
+    }
+
+    /// Adds the faces of a model. Only faces of the same model share vertices.
+    fn add(&mut self, model: &tobj::Mesh, object: Option<usize>) {
+        if model.indices.is_empty() {
+            return;
+        }
+        let material = match model.material_id {
+            Some(material) => material as u32,
+            None => self.default_material(),
+        };
+        let meshes = &mut self.meshes;
+        let index = *self.by_object[object.unwrap_or(self.names.len())].get_or_insert_with(|| {
+            meshes.push((object, Mesh::default()));
+            meshes.len() - 1
         });
-        skipped += add_model(&mut mesh, model, origin, material as u32);
-    }
-    let total = skipped + mesh.triangles.len();
-    match skipped {
-        0 => {}
-        _ if skipped == total => {
-            let cure = "check the export's scale, and that vertices differ";
-            return Err(Error::input(path, None, format!("none of the {total} triangles has an area"), cure));
-        }
-        1 => loader.warnings.say(format!("1 of {total} triangles has no area and was skipped")),
-        _ => loader.warnings.say(format!("{skipped} of {total} triangles have no area and were skipped")),
-    }
-    let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-    let instances = vec![Instance { name, mesh: 0, transform: DAffine3::from_translation(origin), part: None }];
-    Ok(World { meshes: vec![mesh], instances, materials, ..World::default() })
-}
-
-/// The files that a `mtllib` statement names, each with the statement's line.
-fn library_files(reader: &Reader, obj: &Path, statement: &Named) -> Vec<(PathBuf, usize)> {
-    // The statement is a list of files. But some exporters write a single name with spaces.
-    let whole = beside(obj, &statement.name);
-    if reader.has(&whole) {
-        return vec![(whole, statement.line)];
-    }
-    statement.name.split_whitespace().map(|name| (beside(obj, name), statement.line)).collect()
-}
-
-/// The origin of the mesh's coordinates, so that f32 holds those of a georeferenced model. Zero for a model that is not far from its own origin.
-fn origin_of(models: &[tobj::Model]) -> DVec3 {
-    let positions = models.iter().flat_map(|model| model.mesh.positions.as_chunks::<3>().0);
-    let grow = |[min, max]: [DVec3; 2], &position: &[f64; 3]| [min.min(position.into()), max.max(position.into())];
-    UnitSpace::around(positions.fold([DVec3::INFINITY, DVec3::NEG_INFINITY], grow)).local_origin()
-}
-
-/// Adds the faces of a model of tobj, which all have the same material. Only faces of the same model share vertices. Returns the number of
-/// triangles without area.
-fn add_model(mesh: &mut Mesh, model: &tobj::Mesh, origin: DVec3, material: u32) -> usize {
-    let vec3 = |values: &[f64], index: u32| DVec3::from_slice(&values[3 * index as usize..]);
-    let position = |index: u32| (vec3(&model.positions, index) - origin).as_vec3();
-    let mut shared: HashMap<[u32; 3], u32> = HashMap::new();
-    let mut skipped = 0;
-    let mut first = 0;
-    // tobj gives no arities if all faces are triangles.
-    let triangles = vec![3; model.indices.len() / 3];
-    for &arity in if model.face_arities.is_empty() { &triangles } else { &model.face_arities } {
-        let face = first..first + arity as usize;
-        first = face.end;
-        let corners: Vec<Vec3> = model.indices[face.clone()].iter().map(|&index| position(index)).collect();
-        let triangles = triangulate(&corners);
-        if triangles.is_empty() {
-            skipped += corners.len() - 2;
-        }
-        for triangle in triangles {
-            if !has_area(triangle.map(|corner| corners[corner])) {
-                skipped += 1;
-                continue;
+        // Taken out, so that vertices can be made meanwhile.
+        let mut mesh = std::mem::take(&mut self.meshes[index].1);
+        let positions: Vec<Vec3> = model
+            .positions
+            .iter()
+            .step_by(3)
+            .map(|&number| (self.vertices.positions[number as usize - 1] - self.origin).as_vec3())
+            .collect();
+        let mut shared = vec![u32::MAX; positions.len()];
+        let mut corners = Vec::new();
+        let mut first = 0;
+        // tobj gives no arities if all faces are triangles.
+        let triangles = vec![3; if model.face_arities.is_empty() { model.indices.len() / 3 } else { 0 }];
+        for &arity in if model.face_arities.is_empty() { &triangles } else { &model.face_arities } {
+            let face = &model.indices[first..first + arity as usize];
+            first += arity as usize;
+            corners.clear();
+            corners.extend(face.iter().map(|&vertex| positions[vertex as usize]));
+            let triangles = triangulate(&corners);
+            if triangles.is_empty() {
+                self.skipped += corners.len() - 2;
             }
-            let vertices = triangle.map(|corner| {
-                let at = face.start + corner;
-                let key = [model.indices[at], model.texcoord_indices[at], model.normal_indices[at]];
-                *shared.entry(key).or_insert_with(|| {
-                    mesh.positions.push(position(key[0]));
-                    mesh.uvs.push(DVec2::from_slice(&model.texcoords[2 * key[1] as usize..]).as_vec2());
-                    mesh.normals.push(vec3(&model.normals, key[2]).as_vec3());
-                    mesh.positions.len() as u32 - 1
-                })
-            });
-            mesh.triangles.push(Triangle { vertices, material });
+            for triangle in triangles {
+                if !has_area(triangle.map(|corner| corners[corner])) {
+                    self.skipped += 1;
+                    continue;
+                }
+                let vertices = triangle.map(|corner| {
+                    let vertex = face[corner] as usize;
+                    if shared[vertex] == u32::MAX {
+                        shared[vertex] = mesh.positions.len() as u32;
+                        mesh.positions.push(positions[vertex]);
+                        self.push_vertex(&mut mesh, model, vertex, material);
+                    }
+                    shared[vertex]
+                });
+                mesh.triangles.push(Triangle { vertices, material });
+            }
+        }
+        self.meshes[index].1 = mesh;
+    }
+
+    /// Adds all but the position of a vertex, which the model has as numbers in the lists of the file. 0 is none.
+    fn push_vertex(&self, mesh: &mut Mesh, model: &tobj::Mesh, vertex: usize, material: u32) {
+        let [position, uv, normal] = [model.positions[3 * vertex], model.texcoords[2 * vertex], model.normals[3 * vertex]]
+            .map(|number| (number as usize).checked_sub(1));
+        let position = position.unwrap_or(0);
+        let placement = self.materials.placements.get(material as usize).copied().unwrap_or_default();
+        let uv = uv.map(|uv| self.vertices.uvs[uv]).filter(|uv| !uv.is_nan());
+        mesh.uvs.push(uv.map_or(Vec2::ZERO, |uv| uv * placement.scale + placement.offset));
+        mesh.normals.push(normal.map_or(Vec3::ZERO, |normal| self.vertices.normals[normal]));
+        mesh.sources.push(Source { instance: 0, index: position as u32 });
+        if !self.vertices.colors.is_empty() {
+            let unsaid = match self.materials.placements.len() > material as usize {
+                true => Vec3::ONE,
+                // Its albedo is 1, for the sake of the vertices with colours.
+                false => Material::GREY,
+            };
+            let color = self.vertices.colors.get(position).copied().filter(|color| !color.is_nan());
+            mesh.colors.push(color.unwrap_or(unsaid));
         }
     }
-    skipped
+
+    fn default_material(&mut self) -> u32 {
+        *self.default.get_or_insert_with(|| {
+            let albedo = if self.vertices.colors.is_empty() { Material::GREY } else { Vec3::ONE };
+            self.materials.list.push(Material { albedo, ..Material::default() });
+            self.materials.list.len() as u32 - 1
+        })
+    }
+
+    fn finish(mut self, loader: &mut Loader, path: &Path) -> Result<World> {
+        self.meshes.retain(|(_, mesh)| !mesh.triangles.is_empty());
+        let kept = self.meshes.iter().map(|(_, mesh)| mesh.triangles.len()).sum();
+        loader.skipped(path, self.skipped, kept)?;
+        let own = path.file_stem().unwrap_or_default().to_string_lossy();
+        let mut world = World { materials: self.materials.list, has_one_list: true, ..World::default() };
+        for (object, mut mesh) in self.meshes {
+            let name =
+                object.map(|object| self.names[object].as_str()).filter(|name| !name.is_empty()).unwrap_or(&own).to_owned();
+            let transform = DAffine3::from_translation(self.origin);
+            world.instances.push(Instance { name, mesh: world.meshes.len(), transform, part: None });
+            mesh.source_count = self.vertices.positions.len() as u32;
+            world.meshes.push(mesh);
+        }
+        Ok(world)
+    }
 }

@@ -1,45 +1,47 @@
 //! Reads materials from material libraries (MTL). [`load`] is the entry point.
 //!
-//! Statements: `Kd`, `Ke` and `map_Kd`. `illum` 3 or 5 is a mirror, 4, 6 or 7 glass. Only these use `Ks` (mirror reflectance), `Ni` (index of
-//! refraction), `Tf` (filter) and `Ns` (sharp or glossy). Only glass has a Fresnel term, not `illum` 5. Gloss and texture options are ignored.
+//! Shaded statements: `Kd`, `Ke`, `map_Kd`, and of `map_Ke` its mean. `illum` 3 or 5 is a mirror, 4, 6 or 7 glass. Only these use `Ks` (mirror
+//! reflectance), `Ni` (index of refraction), `Tf` (filter) and `Ns` (sharp or glossy). Only glass has a Fresnel term, not `illum` 5.
+//! `unshaded.rs` notes what is read and not shaded, and `picture.rs` reads the statements that name pictures.
 
 use std::path::Path;
 
 use glam::Vec3;
 
-use super::super::warnings::Warnings;
-use super::scan::{split_word, uncomment};
-use super::{Loader, beside};
-use crate::error::{Error, Result};
+use super::number::{Word, read, words};
+pub use super::picture::Placement;
+use super::picture::{Picture, Pictures};
+use super::search::Search;
+use super::text::{Decoder, Lines, split_word, uncomment};
+use super::unshaded::Unshaded;
+use crate::error::Result;
+use crate::scene::format::Loader;
+use crate::scene::format::warnings::{Fault, Place, Warnings};
 use crate::scene::{Material, Surface};
 
 /// Minimum `Ns` of mirrors and glass. A lobe cos^Ns with this exponent falls to half at 3 degrees from its axis.
 const SHARP: f32 = 500.0;
 
-pub fn load(loader: &mut Loader, path: &Path, bytes: &[u8]) -> Result<Vec<Material>> {
+/// Reads a library. `files` are the library and its model.
+pub fn load<'a>(
+    loader: &mut Loader<'a>,
+    search: &mut Search<'a>,
+    decoder: &mut Decoder,
+    files: [&Path; 2],
+    text: &str,
+) -> Result<Vec<(Material, Placement)>> {
+    let path = files[0];
     let mut scanner = Scanner { path, line: 0, materials: Vec::new(), warnings: &mut loader.warnings };
-    let text = String::from_utf8_lossy(bytes);
-    for (index, statement) in text.trim_start_matches('\u{feff}').lines().enumerate() {
-        scanner.line = index + 1;
-        scanner.statement(statement)?;
+    let mut lines = Lines::new(text);
+    for (line, statement) in lines.by_ref() {
+        scanner.line = line;
+        scanner.statement(&statement)?;
     }
+    decoder.check_ends(scanner.warnings, path, &lines)?;
     let said = std::mem::take(&mut scanner.materials);
     let surfaces = said.iter().map(|said| scanner.surface(&said.optics)).collect::<Result<Vec<_>>>()?;
-    let finish = |(said, (surface, reflectance)): (Statements, (Surface, Option<Vec3>))| {
-        let mut load =
-            |(name, line): &(String, usize)| loader.textures.load(&beside(path, name), &format!("{}:{line}", path.display()));
-        // A texture without `Kd` shows its own colours.
-        let unsaid = if said.texture.is_some() { Vec3::ONE } else { Material::GREY };
-        Ok(Material {
-            albedo_texture: said.texture.as_ref().map(&mut load).transpose()?,
-            name: said.name,
-            albedo: reflectance.or(said.diffuse).unwrap_or(unsaid),
-            emission: said.emission,
-            surface,
-            ..Material::default()
-        })
-    };
-    said.into_iter().zip(surfaces).map(finish).collect()
+    let mut pictures = Pictures::new(loader, search, files);
+    said.into_iter().zip(surfaces).map(|(said, surface)| said.finish(&mut pictures, surface)).collect()
 }
 
 struct Scanner<'a> {
@@ -54,36 +56,102 @@ struct Scanner<'a> {
 struct Statements {
     name: String,
     diffuse: Option<Vec3>,
-    emission: Vec3,
-    /// The texture file, and the line that names it.
-    texture: Option<(String, usize)>,
+    emission: Option<Vec3>,
+    /// `map_Kd`.
+    texture: Option<Picture>,
+    /// `map_Ke`.
+    glow: Option<Picture>,
     /// The statements about mirrors and glass: keyword, line and arguments.
-    optics: Vec<(String, usize, String)>,
+    optics: Vec<(&'static str, usize, String)>,
+    unshaded: Unshaded,
 }
+
+impl Statements {
+    /// The material, with the surface kind and the reflectance if that is not `Kd`.
+    fn finish(self, pictures: &mut Pictures, (surface, reflectance): (Surface, Option<Vec3>)) -> Result<(Material, Placement)> {
+        let texture = self.texture.as_ref().map(|picture| pictures.texture(picture)).transpose()?.flatten();
+        let mut emission = self.emission.unwrap_or(Vec3::ZERO);
+        if let Some(picture) = &self.glow {
+            emission = pictures.glow(picture, self.emission)?.unwrap_or(emission);
+        }
+        // A texture without `Kd` shows its own colours.
+        let unsaid = if texture.is_some() { Vec3::ONE } else { Material::GREY };
+        let gloss = self.optics.iter().map(|(keyword, _, text)| (*keyword, text.as_str()));
+        let mut unshaded = self.unshaded.notes(surface, gloss);
+        if let Some((name, _)) = self.texture.as_ref().zip(texture).filter(|&(_, texture)| pictures.has_alpha(texture)) {
+            unshaded.push(format!("alpha of {}", name.base()));
+        }
+        if let Some(picture) = &self.glow {
+            unshaded.push(format!("emission map {}", picture.base()));
+        }
+        let material = Material {
+            name: self.name,
+            albedo: reflectance.or(self.diffuse).unwrap_or(unsaid),
+            emission,
+            albedo_texture: texture,
+            surface,
+            unshaded,
+            ..Material::default()
+        };
+        Ok((material, self.texture.filter(|_| texture.is_some()).map(|picture| picture.placement).unwrap_or_default()))
+    }
+}
+
+/// Keywords whose spelling is checked.
+const SHADED: [&str; 10] = ["newmtl", "Kd", "Ke", "map_Kd", "map_Ke", "illum", "Ks", "Ns", "Ni", "Tf"];
 
 impl Scanner<'_> {
     fn statement(&mut self, statement: &str) -> Result<()> {
-        let (keyword, rest) = split_word(statement);
-        match (keyword, self.materials.len().checked_sub(1)) {
-            ("newmtl", _) if rest.is_empty() => return self.error("newmtl without a name", "name the material"),
-            ("newmtl", _) => self.materials.push(Statements { name: rest.to_owned(), ..Statements::default() }),
-            ("map_Ke", _) => self.warn("map_Ke is ignored: lights are of one radiance each, Ke"),
-            ("Kd" | "Ke" | "map_Kd", None) => {
-                return self.error(format!("{keyword} before the first newmtl"), "start each material with newmtl");
+        let (word, rest) = split_word(statement);
+        let keyword = SHADED.into_iter().find(|known| word.eq_ignore_ascii_case(known)).unwrap_or(word);
+        if keyword != word {
+            let problem = || format!("keyword {word} is not spelt {keyword}");
+            self.mend("keyword", &problem, "it is read all the same", "correct the spelling")?;
+        }
+        if keyword == "newmtl" {
+            if rest.is_empty() {
+                self.mend("newmtl", &|| "newmtl without a name".into(), "its name is empty", "name the material")?;
             }
-            ("Kd", Some(last)) => self.materials[last].diffuse = Some(self.rgb(keyword, rest)?),
-            ("Ke", Some(last)) => self.materials[last].emission = self.rgb(keyword, rest)?,
-            ("map_Kd", Some(last)) => self.materials[last].texture = Some((self.texture(rest)?, self.line)),
-            ("illum" | "Ks" | "Ns" | "Ni" | "Tf", Some(last)) => {
-                self.materials[last].optics.push((keyword.to_owned(), self.line, uncomment(rest).to_owned()));
+            self.materials.push(Statements { name: rest.to_owned(), ..Statements::default() });
+            return Ok(());
+        }
+        if self.materials.is_empty() {
+            if matches!(keyword, "Kd" | "Ke" | "map_Kd") {
+                let problem = || format!("{keyword} before the first newmtl");
+                self.mend("before", &problem, "it is left out", "start each material with newmtl")?;
             }
-            _ => {}
+            return Ok(());
+        }
+        match keyword {
+            "Kd" => {
+                let color = self.color("Kd", rest)?;
+                self.last().diffuse = color;
+            }
+            "Ke" => {
+                let color = self.color("Ke", rest)?;
+                self.last().emission = color;
+            }
+            "map_Kd" | "map_Ke" => {
+                let picture = self.picture(if keyword == "map_Kd" { "map_Kd" } else { "map_Ke" }, rest)?;
+                *(if keyword == "map_Kd" { &mut self.last().texture } else { &mut self.last().glow }) = picture;
+            }
+            _ => {
+                let line = self.line;
+                match SHADED.into_iter().find(|known| *known == keyword) {
+                    Some(optic) => self.last().optics.push((optic, line, uncomment(rest).to_owned())),
+                    None => self.last().unshaded.note(keyword, rest),
+                }
+            }
         }
         Ok(())
     }
 
+    fn last(&mut self) -> &mut Statements {
+        self.materials.last_mut().expect("a newmtl stands before")
+    }
+
     /// Surface kind, and reflectance if that is not `Kd`. Only values in use are checked, because exporters write these keywords everywhere.
-    fn surface(&mut self, statements: &[(String, usize, String)]) -> Result<(Surface, Option<Vec3>)> {
+    fn surface(&mut self, statements: &[(&'static str, usize, String)]) -> Result<(Surface, Option<Vec3>)> {
         let said = |keyword: &str| statements.iter().rev().find(|statement| statement.0 == keyword);
         let number = |keyword: &str| said(keyword).map(|(_, _, text)| text.trim().parse().unwrap_or(f32::NAN));
         let Some((_, line, illum)) = said("illum") else { return Ok((Surface::Diffuse, None)) };
@@ -94,16 +162,16 @@ impl Scanner<'_> {
         }
         if let Some(gloss) = number("Ns").filter(|&gloss| gloss < SHARP) {
             let kind = if mirror { "a mirror" } else { "glass" };
-            self.warn(&format!(
-                "illum says {kind}, but Ns {gloss} is below {SHARP}: gloss is not rendered, it is taken as diffuse"
-            ));
+            let text =
+                || format!("illum says {kind}, but Ns {gloss} is below {SHARP}: gloss is not rendered, it is taken as diffuse");
+            self.warnings.tell(Place { path: self.path, line: Some(self.line) }, "gloss", &text);
             return Ok((Surface::Diffuse, None));
         }
-        let mut color = |keyword: &str| match said(keyword) {
+        let mut color = |keyword: &'static str| match said(keyword) {
             None => Ok(Vec3::ONE),
             Some((_, line, text)) => {
                 self.line = *line;
-                self.rgb(keyword, text)
+                Ok(self.color(keyword, text)?.unwrap_or(Vec3::ONE))
             }
         };
         if mirror {
@@ -111,67 +179,82 @@ impl Scanner<'_> {
         }
         let glass = Surface::Glass { index: number("Ni").unwrap_or(Surface::GLASS_INDEX), filter: color("Tf")? };
         self.line = said("Ni").map_or(*line, |(_, line, _)| *line);
-        glass.check().or_else(|(problem, cure)| self.error(problem, cure)).map(|glass| (glass, None))
-    }
-
-    fn rgb(&self, keyword: &str, text: &str) -> Result<Vec3> {
-        let (accepted, cure) = match keyword {
-            "Ke" => (0.0..=f32::MAX, "give a finite radiance of 0 or more for each of red, green and blue"),
-            "Tf" => (0.0..=1.0, "give a share from 0 to 1 for each of red, green and blue"),
-            _ => (0.0..=1.0, "give a reflectance from 0 to 1 for each of red, green and blue"),
-        };
-        let words: Vec<_> = uncomment(text).split_whitespace().collect();
-        let [r, g, b] = match words[..] {
-            [grey] => [grey; 3],
-            [r, g, b, ..] => [r, g, b],
-            _ => return self.error(format!("{keyword} has {} numbers", words.len()), cure),
-        };
-        let number = |word: &str| match word.parse() {
-            Ok(number) if accepted.contains(&number) => Ok(number),
-            _ => self.error(format!("{keyword} has the value {word}"), cure),
-        };
-        Ok(Vec3::new(number(r)?, number(g)?, number(b)?))
-    }
-
-    fn texture(&mut self, text: &str) -> Result<String> {
-        let name = skip_options(text);
-        if name.is_empty() {
-            return self.error("map_Kd without a file", "name the picture file, or remove the line");
+        match glass.check() {
+            Ok(glass) => Ok((glass, None)),
+            Err((problem, cure)) => {
+                let mend = format!("it is {}", Surface::GLASS_INDEX);
+                self.mend("Ni", &|| problem.clone(), &mend, cure)?;
+                let Surface::Glass { filter, .. } = glass else { return Ok((glass, None)) };
+                Ok((Surface::Glass { index: Surface::GLASS_INDEX, filter }, None))
+            }
         }
-        if name.len() < text.len() {
-            self.warn("options of map_Kd are ignored");
+    }
+
+    /// A colour, brought into its range. `None` if there is none to understand.
+    fn color(&mut self, keyword: &'static str, text: &str) -> Result<Option<Vec3>> {
+        let (most, cure) = match keyword {
+            "Ke" => (f32::MAX, "give a finite radiance of 0 or more for each of red, green and blue"),
+            "Tf" => (1.0, "give a share from 0 to 1 for each of red, green and blue"),
+            _ => (1.0, "give a reflectance from 0 to 1 for each of red, green and blue"),
+        };
+        let words: Vec<_> = words(text).take(3).collect();
+        let mut values = Vec::new();
+        for word in &words {
+            values.push(match read(word) {
+                Word::Number(value) if (value as f32).is_finite() => value as f32,
+                Word::Odd(value) if (value as f32).is_finite() => {
+                    let problem = || format!("{keyword} has the value {word}");
+                    self.mend("odd number", &problem, "it is taken for a number", "write numbers such as 0.5")?;
+                    value as f32
+                }
+                _ => {
+                    self.mend(keyword, &|| format!("{keyword} has the value {word}"), "it is left out", cure)?;
+                    return Ok(None);
+                }
+            });
         }
-        Ok(name.to_owned())
+        let color = match values[..] {
+            [grey] => Vec3::splat(grey),
+            [r, g, b] => Vec3::new(r, g, b),
+            _ => {
+                self.mend(keyword, &|| format!("{keyword} has {} numbers", words.len()), "it is left out", cure)?;
+                return Ok(None);
+            }
+        };
+        let Some(outside) = values.iter().position(|value| !(0.0..=most).contains(value)) else { return Ok(Some(color)) };
+        let problem = || format!("{keyword} has the value {}", words[outside]);
+        if most == 1.0 && is_bytes(color) {
+            self.mend("bytes", &problem, "it is divided by 255", cure)?;
+            return Ok(Some(color / 255.0));
+        }
+        let mend = if most == 1.0 { "it is clamped to 0 to 1" } else { "it is clamped to 0" };
+        self.mend("clamp", &problem, mend, cure)?;
+        Ok(Some(color.clamp(Vec3::ZERO, Vec3::splat(most))))
     }
 
-    fn warn(&mut self, what: &str) {
-        self.warnings.say(format!("{}:{}: {what}", self.path.display(), self.line));
+    fn picture(&mut self, keyword: &'static str, text: &str) -> Result<Option<Picture>> {
+        let (picture, ignored) = Picture::parse(text, self.line);
+        if picture.name.is_empty() {
+            let problem = || format!("{keyword} without a file");
+            self.mend("no picture", &problem, "it is left out", "name the picture file, or remove the line")?;
+            return Ok(None);
+        }
+        if let Some(option) = ignored {
+            let text = || format!("option {option} of {keyword} is ignored");
+            self.warnings.tell(Place { path: self.path, line: Some(self.line) }, "option", &text);
+        }
+        Ok(Some(picture))
     }
 
-    fn error<T>(&self, problem: impl Into<String>, cure: &str) -> Result<T> {
-        Err(Error::input(self.path, Some(self.line), problem, cure))
+    fn mend(&mut self, kind: &'static str, problem: &dyn Fn() -> String, mend: &str, cure: &str) -> Result<()> {
+        self.warnings.mend(Place { path: self.path, line: Some(self.line) }, &Fault { kind, problem, mend, cure })
     }
 }
 
-/// Skips options such as `-clamp on` and `-s 1 1 1`. The rest is the file name, with its spaces.
-fn skip_options(text: &str) -> &str {
-    let mut rest = text.trim();
-    while rest.starts_with('-') {
-        let (option, arguments) = split_word(rest);
-        rest = arguments;
-        let most = match option {
-            "-o" | "-s" | "-t" => 3,
-            "-mm" => 2,
-            _ => 1,
-        };
-        for argument in 0..most {
-            let (word, after) = split_word(rest);
-            // Of the three numbers, only the first is required.
-            if argument > 0 && word.parse::<f32>().is_err() {
-                break;
-            }
-            rest = after;
-        }
-    }
-    rest
+/// Whether a colour is one of 0 to 255. A reflectance just above 1 is none.
+fn is_bytes(color: Vec3) -> bool {
+    let whole = color.fract() == Vec3::ZERO;
+    color.min_element() >= 0.0
+        && color.max_element() <= 255.0
+        && (whole && color.max_element() > 2.0 || color.max_element() > 16.0)
 }

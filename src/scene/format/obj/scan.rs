@@ -1,30 +1,47 @@
-//! Checks the text of an OBJ file line by line and rewrites it for tobj. [`scan`] is the entry point.
+//! Reads the statements of an OBJ file and mends what is wrong in them. [`scan`] is the entry point.
 //!
 //! The errors of tobj name no line. It also takes a polyline for a face, fails at a comment after a number, and gives a corner without `vn` the
-//! normal of another corner. So [`scan`] reports each error with its line. It keeps only vertices and faces, with absolute indices, and gives each
-//! corner a position, a texture coordinate and a normal.
+//! normal of another corner. So [`scan`] reads all numbers and tells each fault with its line. `faces.rs` checks faces and writes them for tobj.
 
-use std::collections::HashSet;
-use std::fmt::Write;
+use std::collections::HashMap;
 use std::path::Path;
 
-use glam::DVec3;
+use glam::{DVec3, Vec2, Vec3};
 
+use super::faces::Faces;
+use super::number::{Word, read, words};
+use super::text::{Decoder, Lines, split_word};
 use crate::error::{Error, Result};
+use crate::scene::format::warnings::{Fault, Place, Warnings};
 
 /// Maximum coordinate. The length of a triangle's normal needs the fourth power of an edge, which must stay finite in f32.
 const FARTHEST: f32 = 1e9;
 
-/// The test for a self-crossing polygon takes quadratic time in its corners.
-const MOST_CORNERS: usize = 5000;
-
-/// Contents of an OBJ file. `text` is the text for tobj. One `mtllib` line at its top stands for all material libraries.
+/// Contents of an OBJ file.
+#[derive(Default)]
 pub struct Scan {
+    pub vertices: Vertices,
+    /// Faces, materials and objects for tobj. It names a vertex, coordinate or normal by its number, and a material or object by its index here.
     pub text: String,
     /// The `mtllib` statements.
     pub libraries: Vec<Named>,
     /// The first `usemtl` statement of each material.
     pub materials: Vec<Named>,
+    /// Names of objects (`o`), or of groups (`g`) in a file without objects.
+    pub objects: Vec<String>,
+}
+
+/// The lists to which corners of faces refer.
+#[derive(Default)]
+pub struct Vertices {
+    /// Not finite where the file has no usable numbers.
+    pub positions: Vec<DVec3>,
+    /// As in the file; none (NaN) for a vertex without colour. Empty if no vertex has one.
+    pub colors: Vec<Vec3>,
+    /// None (NaN) where the file has no usable numbers.
+    pub uvs: Vec<Vec2>,
+    /// Of unit length. Zero where the file has no usable numbers.
+    pub normals: Vec<Vec3>,
 }
 
 /// A name and the line that uses it.
@@ -33,219 +50,243 @@ pub struct Named {
     pub line: usize,
 }
 
-pub fn scan(path: &Path, bytes: &[u8]) -> Result<Scan> {
-    let error = |problem, cure| Err(Error::input(path, None, problem, cure));
-    if bytes.contains(&0) {
-        return error("this is a binary file, not a Wavefront OBJ", "export the model as OBJ");
+pub fn scan(warnings: &mut Warnings, decoder: &mut Decoder, path: &Path, text: &str) -> Result<Scan> {
+    let mut scanner =
+        Scanner { path, warnings, line: 0, scan: Scan::default(), faces: Faces::default(), names: Default::default() };
+    let mut lines = Lines::new(text);
+    for (line, statement) in lines.by_ref() {
+        scanner.line = line;
+        scanner.statement(&statement)?;
     }
-    // Names and comments may have another encoding than UTF-8. The geometry loads anyway.
-    let text = String::from_utf8_lossy(bytes);
-    let mut scanner = ObjScanner::new(path);
-    for (index, statement) in text.trim_start_matches('\u{feff}').lines().enumerate() {
-        scanner.line = index + 1;
-        scanner.statement(statement)?;
-    }
-    if scanner.faces.is_empty() {
-        return match scanner.counts[POSITION] {
-            0 => error("there is no vertex (v) and no face (f): this is not a Wavefront OBJ", "export the model as OBJ"),
-            _ => error("there is no face (f), so there is nothing to render", "export the model with its faces, as a mesh"),
-        };
-    }
-    scanner.check_farthest()?;
-    Ok(scanner.finish())
+    decoder.check_ends(scanner.warnings, path, &lines)?;
+    scanner.finish()
 }
 
-const POSITION: usize = 0;
-const UV: usize = 1;
-const NORMAL: usize = 2;
-const STATEMENTS: [&str; 3] = ["v", "vt", "vn"];
+/// Kinds of names, as indices.
+pub const MATERIAL: usize = 0;
+pub const OBJECT: usize = 1;
+pub const GROUP: usize = 2;
 
-struct ObjScanner<'a> {
+struct Scanner<'a> {
     path: &'a Path,
+    warnings: &'a mut Warnings,
     line: usize,
-    /// Number of `v`, `vt` and `vn` so far.
-    counts: [usize; 3],
-    /// The largest index used of each, and its line. A face may come before its vertices.
-    farthest: [(usize, usize); 3],
-    vertices: String,
-    faces: String,
-    libraries: Vec<Named>,
-    materials: Vec<Named>,
-    /// Names of `materials`.
-    seen: HashSet<String>,
+    scan: Scan,
+    faces: Faces,
+    /// Names of materials, objects and groups.
+    names: [NameList; 3],
 }
 
-impl<'a> ObjScanner<'a> {
-    fn new(path: &'a Path) -> Self {
-        Self {
-            path,
-            line: 0,
-            counts: [0; 3],
-            farthest: [(0, 0); 3],
-            vertices: String::new(),
-            faces: String::new(),
-            libraries: Vec::new(),
-            materials: Vec::new(),
-            seen: HashSet::new(),
-        }
-    }
+/// Different names in the order of their first use.
+#[derive(Default)]
+struct NameList {
+    indices: HashMap<String, usize>,
+    list: Vec<Named>,
+}
 
+impl<'a> Scanner<'a> {
     fn statement(&mut self, statement: &str) -> Result<()> {
-        let (keyword, rest) = split_word(statement);
+        let statement = statement.trim_ascii();
+        let end = statement.bytes().position(|byte| byte.is_ascii_whitespace()).unwrap_or(statement.len());
+        let (word, rest) = statement.split_at(end);
+        match word {
+            "v" => self.position(rest),
+            "vt" => self.uv(rest),
+            "vn" => self.normal(rest),
+            "f" => self.face(rest),
+            _ => self.other_statement(statement),
+        }
+    }
+
+    fn other_statement(&mut self, statement: &str) -> Result<()> {
+        const KNOWN: [&str; 9] = ["v", "vt", "vn", "f", "fo", "usemtl", "mtllib", "o", "g"];
+        let (word, rest) = split_word(statement);
+        let Some(keyword) = KNOWN.into_iter().find(|known| word.eq_ignore_ascii_case(known)) else { return Ok(()) };
+        if word != keyword {
+            self.mend_keyword(word, keyword)?;
+        }
         match keyword {
-            "v" => {
-                let [x, y, z] = self.numbers(keyword, rest, 3)?;
-                if let Some(far) = [x, y, z].iter().map(|&value| value as f32).find(|value| value.abs() > FARTHEST) {
-                    let problem = format!("coordinate {far:e} is farther than {FARTHEST:e} from the origin");
-                    return self.error(problem, "scale the model down");
-                }
-                self.vertex(POSITION, format_args!("{x:e} {y:e} {z:e}"));
-            }
-            "vt" => {
-                // The second coordinate is optional.
-                let dimensions = uncomment(rest).split_whitespace().count().clamp(1, 2);
-                let [u, v, _] = self.numbers(keyword, rest, dimensions)?.map(|value| value as f32);
-                self.vertex(UV, format_args!("{u} {v}"));
-            }
-            "vn" => {
-                let normal = self.numbers_or_nan(keyword, rest, 3)?;
-                let [x, y, z] = DVec3::from(normal.map(|value| f64::from(value as f32))).normalize_or_zero().to_array();
-                self.vertex(NORMAL, format_args!("{} {} {}", x as f32, y as f32, z as f32));
-            }
-            "f" => self.face(uncomment(rest))?,
-            "usemtl" | "mtllib" if rest.is_empty() => {
-                return self.error(format!("{keyword} without a name"), "name it, or remove the line");
-            }
+            "v" => self.position(rest),
+            "vt" => self.uv(rest),
+            "vn" => self.normal(rest),
+            // The older form of `f`.
+            "f" | "fo" => self.face(rest),
             "usemtl" => {
-                _ = writeln!(self.faces, "usemtl {rest}");
-                if self.seen.insert(rest.to_owned()) {
-                    self.materials.push(Named { name: rest.to_owned(), line: self.line });
+                if rest.is_empty() {
+                    let mend = "the faces after it have the default material, grey";
+                    self.mend("usemtl", &|| "usemtl without a name".into(), mend, "name it, or remove the line")?;
                 }
+                self.name(MATERIAL, rest);
+                Ok(())
             }
-            "mtllib" => self.libraries.push(Named { name: rest.to_owned(), line: self.line }),
-            _ => {}
-        }
-        Ok(())
-    }
-
-    fn vertex(&mut self, kind: usize, values: std::fmt::Arguments) {
-        self.counts[kind] += 1;
-        _ = writeln!(self.vertices, "{} {values}", STATEMENTS[kind]);
-    }
-
-    fn face(&mut self, corners: &str) -> Result<()> {
-        let count = corners.split_whitespace().count();
-        if !(3..=MOST_CORNERS).contains(&count) {
-            let cure = format!("give 3 or more, at most {MOST_CORNERS}, or remove the line");
-            return self.error(format!("a face with {count} corners"), cure);
-        }
-        self.faces.push('f');
-        for corner in corners.split_whitespace() {
-            let mut parts = corner.split('/');
-            let position = self.index(POSITION, corner, parts.next())?;
-            let uv = self.index(UV, corner, parts.next())?;
-            let normal = self.index(NORMAL, corner, parts.next())?;
-            if position == 0 || parts.next().is_some() {
-                return self.malformed(corner);
+            "mtllib" => {
+                self.scan.libraries.push(Named { name: rest.to_owned(), line: self.line });
+                Ok(())
             }
-            // `finish` puts an entry that means "none" before the first vt and vn.
-            _ = write!(self.faces, " {position}/{}/{}", uv + 1, normal + 1);
+            "o" => {
+                self.name(OBJECT, rest);
+                Ok(())
+            }
+            _ => {
+                self.name(GROUP, rest);
+                Ok(())
+            }
         }
-        self.faces.push('\n');
-        Ok(())
     }
 
-    /// The index of a corner, from 1. It is 0 if the corner has none of this kind.
-    fn index(&mut self, kind: usize, corner: &str, part: Option<&str>) -> Result<usize> {
-        let Some(part) = part.filter(|part| !part.is_empty()) else { return Ok(0) };
-        let Ok(index) = part.parse::<i64>() else { return self.malformed(corner) };
-        let statement = STATEMENTS[kind];
-        let count = self.counts[kind];
-        let absolute = match index {
-            0 => return self.error(format!("index 0 in face corner {corner}"), "count from 1, as OBJ does"),
-            1.. => index as usize,
-            _ => match count.checked_add_signed(index as isize) {
-                Some(before) => before + 1,
-                None => {
-                    let problem =
-                        format!("face corner {corner} refers {} {statement} back, but there are {count}", index.unsigned_abs());
-                    return self.error(problem, "correct the index, or export the model again");
-                }
-            },
+    fn mend_keyword(&mut self, word: &str, keyword: &str) -> Result<()> {
+        let problem = || format!("keyword {word} is not spelt {keyword}");
+        self.mend("keyword", &problem, "it is read all the same", "correct the spelling")
+    }
+
+    /// Starts the faces of this material, object or group.
+    fn name(&mut self, kind: usize, name: &str) {
+        let NameList { indices, list } = &mut self.names[kind];
+        let index = match indices.get(name) {
+            Some(&index) => index,
+            None => {
+                indices.insert(name.to_owned(), list.len());
+                list.push(Named { name: name.to_owned(), line: self.line });
+                list.len() - 1
+            }
         };
-        self.farthest[kind] = self.farthest[kind].max((absolute, self.line));
-        Ok(absolute)
+        self.faces.start(kind, index);
     }
 
-    fn check_farthest(&mut self) -> Result<()> {
-        for (kind, statement) in STATEMENTS.iter().enumerate() {
-            let (index, line) = self.farthest[kind];
-            let count = self.counts[kind];
-            if index > count {
-                self.line = line;
-                let problem = format!("face refers to {statement} {index}, but the file has {count}");
-                return self.error(problem, "correct the index, or export the model again");
-            }
+    fn position(&mut self, text: &str) -> Result<()> {
+        let row = self.row::<6>("v", text, 3)?;
+        let position = DVec3::from_slice(&row.values[..3]);
+        let far = position.as_vec3().abs().max_element();
+        if row.is_sound && far > FARTHEST {
+            let problem = || format!("coordinate {far:e} is farther than {FARTHEST:e} from the origin");
+            self.mend("far", &problem, "the faces that use this v are left out", "scale the model down")?;
+        }
+        let usable = row.is_sound && far <= FARTHEST;
+        self.scan.vertices.positions.push(if usable { position } else { DVec3::NAN });
+        self.faces.has_bad_positions |= !usable;
+        let colors = &mut self.scan.vertices.colors;
+        // A fourth number alone is a weight, which only curves use.
+        if row.found == 6 || !colors.is_empty() {
+            colors.resize(self.scan.vertices.positions.len() - 1, Vec3::NAN);
+            let color = DVec3::from_slice(&row.values[3..]).as_vec3();
+            colors.push(if row.found == 6 { color } else { Vec3::NAN });
         }
         Ok(())
     }
 
-    /// The first `count` numbers of `text`, which must be finite in f32 too. The rest of the three are 0.
-    fn numbers(&self, keyword: &str, text: &str, count: usize) -> Result<[f64; 3]> {
-        let values = self.numbers_or_nan(keyword, text, count)?;
-        match values.iter().map(|&value| value as f32).find(|value| !value.is_finite()) {
-            Some(value) => self.error(format!("{keyword} has the value {value}"), "give finite numbers"),
-            None => Ok(values),
-        }
+    fn uv(&mut self, text: &str) -> Result<()> {
+        // The second coordinate is optional.
+        let row = self.row::<2>("vt", text, 1)?;
+        let uv = Vec2::from(row.values.map(|value| value as f32));
+        self.scan.vertices.uvs.push(if row.is_sound { uv } else { Vec2::NAN });
+        Ok(())
     }
 
-    fn numbers_or_nan(&self, keyword: &str, text: &str, count: usize) -> Result<[f64; 3]> {
-        let mut words = uncomment(text).split_whitespace();
-        let mut values = [0.0; 3];
-        for (found, value) in values[..count].iter_mut().enumerate() {
-            let Some(word) = words.next() else {
-                return self.error(format!("{keyword} has {found} of {count} numbers"), "give the missing ones");
+    fn normal(&mut self, text: &str) -> Result<()> {
+        let row = self.row::<3>("vn", text, 3)?;
+        // Rounded before, so that a normal is that of its text in f32.
+        let normal = DVec3::from(row.values.map(|value| f64::from(value as f32)));
+        self.scan.vertices.normals.push(if row.is_sound { normal.normalize_or_zero().as_vec3() } else { Vec3::ZERO });
+        Ok(())
+    }
+
+    /// Reads the numbers of a statement, at most `N` and at least `least`. Tells of what is wrong.
+    fn row<const N: usize>(&mut self, statement: &'static str, text: &str, least: usize) -> Result<Row<N>> {
+        let mut row = Row { values: [0.0; N], found: 0, is_sound: true };
+        for word in words(text).take(N) {
+            let value = match read(word) {
+                Word::Number(value) => value,
+                Word::Odd(value) => {
+                    let problem = || format!("{statement} has \"{word}\" for a number");
+                    self.mend("odd number", &problem, "it is taken for a number", "write numbers such as 1.5")?;
+                    value
+                }
+                Word::Other if row.found < least => {
+                    row.is_sound = false;
+                    self.bad_row(statement, &|| format!("{statement} has \"{word}\" for a number"))?;
+                    f64::NAN
+                }
+                Word::Other => break,
             };
-            let Some(number) = number(word) else {
-                return self.error(format!("{keyword} has \"{word}\" for a number"), "give finite numbers");
-            };
-            *value = number;
+            row.values[row.found] = value;
+            row.found += 1;
         }
-        Ok(values)
+        if row.found < least {
+            let found = row.found;
+            row.is_sound = false;
+            self.bad_row(statement, &|| format!("{statement} has {found} of {least} numbers"))?;
+        }
+        // A `v` may have a colour, which is checked apart.
+        let needed = if N == 2 { &row.values[..] } else { &row.values[..3] };
+        if let Some(value) = needed.iter().map(|&value| value as f32).find(|value| !value.is_finite()).filter(|_| row.is_sound) {
+            row.is_sound = false;
+            let problem = || format!("{statement} has the value {value}");
+            if statement == "vn" {
+                // A degenerate face has such a normal in good exports too.
+                self.warnings.tell(self.place(), "vn", &|| format!("{}; {NO_NORMAL}", problem()));
+            } else {
+                self.bad_row(statement, &problem)?;
+            }
+        }
+        Ok(row)
     }
 
-    fn malformed<T>(&self, corner: &str) -> Result<T> {
-        self.error(format!("\"{corner}\" is not a face corner"), "write v, v/vt, v//vn or v/vt/vn, with whole numbers")
+    fn bad_row(&mut self, statement: &'static str, problem: &dyn Fn() -> String) -> Result<()> {
+        let mend = match statement {
+            "v" => "the faces that use this v are left out",
+            "vt" => "corners with it have no texture coordinate",
+            _ => NO_NORMAL,
+        };
+        self.mend(statement, problem, mend, "give finite numbers, or export the model again")
     }
 
-    fn error<T>(&self, problem: impl Into<String>, cure: impl Into<String>) -> Result<T> {
-        Err(Error::input(self.path, Some(self.line), problem, cure))
+    fn face(&mut self, text: &str) -> Result<()> {
+        let Self { faces, scan, warnings, .. } = self;
+        let Vertices { positions, uvs, normals, .. } = &scan.vertices;
+        let place = Place { path: self.path, line: Some(self.line) };
+        faces.add(warnings, place, text, [positions.len(), uvs.len(), normals.len()])
     }
 
-    fn finish(self) -> Scan {
-        let text = format!("mtllib all\nvt 0 0\nvn 0 0 0\n{}{}", self.vertices, self.faces);
-        Scan { text, libraries: self.libraries, materials: self.materials }
+    fn mend(&mut self, kind: &'static str, problem: &dyn Fn() -> String, mend: &str, cure: &str) -> Result<()> {
+        self.warnings.mend(self.place(), &Fault { kind, problem, mend, cure })
+    }
+
+    fn place(&self) -> Place<'a> {
+        Place { path: self.path, line: Some(self.line) }
+    }
+
+    fn finish(self) -> Result<Scan> {
+        let Self { path, warnings, mut scan, mut faces, names, .. } = self;
+        let error = |problem, cure| Err(Error::input(path, None, problem, cure));
+        if faces.is_empty() {
+            return match (faces.dropped, scan.vertices.positions.len()) {
+                (0, 0) => error("there is no vertex (v) and no face (f): this is not a Wavefront OBJ", "export the model as OBJ"),
+                (0, _) => {
+                    error("there is no face (f), so there is nothing to render", "export the model with its faces, as a mesh")
+                }
+                _ => error("no face (f) can be used", "correct the faces, or export the model again"),
+            };
+        }
+        faces.check(warnings, path, &scan.vertices)?;
+        if faces.is_empty() {
+            return error("no face (f) can be used", "correct the faces, or export the model again");
+        }
+        let [materials, objects, groups] = names.map(|names| names.list);
+        let (parts, objects) = if objects.is_empty() { (GROUP, groups) } else { (OBJECT, objects) };
+        scan.text = faces.write(&scan.vertices, parts);
+        scan.objects = objects.into_iter().map(|object| object.name).collect();
+        scan.materials = materials;
+        Ok(scan)
     }
 }
 
-/// Parses a number in f64 so that its rounding to f32 is that of the text. Rounding twice differs where the f64 lies between two f32.
-fn number(word: &str) -> Option<f64> {
-    let (exact, near): (f64, f32) = (word.parse().ok()?, word.parse().ok()?);
-    Some(match f64::from(near) - f64::from(exact as f32) {
-        above if above > 0.0 => exact.next_up(),
-        below if below < 0.0 => exact.next_down(),
-        _ => exact,
-    })
-}
+const NO_NORMAL: &str = "corners with it have no normal";
 
-/// The first word and the rest of the text, both trimmed.
-pub fn split_word(text: &str) -> (&str, &str) {
-    let text = text.trim();
-    let (word, rest) = text.split_once(char::is_whitespace).unwrap_or((text, ""));
-    (word, rest.trim_start())
-}
-
-/// Removes a comment. Only for numbers, because a name may contain `#`.
-pub fn uncomment(text: &str) -> &str {
-    text.split_once('#').map_or(text, |(before, _)| before)
+/// The numbers of a statement.
+struct Row<const N: usize> {
+    /// 0 where there is none.
+    values: [f64; N],
+    found: usize,
+    /// Whether all needed numbers are there and finite in f32.
+    is_sound: bool,
 }

@@ -1,0 +1,201 @@
+//! MTL files and pictures as people have them: each opens with the right colours, and one warning names what was mended.
+
+#[path = "common/found.rs"]
+mod found;
+
+use std::fs;
+
+use finalgather::scene::WrapMode::{Clamp, Repeat};
+use finalgather::scene::{LoadOptions, Loaded, World};
+use found::{CORNERS, GREY, PICTURE, QUAD, RED, WALL, check, check_files, encoded, open, picture};
+use glam::{Vec3, vec3};
+
+#[test]
+fn names_of_materials() {
+    for (newmtl, usemtl, warning) in [
+        ("wall", "wall # the wall", "m.obj:10: \"wall\" is used"),
+        ("wall", "\"wall\"", "m.obj:10: \"wall\" is used"),
+        ("wall", "'wall' # the wall", "m.obj:10: \"wall\" is used"),
+        ("wall # the wall", "wall", "m.obj:10: \"wall # the wall\" is used"),
+        ("\"wall\"", "wall", "m.obj:10: is used"),
+        ("Wall", "wALL", "m.obj:10: \"Wall\" is used"),
+        ("wall #1", "wall #1", ""),
+        ("#1", "#1", ""),
+        ("my wall", "my wall", ""),
+        ("wall", "wall\t ", ""),
+        ("", "wall", "m.mtl:1: newmtl without a name"),
+    ] {
+        let albedo = if newmtl.is_empty() { GREY } else { RED };
+        let mtl = format!("newmtl {newmtl}\nKd 0.8 0.2 0.2\n");
+        if newmtl.is_empty() {
+            let warnings = open(&[("m.obj", QUAD.as_bytes()), ("m.mtl", mtl.as_bytes())]).report.warnings;
+            assert!(
+                warnings[0].contains("newmtl without a name") && warnings[1].contains("defines material \"wall\""),
+                "{warnings:?}"
+            );
+            continue;
+        }
+        check(&QUAD.replace("usemtl wall", &format!("usemtl {usemtl}")), &mtl, albedo, 2, warning);
+    }
+    // Names without definition are counted.
+    let obj = format!("{QUAD}usemtl b\nf 1 2 3\nusemtl c\nf 1 2 4\n");
+    check(&obj, WALL, RED, 4, "m.obj:12: defines material \"b\"; it is the default material, grey (and 1 more like it)");
+}
+
+#[test]
+fn textures_that_are_elsewhere() {
+    let both = |statement: &str| format!("{WALL}map_Kd {statement}\n");
+    let tinted = RED * PICTURE;
+    for (statement, albedo, warning) in [
+        ("red.png", tinted, ""),
+        ("tex\\deep.png", tinted, ""),
+        ("", RED, "m.mtl:3: map_Kd without a file"),
+        ("-s 2 2 2", RED, "m.mtl:3: map_Kd without a file"),
+        ("gone.png", RED, "m.mtl:3: cannot read this texture"),
+        ("m.obj", RED, "m.mtl:3: cannot be decoded"),
+        ("tex", RED, "m.mtl:3: cannot read this texture"),
+        ("C:\\Users\\someone\\Desktop\\red.png", tinted, "m.mtl:3: red.png is used"),
+        ("/home/someone/red.png", tinted, "m.mtl:3: red.png is used"),
+        ("..\\..\\textures\\deep.png", tinted, "m.mtl:3: tex/deep.png is used"),
+        ("Red.PNG", tinted, "m.mtl:3: red.png is used"),
+        ("TEX/Deep.png", tinted, "m.mtl:3: tex/deep.png is used"),
+        ("deep.png", tinted, "m.mtl:3: tex/deep.png is used"),
+        ("\"red.png\"", tinted, "m.mtl:3: red.png is used"),
+        ("C:\\tex\\my\\ red.png", RED, "m.mtl:3: cannot read this texture"),
+        ("red.png # the wall", tinted, "m.mtl:3: red.png is used"),
+        ("\"C:\\my pictures\\RED.png\" # the wall", tinted, "m.mtl:3: red.png is used"),
+        ("-clamp on -bm 0.5 red.png", tinted, ""),
+        ("red.png -bm 1", tinted, "m.mtl:3: red.png is used"),
+        ("-mm 0 2 red.png", tinted, "m.mtl:3: option -mm of map_Kd is ignored"),
+    ] {
+        let mtl = both(statement);
+        let red = picture();
+        let files: [(&str, &[u8]); 4] =
+            [("m.obj", QUAD.as_bytes()), ("m.mtl", mtl.as_bytes()), ("red.png", &red), ("tex/deep.png", &red)];
+        check_files(&files, albedo, 2, warning);
+    }
+    // Without Kd, a picture shows its own colours, and a missing one leaves grey.
+    let red = picture();
+    for (name, albedo, warning) in [("red.png", PICTURE, ""), ("gone.png", GREY, "m.mtl:2: cannot read this texture")] {
+        let mtl = format!("newmtl wall\nmap_Kd {name}\n");
+        check_files(&[("m.obj", QUAD.as_bytes()), ("m.mtl", mtl.as_bytes()), ("red.png", &red)], albedo, 2, warning);
+    }
+    // A file outside the folder is not read, even where a file of its name could be found there.
+    let folder = tempfile::tempdir().unwrap();
+    fs::create_dir(folder.path().join("scene")).unwrap();
+    fs::write(folder.path().join("out.png"), picture()).unwrap();
+    for (name, text) in [("m.obj", QUAD), ("m.mtl", "newmtl wall\nKd 0.8 0.2 0.2\nmap_Kd ../out.png\n")] {
+        fs::write(folder.path().join("scene").join(name), text).unwrap();
+    }
+    let options = || LoadOptions { unlit: true, ..LoadOptions::default() };
+    let loaded = World::load_with(&folder.path().join("scene/m.obj"), options()).unwrap();
+    assert!(loaded.world.textures.is_empty() && loaded.report.files.len() == 2, "{:?}", loaded.report.files);
+    assert!(loaded.report.warnings[0].contains("outside the scene's folder"), "{:?}", loaded.report.warnings);
+}
+
+#[test]
+fn textures_lie_as_their_options_say() {
+    // One texel in 16 is white: the one from u = 0.25 and v = 0.5.
+    let mut texels = image::GrayImage::new(4, 4);
+    texels.put_pixel(1, 1, image::Luma([255]));
+    let map = encoded(texels.into());
+    // The coordinate on the picture is that of the model times -s plus -o. So the white texel's middle lies at (uv - offset) / scale.
+    for (options, uv) in [
+        ("", [0.375, 0.625]),
+        ("-o 0.25 0 0", [0.125, 0.625]),
+        ("-s 0.5 1 1 -o 0 -0.25", [0.75, 0.875]),
+        ("-o 0.25", [0.125, 0.625]),
+    ] {
+        let mtl = format!("newmtl wall\nmap_Kd {options} map.png\n");
+        let world = open(&[("m.obj", QUAD.as_bytes()), ("m.mtl", mtl.as_bytes()), ("map.png", &map)]).world;
+        let [u, v] = uv;
+        // The second triangle has the corners (0, 0), (1, 1) and (0, 1) of the square.
+        let scene = world.flatten();
+        let at = if v > u { scene.albedo(1, vec3(1.0 - v, u, v - u)) } else { scene.albedo(0, vec3(1.0 - u, u - v, v)) };
+        assert_eq!(at, Vec3::ONE, "{options}");
+    }
+    let mtl = "newmtl wall\nmap_Kd -s 2 3 1 -o 0.25 0.5 0 -clamp on map.png\nnewmtl other\nmap_Kd map.png\n";
+    let obj = format!("{QUAD}usemtl other\nf 1 2/2 3/3\n");
+    let world = open(&[("m.obj", obj.as_bytes()), ("m.mtl", mtl.as_bytes()), ("map.png", &map)]).world;
+    assert_eq!(world.meshes[0].uvs[2].to_array(), [2.25, 3.5]);
+    // A corner without vt stays at zero, whatever the options.
+    assert_eq!(world.meshes[0].uvs[4].to_array(), [0.0, 0.0]);
+    assert_eq!(world.textures.iter().map(|texture| texture.sampler.wrap).collect::<Vec<_>>(), [[Clamp; 2], [Repeat; 2]]);
+}
+
+#[test]
+fn colours_outside_their_range() {
+    for (kd, albedo, warning) in [
+        ("1.000001 1 1", Vec3::ONE, "Kd has the value 1.000001; it is clamped"),
+        ("1.5 0.5 0.5", vec3(1.0, 0.5, 0.5), "Kd has the value 1.5; it is clamped"),
+        ("2 2 2", Vec3::ONE, "it is clamped"),
+        ("-0.1 0.5 0.5", vec3(0.0, 0.5, 0.5), "Kd has the value -0.1; it is clamped"),
+        ("204 51 51", RED, "Kd has the value 204; it is divided by 255"),
+        ("51.0 0 255", vec3(0.2, 0.0, 1.0), "it is divided by 255"),
+        ("3 0 0", vec3(3.0 / 255.0, 0.0, 0.0), "it is divided by 255"),
+        ("300 0 0", vec3(1.0, 0.0, 0.0), "it is clamped"),
+        ("nan nan nan", GREY, "Kd has the value nan; it is left out"),
+        ("0.5 0.5", GREY, "Kd has 2 numbers; it is left out"),
+        ("spectral red.rfl 1", GREY, "Kd has the value spectral; it is left out"),
+    ] {
+        check(QUAD, &format!("newmtl wall\nKd {kd}\n"), albedo, 2, &format!("m.mtl:2: {warning}"));
+    }
+    check(QUAD, &format!("Kd 1 1 1\n{WALL}"), RED, 2, "m.mtl:1: Kd before the first newmtl; it is left out");
+    check(QUAD, &format!("{WALL}Ke -1 0 0\n"), RED, 2, "m.mtl:3: Ke has the value -1; it is clamped to 0");
+    check(QUAD, &format!("{WALL}Ke nan 0 0\n"), RED, 2, "m.mtl:3: Ke has the value nan; it is left out");
+}
+
+#[test]
+fn what_is_not_shaded_yet_is_told() {
+    let red = picture();
+    let alpha = encoded(image::RgbaImage::from_pixel(1, 1, image::Rgba([255, 0, 128, 7])).into());
+    for (statements, note) in [
+        ("d 0.5", "opacity 0.5"),
+        ("d 0.0\nillum 1", "opacity 0"),
+        ("Tr 0.25", "opacity 0.75"),
+        ("Tr 1\nd 0.5", "opacity 0.5"),
+        ("map_d leaf.png", "opacity map leaf.png"),
+        ("map_bump -bm 0.2 tex\\b.png", "bump map b.png"),
+        ("bump b.png", "bump map b.png"),
+        ("norm n.png", "normal map n.png"),
+        ("Pr 0.2\nPm 1", "roughness 0.2, metalness 1"),
+        ("map_Pr r.png", "roughness map r.png"),
+        ("Ks 0.5 0.5 0.5\nNs 250\nillum 2", "highlight (Ks 0.5 0.5 0.5, Ns 250)"),
+        ("map_Kd alpha.png", "alpha of alpha.png"),
+    ] {
+        let mtl = format!("newmtl wall\nKd 1 1 1\n{statements}\n");
+        let Loaded { world, report, .. } =
+            open(&[("m.obj", QUAD.as_bytes()), ("m.mtl", mtl.as_bytes()), ("red.png", &red), ("alpha.png", &alpha)]);
+        let warning = format!("1 material has what pictures do not show yet: wall ({note})");
+        assert_eq!(report.warnings, [warning], "{statements}");
+        assert_eq!(world.materials[0].unshaded.join(", "), note);
+    }
+    for statements in ["d 1", "Tr 0", "Ks 0 0 0\nNs 10", "Ks 1 1 1\nillum 1", "Pm 0", "d 0.1\nillum 4"] {
+        check(QUAD, &format!("{WALL}{statements}\n"), RED, 2, "");
+    }
+    let mtl = (0..9).map(|index| format!("newmtl m{index}\nd 0.5\n")).collect::<String>();
+    let obj = (0..9).map(|index| format!("usemtl m{index}\nf 1 2 3\n")).collect::<String>();
+    let loaded = open(&[("m.obj", format!("mtllib m.mtl\n{CORNERS}{obj}").as_bytes()), ("m.mtl", mtl.as_bytes())]);
+    assert!(loaded.report.warnings[0].starts_with("9 materials have") && loaded.report.warnings[0].ends_with("and 4 more"));
+}
+
+#[test]
+fn lamps_with_pictures_have_the_mean() {
+    let mut texels = image::RgbImage::new(2, 1);
+    texels.put_pixel(0, 0, image::Rgb([255, 255, 0]));
+    let half = encoded(texels.into());
+    for (statements, emission, fragment) in [
+        ("Ke 4 2 1\nmap_Ke half.png", vec3(2.0, 1.0, 0.0), "m.mtl:4: map_Ke: the lamp shines with the mean colour"),
+        ("map_Ke half.png", vec3(0.5, 0.5, 0.0), "m.mtl:3: map_Ke: the lamp"),
+        ("Ke 0 0 0\nmap_Ke half.png", Vec3::ZERO, "m.mtl:4: map_Ke has no effect"),
+        ("Ke 4 2 1\nmap_Ke gone.png", vec3(4.0, 2.0, 1.0), "m.mtl:4: cannot read this texture"),
+    ] {
+        let mtl = format!("{WALL}{statements}\n");
+        let loaded = open(&[("m.obj", QUAD.as_bytes()), ("m.mtl", mtl.as_bytes()), ("half.png", &half)]);
+        assert_eq!(loaded.world.materials[0].emission, emission, "{statements}");
+        assert!(loaded.world.textures.is_empty());
+        let warnings = loaded.report.warnings.join("\n");
+        let (place, fragment) = fragment.split_once(' ').unwrap();
+        assert!(warnings.contains(place) && warnings.contains(fragment), "{warnings}");
+    }
+}
