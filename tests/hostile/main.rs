@@ -62,6 +62,7 @@ fn read(format: &str, name: &str, bytes: &[u8]) -> Result<()> {
     let path = Path::new(name);
     match format {
         "obj" => load("m.obj", bytes),
+        "gltf" => load_model(name, bytes),
         "mtl" => load("m.mtl", bytes),
         "model" => load_model(name, bytes),
         "scene" => load("s.toml", bytes),
@@ -156,7 +157,7 @@ fn read_all(format: &'static str, name: &str, inputs: Vec<(String, Vec<u8>)>) ->
 #[test]
 fn mutants_are_read_or_refused() {
     let mut total = 0;
-    for format in ["obj", "mtl", "model", "scene", "texture", "environment", "picture", "points", "transfer"] {
+    for format in ["obj", "gltf", "mtl", "model", "scene", "texture", "environment", "picture", "points", "transfer"] {
         let names = names_in(Path::new("fuzz/seeds").join(format));
         let (mut count, mut refused) = (0, 0);
         for name in &names {
@@ -377,7 +378,7 @@ fn absurd_inputs_are_refused_in_words() {
 }
 
 fn known(format: &str) -> &'static str {
-    ["obj", "mtl", "model", "scene", "texture", "environment", "picture", "points", "transfer"]
+    ["obj", "gltf", "mtl", "model", "scene", "texture", "environment", "picture", "points", "transfer"]
         .into_iter()
         .find(|&known| known == format)
         .expect("a reader")

@@ -24,6 +24,9 @@ use crate::scene::gltf::PlainGltf;
 
 mod split;
 
+/// The mode of a primitive of separate triangles, a constant of OpenGL.
+const TRIANGLES: u32 = 4;
+
 /// Name of the variant with the light map as base colour.
 const LIT: &str = "lit";
 
@@ -138,7 +141,10 @@ impl LitFile {
         let indices = self.builder.indices(&corners);
         let Some(primitive) = self.primitive(place).as_object_mut() else { return };
         primitive.insert("indices".into(), indices.into());
-        primitive.remove("mode");
+        // Strips and fans become lists of triangles.
+        if let Some(mode) = primitive.get_mut("mode") {
+            *mode = TRIANGLES.into();
+        }
     }
 
     /// Gives all vertices their coordinates on the map, and returns the number of the set.

@@ -2,6 +2,7 @@
 
 use std::collections::HashMap;
 
+use gltf::json::accessor::sparse::Sparse;
 use gltf::json::accessor::{Accessor, ComponentType, Type};
 use gltf::json::validation::Checked;
 
@@ -46,6 +47,7 @@ struct Format {
 struct Elements<'a> {
     bytes: &'a [u8],
     stride: usize,
+    count: usize,
 }
 
 impl Format {
@@ -160,76 +162,56 @@ impl<'a> Buffers<'a> {
     /// The values of an accessor, whose type has one of these numbers of components.
     pub fn values(&self, index: usize, widths: &[usize]) -> Result<Values<'_>> {
         let accessor = self.document.entry(&self.document.root.accessors, "accessors", index)?;
-        let fault = |problem: String| self.document.fault(format_args!("accessors[{index}]"), problem);
+        let place = format!("accessors[{index}]");
+        let fault = |problem: String| self.document.fault(&place, problem);
         let (width, format) = shape(accessor).map_err(fault)?;
         if !widths.contains(&width) {
             return Err(fault(format!("its values have {width} components, not {widths:?}")));
         }
-        let count = self.count(accessor.count.0).map_err(fault)?;
         let size = width * format.component.size();
-        let elements = match accessor.buffer_view {
+        let (count, elements) = match accessor.buffer_view {
             Some(view) => {
                 let offset = accessor.byte_offset.map_or(0, |offset| offset.0);
-                Some(self.elements(view.value(), offset, count, size).map_err(|problem| problem.or(fault))?)
+                let elements = self.elements(&place, view.value(), offset, accessor.count.0, size)?;
+                (elements.count, Some(elements))
             }
-            None => None,
+            None => (self.zeros(accessor.count.0).map_err(fault)?, None),
         };
         let (mut exceptions, mut exceptional) = (HashMap::new(), None);
-        if let Some(sparse) = &accessor.sparse {
-            let number = self.count(sparse.count.0).map_err(fault)?;
-            let Checked::Valid(component) = sparse.indices.component_type else {
+        if let Some(Sparse { count, indices, values, .. }) = &accessor.sparse {
+            let Checked::Valid(component) = indices.component_type else {
                 return Err(fault("its sparse indices are of no known type".into()));
             };
-            let (indices, values) = (&sparse.indices, &sparse.values);
-            let places = self.elements(indices.buffer_view.value(), indices.byte_offset.0, number, component.0.size());
-            let places = places.map_err(|problem| problem.or(fault))?;
+            let places =
+                self.elements(&place, indices.buffer_view.value(), indices.byte_offset.0, count.0, component.0.size())?;
+            let values = self.elements(&place, values.buffer_view.value(), values.byte_offset.0, count.0, size)?;
+            self.take(places.count)?;
             let place = |entry: usize| whole(component.0, places.bytes, entry * places.stride);
-            exceptional = Some(
-                self.elements(values.buffer_view.value(), values.byte_offset.0, number, size)
-                    .map_err(|problem| problem.or(fault))?,
-            );
-            exceptions = (0..number).map(|entry| (place(entry), entry as u32)).collect();
+            exceptions = (0..places.count).map(|entry| (place(entry), entry as u32)).collect();
+            exceptional = Some(values);
         }
         Ok(Values { count, width, storage: Storage::Packed { elements, exceptions, exceptional, format } })
     }
 
-    /// A count of an accessor, if so much may be made. What has no bytes of its own could be of any length.
-    fn count(&self, count: u64) -> Result<usize, String> {
-        let left = self.left();
+    /// A number of values that have no bytes of their own, if so many may be made.
+    fn zeros(&self, count: u64) -> Result<usize, String> {
         let problem = || format!("its count is {count}, and the file is too small for that");
-        usize::try_from(count).ok().filter(|&count| count <= left && count < u32::MAX as usize).ok_or_else(problem)
+        usize::try_from(count).ok().filter(|&count| count <= self.left()).ok_or_else(problem)
     }
 
-    /// Elements of a view, all of which are there.
-    fn elements(&self, view: usize, offset: u64, count: usize, size: usize) -> Result<Elements<'_>, Misplaced> {
-        let (bytes, stride) = self.view(view).map_err(Misplaced::View)?;
+    /// Elements of a view, all of which are there. `place` refers to them.
+    fn elements(&self, place: &str, view: usize, offset: u64, count: u64, size: usize) -> Result<Elements<'_>> {
+        let (all, stride) = self.view(view)?;
         let stride = stride.unwrap_or(size);
-        let outside = || {
-            Misplaced::Here(format!(
-                "{count} elements of {size} bytes, {stride} apart, from byte {offset} do not fit into bufferViews[{view}] of {} bytes",
-                bytes.len()
-            ))
-        };
-        let bytes = usize::try_from(offset).ok().and_then(|offset| bytes.get(offset..)).ok_or_else(outside)?;
-        let last = count.checked_sub(1).map_or(Some(0), |last| last.checked_mul(stride)?.checked_add(size));
-        if last.is_none_or(|last| last > bytes.len()) {
-            return Err(outside());
-        }
-        Ok(Elements { bytes, stride })
-    }
-}
-
-/// Why elements are not there.
-enum Misplaced {
-    View(crate::error::Error),
-    Here(String),
-}
-
-impl Misplaced {
-    fn or(self, fault: impl Fn(String) -> crate::error::Error) -> crate::error::Error {
-        match self {
-            Self::View(error) => error,
-            Self::Here(problem) => fault(problem),
+        let bytes = usize::try_from(offset).ok().and_then(|offset| all.get(offset..));
+        let count_there = usize::try_from(count).ok().filter(|&count| count < u32::MAX as usize);
+        let end = |count: usize| count.checked_sub(1).map_or(Some(0), |last| last.checked_mul(stride)?.checked_add(size));
+        match (bytes, count_there, count_there.and_then(end)) {
+            (Some(bytes), Some(count), Some(end)) if end <= bytes.len() => Ok(Elements { bytes, stride, count }),
+            _ => {
+                let elements = format!("{count} elements of {size} bytes, {stride} apart, from byte {offset}");
+                Err(self.document.fault(place, format!("{elements} do not fit into bufferViews[{view}] of {} bytes", all.len())))
+            }
         }
     }
 }

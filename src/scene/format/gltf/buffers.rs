@@ -122,6 +122,7 @@ impl<'a> Buffers<'a> {
         let cell = &self.unpacked[index];
         if cell.get().is_none() {
             let bytes = self.range(index, packed.buffer, packed.byte_offset, packed.byte_length)?;
+            packed.check(bytes).map_err(|problem| self.view_fault(index, problem))?;
             self.take(packed.count)?;
             let unpacked = packed.unpack(bytes).map_err(|problem| self.view_fault(index, problem))?;
             cell.get_or_init(|| unpacked);

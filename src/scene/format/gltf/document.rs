@@ -6,6 +6,7 @@ use std::path::Path;
 use glam::{DAffine3, DMat4, DQuat, DVec3};
 use gltf::json::Root;
 use serde::Deserialize;
+use serde_json::Value;
 use serde_json::value::RawValue;
 
 use crate::error::{Error, Result};
@@ -15,7 +16,7 @@ pub const BROKEN: &str =
     "export the model again; the glTF validator (github.khronos.org/glTF-Validator) tells what is wrong in a file";
 
 /// Extensions that a file may require.
-const EXTENSIONS: [&str; 26] = [
+const EXTENSIONS: [&str; 27] = [
     "EXT_mesh_gpu_instancing",
     "EXT_meshopt_compression",
     "EXT_texture_webp",
@@ -39,6 +40,7 @@ const EXTENSIONS: [&str; 26] = [
     "KHR_mesh_quantization",
     "KHR_meshopt_compression",
     "KHR_node_visibility",
+    "KHR_technique_webgl",
     "KHR_texture_transform",
     "KHR_xmp",
     "KHR_xmp_json_ld",
@@ -171,7 +173,7 @@ impl<'a> Document<'a> {
         };
         check_version(path, version)?;
         check_extensions(path, &preamble.extensions_required)?;
-        let root: Root = serde_json::from_slice(container.json).map_err(malformed)?;
+        let root = parse_root(container.json).map_err(malformed)?;
         let placements = preamble.nodes.map(|nodes| serde_json::from_str::<Vec<Placement>>(nodes.get()));
         let placements = placements.transpose().map_err(malformed)?.unwrap_or_default();
         let document = Self { path, root, transforms: placements.iter().map(Placement::transform).collect() };
@@ -192,6 +194,36 @@ impl<'a> Document<'a> {
             let problem = format!("the file refers to {name}[{index}], but has {} {name}", list.len());
             Error::input(self.path, None, problem, BROKEN)
         })
+    }
+}
+
+fn parse_root(json: &[u8]) -> Result<Root, serde_json::Error> {
+    serde_json::from_slice(json).or_else(|error| leniently(json).ok_or(error))
+}
+
+/// The JSON read once more, without what the crate's types refuse and glTF allows: scenes without nodes, animations of other things than nodes, and
+/// whole numbers that are written as 1.0.
+fn leniently(json: &[u8]) -> Option<Root> {
+    let mut json: Value = serde_json::from_slice(json).ok()?;
+    whole(&mut json);
+    json.as_object_mut()?.remove("animations");
+    for scene in json.get_mut("scenes").and_then(Value::as_array_mut).into_iter().flatten() {
+        scene.as_object_mut()?.entry("nodes").or_insert_with(|| Value::Array(Vec::new()));
+    }
+    serde_json::from_value(json).ok()
+}
+
+fn whole(json: &mut Value) {
+    match json {
+        Value::Number(number) => {
+            let float = number.as_f64().filter(|float| number.is_f64() && *float >= 0.0 && float.fract() == 0.0);
+            if let Some(float) = float.filter(|&float| float < 2_f64.powi(53)) {
+                *json = Value::from(float as u64);
+            }
+        }
+        Value::Array(list) => list.iter_mut().for_each(whole),
+        Value::Object(entries) => entries.values_mut().for_each(whole),
+        _ => {}
     }
 }
 

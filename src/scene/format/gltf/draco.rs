@@ -47,6 +47,10 @@ impl Unpacked {
         self.mesh.num_points()
     }
 
+    pub fn count_triangles(&self) -> usize {
+        self.mesh.num_faces()
+    }
+
     pub fn triangles(&self) -> Vec<[u32; 3]> {
         self.mesh.faces().iter().map(|face| face.map(|point| point.0)).collect()
     }

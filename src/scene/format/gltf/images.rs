@@ -30,6 +30,8 @@ pub struct Images<'a, 'b> {
 struct Origin {
     /// The file, or a name for a part of the model's.
     path: PathBuf,
+    /// Its place in the JSON, alone and with the model.
+    place: String,
     named_at: String,
 }
 
@@ -72,9 +74,9 @@ impl<'a, 'b> Images<'a, 'b> {
 
     fn decode(&self, image: &Image, origin: &Origin) -> Result<ImageTexture> {
         let bytes = match (&image.uri, image.buffer_view) {
-            (Some(uri), _) => self.buffers.resource(uri, &origin.named_at)?,
+            (Some(uri), _) => self.buffers.resource(uri, &origin.place)?,
             (None, Some(view)) => Cow::Borrowed(self.buffers.view(view.value())?.0),
-            (None, None) => return Err(self.buffers.document.fault(&origin.named_at, "it has neither a uri nor a bufferView")),
+            (None, None) => return Err(self.buffers.document.fault(&origin.place, "it has neither a uri nor a bufferView")),
         };
         Textures::decode(&origin.path, &bytes, &origin.named_at)
     }
@@ -102,16 +104,17 @@ impl<'a, 'b> Images<'a, 'b> {
             return Err(Error::input(document.path, None, format!("textures[{index}]: {problem}"), cure));
         }
         let image = document.entry(&document.root.images, "images", source)?;
-        let named_at = format!("images[{source}] of {}", document.path.display());
+        let place = format!("images[{source}]");
+        let named_at = format!("{place} of {}", document.path.display());
         let path = match &image.uri {
-            Some(uri) if !uri.starts_with("data:") => self.buffers.file(uri, &named_at)?,
+            Some(uri) if !uri.starts_with("data:") => self.buffers.file(uri, &place)?,
             _ => {
                 let mut name = document.path.as_os_str().to_owned();
-                name.push(format!("#images[{source}]"));
+                name.push(format!("#{place}"));
                 name.into()
             }
         };
-        Ok((image, Origin { path, named_at }))
+        Ok((image, Origin { path, place, named_at }))
     }
 
     fn sampler(&self, index: usize) -> Result<Sampler> {

@@ -173,7 +173,7 @@ impl MaterialReading<'_, '_, '_> {
             self.note(format!("index of refraction {}", ior.ior.0));
         }
         for name in extensions.others.keys() {
-            if let Some(name) = name.strip_prefix("KHR_materials_") {
+            if let Some(name) = name.strip_prefix("KHR_materials_").or_else(|| name.strip_prefix("KHR_technique_")) {
                 self.note(name.to_owned());
             }
         }

@@ -57,12 +57,17 @@ impl Packed {
         matches!(self.mode, Coding::Attributes).then_some(self.byte_stride)
     }
 
-    pub fn unpack(&self, bytes: &[u8]) -> Result<Vec<u8>, String> {
+    /// Whether the bytes can hold what is said of them. Each index takes a part of a byte, and each block of equal vertices a few.
+    pub fn check(&self, bytes: &[u8]) -> Result<(), String> {
         let size = self.count.checked_mul(self.byte_stride);
-        // Each index takes a part of a byte, and each block of equal vertices a few.
         if !size.is_some_and(|size| can_hold(bytes, size as u64)) {
             return Err(format!("{} packed bytes cannot hold {} of {} bytes", bytes.len(), self.count, self.byte_stride));
         }
+        Ok(())
+    }
+
+    /// Unpacks bytes that [`Self::check`] has accepted.
+    pub fn unpack(&self, bytes: &[u8]) -> Result<Vec<u8>, String> {
         let unpacked = match (self.mode, self.byte_stride) {
             (Coding::Attributes, stride) => return self.vertices(stride, bytes),
             (Coding::Triangles, _) if !self.count.is_multiple_of(3) => {

@@ -13,7 +13,7 @@
 //!
 //! Nothing in a file is believed: each index, offset and count is checked before use, and [`Buffers::take`] bounds what a file may ask for.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -71,6 +71,7 @@ pub(super) fn load(loader: &mut Loader, path: &Path) -> Result<World> {
         materials,
         primitives,
         known: HashMap::new(),
+        morphed: HashSet::new(),
         world: World::default(),
         placed: 0,
     };
@@ -95,6 +96,8 @@ struct Assembly<'a, 'b> {
     primitives: Primitives<'a, 'b>,
     /// Meshes of the world by mesh and primitive of the file. `None`: nothing to draw.
     known: HashMap<(usize, usize), Option<usize>>,
+    /// Meshes of the file that have morph targets.
+    morphed: HashSet<usize>,
     world: World,
     /// Triangles of all instances.
     placed: usize,
@@ -112,6 +115,10 @@ impl Assembly<'_, '_> {
             ..self.walk.skin(loader, self.buffers, placed)?
         };
         let copies = self.copies(placed)?;
+        self.primitives.tally.skinned += usize::from(pose.is_skinned());
+        if mesh.primitives.iter().any(|primitive| primitive.targets.is_some()) {
+            self.primitives.tally.morphed += usize::from(self.morphed.insert(index));
+        }
         let name = [&json.name, &mesh.name].into_iter().flatten().find(|name| !name.is_empty());
         let name = name.cloned().unwrap_or_else(|| format!("node {}", placed.node));
         // Only a mesh in the pose of its own is shared.
@@ -137,7 +144,7 @@ impl Assembly<'_, '_> {
             let Some(mesh) = mesh else { continue };
             for (copy, &transform) in copies.iter().enumerate() {
                 let transform = if pose.is_skinned() { DAffine3::from_translation(pose.origin) } else { transform };
-                let part = Part { node: placed.node, primitive, copy };
+                let part = Part { node: placed.node, primitive, copy: placed.earlier * copies.len() + copy };
                 self.place(loader, Instance { name: name.clone(), mesh, transform, part: Some(part) })?;
             }
         }
@@ -194,7 +201,7 @@ fn is_flattened(mesh: &Mesh, transform: DAffine3) -> bool {
 
 /// Tells what was skipped. Fails if nothing is left.
 fn finish(loader: &mut Loader, path: &Path, tally: &Tally, world: &World) -> Result<()> {
-    let &Tally { triangles, flat, lines } = tally;
+    let &Tally { triangles, flat, lines, morphed, skinned } = tally;
     if world.instances.is_empty() {
         let (problem, cure) = match triangles {
             _ if flat > 0 && flat == triangles => {
@@ -213,10 +220,15 @@ fn finish(loader: &mut Loader, path: &Path, tally: &Tally, world: &World) -> Res
         1 => loader.warnings.say(format!("1 of {triangles} triangles has no area and was skipped")),
         _ => loader.warnings.say(format!("{flat} of {triangles} triangles have no area and were skipped")),
     }
-    match lines {
+    let mut tell = |count: usize, one: &str, many: &str| match count {
         0 => {}
-        1 => loader.warnings.say("1 primitive of points or lines is not shown".to_owned()),
-        _ => loader.warnings.say(format!("{lines} primitives of points or lines are not shown")),
-    }
+        1 => loader.warnings.say(format!("1 {one}")),
+        _ => loader.warnings.say(format!("{count} {many}")),
+    };
+    tell(lines, "primitive of points or lines is not shown", "primitives of points or lines are not shown");
+    let weights = "shown with the weights of the file";
+    tell(morphed, &format!("mesh with morph targets is {weights}"), &format!("meshes with morph targets are {weights}"));
+    let rest = "shown at rest, with joints where their nodes stand";
+    tell(skinned, &format!("skinned mesh is {rest}"), &format!("skinned meshes are {rest}"));
     Ok(())
 }

@@ -1,8 +1,9 @@
 //! The nodes of the chosen scene: where they stand, and their copies, joints, cameras and lights.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 use glam::{DAffine3, DMat4, DQuat, DVec3, Vec3};
+use gltf::json::Index;
 use gltf::json::camera::Type;
 use gltf::json::scene::Node;
 use gltf::json::validation::Checked;
@@ -17,10 +18,15 @@ use crate::scene::WorldCamera;
 use crate::scene::format::Loader;
 use crate::scene::format::warnings::{Fault, Place};
 
+/// A node that is a child of several is placed under each. More of these places are refused: each level of nodes could double them.
+const MOST_REPEATED: usize = 1 << 16;
+
 /// A node in the world.
 pub struct Placed {
     pub node: usize,
     pub transform: DAffine3,
+    /// How often it was placed before, as a child of other nodes.
+    pub earlier: usize,
 }
 
 /// All nodes of a scene, depth first, in the order of the file.
@@ -30,25 +36,51 @@ pub struct Walk {
     transforms: HashMap<usize, DAffine3>,
 }
 
+/// What a walk does next.
+enum WalkStep {
+    /// Goes to a node, from a parent with this transform.
+    Enter(usize, DAffine3),
+    Leave(usize),
+}
+
 impl Walk {
     pub fn of(loader: &mut Loader, document: &Document) -> Result<Self> {
         let mut walk = Self { nodes: Vec::new(), transforms: HashMap::new() };
-        let mut waiting: Vec<(usize, DAffine3)> =
-            roots(loader, document)?.into_iter().rev().map(|root| (root, DAffine3::IDENTITY)).collect();
-        while let Some((node, parent)) = waiting.pop() {
+        let (mut above, mut places) = (HashSet::new(), HashMap::new());
+        let enter = |parent| move |node: &Index<Node>| WalkStep::Enter(node.value(), parent);
+        let mut waiting: Vec<_> = roots(loader, document)?.iter().rev().map(enter(DAffine3::IDENTITY)).collect();
+        while let Some(step) = waiting.pop() {
+            let (node, parent) = match step {
+                WalkStep::Enter(node, parent) => (node, parent),
+                WalkStep::Leave(node) => {
+                    above.remove(&node);
+                    continue;
+                }
+            };
             let json = document.entry(&document.root.nodes, "nodes", node)?;
             if is_hidden(json) {
                 continue;
             }
+            let fault = |problem| Err(document.fault(format_args!("nodes[{node}]"), problem));
             let transform = parent * document.transforms[node];
             if !transform.is_finite() {
-                return Err(document.fault(format_args!("nodes[{node}]"), "its place in the world is not finite"));
+                return fault("its place in the world is not finite");
             }
-            if walk.transforms.insert(node, transform).is_some() {
-                return Err(document.fault(format_args!("nodes[{node}]"), "it is a child of two nodes, or of itself"));
+            if !above.insert(node) {
+                return fault("it is below itself");
             }
-            walk.nodes.push(Placed { node, transform });
-            waiting.extend(json.children.iter().flatten().rev().map(|child| (child.value(), transform)));
+            let place = places.entry(node).or_insert(0);
+            let earlier = std::mem::replace(place, *place + 1);
+            if earlier > 0 {
+                repeated(loader, document, node)?;
+            }
+            if walk.nodes.len() > document.root.nodes.len() + MOST_REPEATED {
+                return fault("too many nodes are children of several");
+            }
+            walk.transforms.entry(node).or_insert(transform);
+            walk.nodes.push(Placed { node, transform, earlier });
+            waiting.push(WalkStep::Leave(node));
+            waiting.extend(json.children.iter().flatten().rev().map(enter(transform)));
         }
         Ok(walk)
     }
@@ -115,7 +147,7 @@ impl Walk {
     /// The cameras of the scene with their names.
     pub fn cameras(&self, loader: &mut Loader, document: &Document) -> Result<Vec<(String, WorldCamera)>> {
         let mut cameras = Vec::new();
-        for &Placed { node, transform } in &self.nodes {
+        for &Placed { node, transform, .. } in &self.nodes {
             let json = &document.root.nodes[node];
             let Some(index) = json.camera else { continue };
             let camera = document.entry(&document.root.cameras, "cameras", index.value())?;
@@ -164,7 +196,7 @@ fn perspective_camera(transform: DAffine3, yfov: f32) -> Result<WorldCamera, Str
 }
 
 /// The root nodes of the chosen scene.
-fn roots(loader: &Loader, document: &Document) -> Result<Vec<usize>> {
+fn roots(loader: &Loader, document: &Document) -> Result<Vec<Index<Node>>> {
     let scenes = &document.root.scenes;
     let chosen = match &loader.scene {
         Some(wanted) => {
@@ -172,11 +204,12 @@ fn roots(loader: &Loader, document: &Document) -> Result<Vec<usize>> {
             let number = named.or_else(|| wanted.parse().ok().filter(|&number| number < scenes.len()));
             Some(number.ok_or_else(|| unknown_scene(document, wanted))?)
         }
-        None => document.root.scene.map(|scene| scene.value()).or_else(|| (!scenes.is_empty()).then_some(0)),
+        // A file that names a scene and has none shows all its nodes.
+        None => (!scenes.is_empty()).then(|| document.root.scene.map_or(0, |scene| scene.value())),
     };
     if let Some(chosen) = chosen {
         let scene = document.entry(scenes, "scenes", chosen)?;
-        return Ok(scene.nodes.iter().map(|node| node.value()).collect());
+        return Ok(scene.nodes.clone());
     }
     let nodes = &document.root.nodes;
     let mut is_root = vec![true; nodes.len()];
@@ -185,7 +218,14 @@ fn roots(loader: &Loader, document: &Document) -> Result<Vec<usize>> {
             *is_root = false;
         }
     }
-    Ok((0..nodes.len()).filter(|&node| is_root[node]).collect())
+    Ok((0..nodes.len()).filter(|&node| is_root[node]).map(|node| Index::new(node as u32)).collect())
+}
+
+/// Tells of a node that is a child of several.
+fn repeated(loader: &mut Loader, document: &Document, node: usize) -> Result<()> {
+    let problem = || format!("nodes[{node}] is a child of several nodes");
+    let fault = Fault { kind: "children", problem: &problem, mend: "it is shown under each", cure: BROKEN };
+    loader.warnings.mend(Place { path: document.path, line: None }, &fault)
 }
 
 fn unknown_scene(document: &Document, wanted: &str) -> Error {
@@ -193,7 +233,7 @@ fn unknown_scene(document: &Document, wanted: &str) -> Error {
     let names: Vec<String> =
         scenes.take(20).map(|(number, scene)| scene.name.clone().unwrap_or_else(|| number.to_string())).collect();
     let cure = match names.len() {
-        0 => "leave out --scene".to_owned(),
+        0 => "leave out --gltf-scene".to_owned(),
         _ => format!("name one of these, or give a number from 0: {}", names.join(", ")),
     };
     Error::input(document.path, None, format!("there is no scene {wanted:?}"), cure)

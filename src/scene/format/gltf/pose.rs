@@ -41,6 +41,11 @@ impl<'a> Posed<'a> {
         self.positions.count
     }
 
+    /// How many things bend a vertex.
+    pub fn parts(&self) -> usize {
+        self.targets.len() + self.influences.len()
+    }
+
     /// Adds a morph target. Differences that are too few count for nothing.
     pub fn morph(&mut self, weight: f32, positions: Option<Values<'a>>, normals: Option<Values<'a>>) {
         if weight != 0.0 {

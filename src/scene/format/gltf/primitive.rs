@@ -1,6 +1,6 @@
 //! A primitive of a glTF mesh as a [`Mesh`]: triangles from lists, strips and fans, and the attributes of their vertices.
 
-use glam::{Affine2, DVec3, Vec2, Vec3, vec2};
+use glam::{Affine2, Vec2, Vec3, vec2};
 use gltf::json::mesh::{Mode, Primitive, Semantic};
 use gltf::json::validation::Checked;
 
@@ -34,6 +34,9 @@ pub struct Tally {
     pub flat: usize,
     /// Primitives of points or lines.
     pub lines: usize,
+    /// Meshes with morph targets, and with joints.
+    pub morphed: usize,
+    pub skinned: usize,
 }
 
 /// Reads primitives.
@@ -86,7 +89,7 @@ impl<'a> PrimitiveReading<'a, '_> {
     /// The corners of all triangles, as indices of vertices.
     fn triangles(&self, warnings: &mut Warnings, mode: Mode, vertices: usize) -> Result<Vec<[u32; 3]>> {
         if let Some(unpacked) = self.unpacked {
-            self.buffers.take(unpacked.triangles().len())?;
+            self.buffers.take(unpacked.count_triangles())?;
             return Ok(unpacked.triangles());
         }
         let indices = self.primitive.indices.map(|index| self.buffers.values(index.value(), &[1])).transpose()?;
@@ -149,14 +152,13 @@ impl Primitives<'_, '_> {
                 |accessor: Option<gltf::json::Index<_>>| accessor.map(|at| self.buffers.values(at.value(), &[3])).transpose();
             posed.morph(weight, deltas(target.positions)?, deltas(target.normals)?);
         }
+        // The work of bending a vertex.
+        self.buffers.take(count.saturating_mul(posed.parts()) / 8)?;
         let triangles = source.triangles(warnings, mode, count)?;
-        let triangles = self.sound(warnings, &source, triangles, &posed)?;
+        let (triangles, kept, positions) = self.sound(warnings, &source, triangles, &posed)?;
         if triangles.is_empty() {
             return Ok(None);
         }
-        self.buffers.take(count / 64)?;
-        let kept = Kept::of(&triangles, count);
-        self.buffers.take(kept.list.len())?;
         let coordinates =
             look.coordinates.map(|(set, _)| source.spare(warnings, Semantic::TexCoords(set), &[2], count)).transpose()?;
         let lightmap = source.spare(warnings, Semantic::TexCoords(1), &[2], count)?;
@@ -164,7 +166,7 @@ impl Primitives<'_, '_> {
         let vertices = || kept.list.iter().map(|&vertex| vertex as usize);
         let uv = |values: &Values, vertex, transform: Affine2| finite(transform.transform_point2(Vec2::from(values.get(vertex))));
         Ok(Some(Mesh {
-            positions: vertices().map(|vertex| posed.position(vertex).as_vec3()).collect(),
+            positions,
             normals: vertices().map(|vertex| posed.normal(vertex)).collect(),
             uvs: match (look.coordinates, coordinates.flatten()) {
                 (Some((_, transform)), Some(values)) => vertices().map(|vertex| uv(&values, vertex, transform)).collect(),
@@ -181,33 +183,30 @@ impl Primitives<'_, '_> {
         }))
     }
 
-    /// The triangles that can be drawn.
+    /// The triangles that can be drawn, the vertices that they use, and the positions of these.
     fn sound(
         &mut self,
         warnings: &mut Warnings,
         source: &PrimitiveReading,
-        triangles: Vec<[u32; 3]>,
+        mut triangles: Vec<[u32; 3]>,
         posed: &Posed,
-    ) -> Result<Vec<[u32; 3]>> {
-        let (mut outside, mut infinite, mut flat) = (0, 0, 0);
-        let all = triangles.len();
-        let is_near = |corner: &DVec3| corner.is_finite() && corner.abs().max_element() <= FARTHEST;
-        let is_sound = |triangle: &[u32; 3]| {
-            if triangle.iter().any(|&vertex| vertex as usize >= posed.count()) {
-                outside += 1;
-                return false;
-            }
-            let corners = triangle.map(|vertex| posed.position(vertex as usize));
-            if !corners.iter().all(is_near) {
-                infinite += 1;
-                return false;
-            }
-            let has_area = has_area(corners.map(|corner| corner.as_vec3()));
-            flat += usize::from(!has_area);
-            has_area
-        };
-        let mut triangles = triangles;
-        triangles.retain(is_sound);
+    ) -> Result<(Vec<[u32; 3]>, Kept, Vec<Vec3>)> {
+        let (all, count) = (triangles.len(), posed.count());
+        triangles.retain(|triangle| triangle.iter().all(|&vertex| (vertex as usize) < count));
+        let outside = all - triangles.len();
+        self.buffers.take(count / 64)?;
+        let kept = Kept::of(&triangles, count);
+        self.buffers.take(kept.list.len())?;
+        let positions: Vec<Vec3> = kept.list.iter().map(|&vertex| posed.position(vertex as usize).as_vec3()).collect();
+        let (mut infinite, mut flat) = (0, 0);
+        triangles.retain(|triangle| {
+            let corners = triangle.map(|vertex| positions[kept.index(vertex) as usize]);
+            let near = corners.iter().all(|corner| corner.abs().max_element() <= FARTHEST as f32 && corner.is_finite());
+            let sound = near && has_area(corners);
+            infinite += usize::from(!near);
+            flat += usize::from(near && !sound);
+            sound
+        });
         self.tally.triangles += all;
         self.tally.flat += flat;
         let place = source.place;
@@ -220,7 +219,12 @@ impl Primitives<'_, '_> {
                 || format!("{infinite} of {all} triangles of {place} have corners that are not finite or beyond {FARTHEST:e}");
             source.mend(warnings, "coordinates", &problem, "they are left out")?;
         }
-        Ok(triangles)
+        if infinite + flat == 0 {
+            return Ok((triangles, kept, positions));
+        }
+        let fewer = Kept::of(&triangles, count);
+        let positions = fewer.list.iter().map(|&vertex| positions[kept.index(vertex) as usize]).collect();
+        Ok((triangles, fewer, positions))
     }
 }
 
