@@ -179,6 +179,55 @@ fn parts_know_their_rows() {
     assert_eq!(words(&folder, "s.npy", "<f4", "20,").len(), 20);
 }
 
+/// The objects of an OBJ share one list, which begins before the first of them.
+#[test]
+fn the_vertices_of_an_obj_come_once() {
+    let folder = folder();
+    let obj = "v 9 9 9\nv 0 0 0\nv 1 0 0\nv 0 1 0\no one\nf 2 3 4\nv 1 1 0\no two\nf -2 3 -1\nv 5 5 5\n";
+    fs::write(folder.path().join("two.obj"), obj).unwrap();
+    let bake = |more: &[&str]| {
+        let mut command = tool(&folder);
+        command
+            .args(["bake", "two.obj", "--to", "vertices", "--what", "ao", "--directions", "32", "--layer-size", "64"])
+            .args(more);
+        success(&mut command);
+    };
+    bake(&["-o", "v.ply"]);
+    let rows = read_ply(&folder, "v.ply");
+    assert_eq!(sources(&rows), [[0, 1], [0, 2], [0, 3], [1, 3], [1, 2], [1, 4]]);
+    assert!(rows.header.comments.ends_with(&["file two.obj".into(), "object 0 one".into(), "object 1 two".into()]));
+    bake(&["--per", "source", "-o", "s.ply", "-o", "s.npy"]);
+    let means = read_ply(&folder, "s.ply");
+    assert_eq!(sources(&means), [[0, 0], [0, 1], [0, 2], [0, 3], [1, 4], [0, 5]]);
+    assert_eq!(faces(&means), [[1, 2, 3], [3, 2, 4]]);
+    let is_known = |row: &DefaultElement| !float(row, "ao").is_nan();
+    assert_eq!(means.payload["vertex"].iter().map(is_known).collect::<Vec<_>>(), [false, true, true, true, true, false]);
+    assert_eq!(description(&folder, "s.json")["sources"]["objects"], json!(["one", "two"]));
+}
+
+/// Each instance of a glTF mesh has its own light.
+#[test]
+fn the_vertices_of_instances_come_one_instance_after_the_other() {
+    let folder = folder();
+    let gltf = json!({
+        "asset": { "version": "2.0" },
+        "scene": 0,
+        "scenes": [{ "nodes": [0, 1] }],
+        "nodes": [{ "name": "low", "mesh": 0 }, { "name": "high", "mesh": 0, "translation": [0, 0, 1] }],
+        "meshes": [{ "primitives": [{ "attributes": { "POSITION": 0 } }] }],
+        "accessors": [{ "bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3", "min": [0, 0, 0], "max": [1, 1, 0] }],
+        "bufferViews": [{ "buffer": 0, "byteLength": 36 }],
+        "buffers": [{ "byteLength": 36, "uri": "data:application/octet-stream;base64,AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAA" }],
+    });
+    fs::write(folder.path().join("m.gltf"), gltf.to_string()).unwrap();
+    let args = ["--to", "vertices", "--what", "ao", "--directions", "256", "--per", "source", "-o", "s.ply", "-o", "s.glb"];
+    success(tool(&folder).args(["bake", "m.gltf"]).args(args));
+    let means = read_ply(&folder, "s.ply");
+    assert_eq!(sources(&means), [[0, 0], [0, 1], [0, 2], [1, 0], [1, 1], [1, 2]]);
+    let openness: Vec<f32> = means.payload["vertex"].iter().map(|row| float(row, "ao")).collect();
+    assert!(openness[0] < 0.95 && openness[3] == 1.0, "the triangle above covers the one below: {openness:?}");
+}
+
 #[test]
 fn what_has_no_vertices_is_said() {
     let folder = with_model();

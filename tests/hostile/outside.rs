@@ -229,6 +229,6 @@ fn the_tool_ends_with_words_and_no_file() {
         let said = tool::stderr(&output);
         assert_eq!(output.status.code(), Some(code), "{allowed}: {said}");
         assert!(!said.contains("outside"), "{allowed}: {said}");
-        ["out.png", "out.npy", "out.json"].into_iter().for_each(|name| drop(fs::remove_file(path(name))));
+        ["out.png", "out.npy", "out.json", "out.sources.npy"].into_iter().for_each(|name| drop(fs::remove_file(path(name))));
     }
 }
