@@ -6,7 +6,7 @@ mod found;
 use std::fs;
 
 use finalgather::scene::WrapMode::{Clamp, Repeat};
-use finalgather::scene::{LoadOptions, Loaded, World};
+use finalgather::scene::{Files, LoadOptions, Loaded, World};
 use found::{CORNERS, GREY, PICTURE, QUAD, RED, WALL, check, check_files, encoded, open, picture};
 use glam::{Vec3, vec3};
 
@@ -80,6 +80,17 @@ fn textures_that_are_elsewhere() {
         let mtl = format!("newmtl wall\nmap_Kd {name}\n");
         check_files(&[("m.obj", QUAD.as_bytes()), ("m.mtl", mtl.as_bytes()), ("red.png", &red)], albedo, 2, warning);
     }
+    // Files in memory are found alike.
+    let mtl = b"newmtl wall\nmap_Kd C:\\textures\\Red.PNG\n".to_vec();
+    let files =
+        [("m.obj", QUAD.as_bytes().to_vec()), ("m.mtl", mtl), ("a/b/red.png", picture()), ("a/b/c/red.png", b"?".to_vec())];
+    let files = Files::Memory(files.map(|(name, bytes)| (name.into(), bytes)).into());
+    let loaded = World::load_with("m.obj".as_ref(), LoadOptions { files, unlit: true, ..LoadOptions::default() }).unwrap();
+    assert!(
+        loaded.world.textures.len() == 1 && loaded.report.warnings[0].ends_with("a/b/red.png is used"),
+        "{:?}",
+        loaded.report.warnings
+    );
     // A file outside the folder is not read, even where a file of its name could be found there.
     let folder = tempfile::tempdir().unwrap();
     fs::create_dir(folder.path().join("scene")).unwrap();

@@ -189,6 +189,35 @@ fn encodings_and_line_ends() {
 }
 
 #[test]
+fn text_of_other_encodings_and_systems_loads() {
+    // UTF-8 with its mark, Windows line ends, Latin-1 in a comment and in a group, a material name with a space and a `#`.
+    let obj = b"\xEF\xBB\xBFmtllib my lib.mtl\r\n# \xE9\r\nmtllib m.mtl\r\nv 0 0 0\r\nv 1 0 0\r\nv 0 1 0\r\ng caf\xE9\r\n\
+                usemtl\tbig #1\r\nf 1 2 3\r\n";
+    let mtl = b"\xEF\xBB\xBFnewmtl big #1\r\n\tKd 0.5 # grey\r\n\tKs spectral gold.rfl\r\n\tKa 1\r\n\tKe 1 2 3\r\n";
+    let scene = open(&[("m.obj", obj), ("my lib.mtl", mtl), ("m.mtl", WALL.as_bytes())]).world;
+    assert_eq!(scene.materials[0].name, "big #1");
+    assert_eq!(scene.materials[0].albedo, Vec3::splat(0.5));
+    assert_eq!(scene.materials[0].emission, vec3(1.0, 2.0, 3.0));
+}
+
+#[test]
+fn several_libraries_and_the_default_material() {
+    let obj = b"mtllib a.mtl b.mtl\nmtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\nusemtl lamp\nf 1 2 3\n";
+    let scene = open(&[
+        ("m.obj", obj),
+        ("a.mtl", b"newmtl lamp\nKd 1 1 1\nnewmtl twice\nKd 0 0 0"),
+        ("b.mtl", b"newmtl twice\nKd 1 0 1\nnewmtl lamp\nKe 2 2 2"),
+    ])
+    .world;
+    let materials: Vec<_> = scene.materials.iter().map(|m| (m.name.as_str(), m.albedo, m.emission)).collect();
+    // The repeated library is read once, so that b.mtl's definitions are the later ones, and hold.
+    let grey = Vec3::splat(0.5);
+    let (purple, light) = (vec3(1.0, 0.0, 1.0), Vec3::splat(2.0));
+    assert_eq!(materials, [("lamp", grey, light), ("twice", purple, Vec3::ZERO), ("default", grey, Vec3::ZERO)]);
+    assert_eq!(scene.meshes[0].triangles.iter().map(|triangle| triangle.material).collect::<Vec<_>>(), [2, 0]);
+}
+
+#[test]
 fn keywords_in_other_case() {
     let upper =
         "MTLLIB m.mtl\nV -1 -1 0\nV 1 -1 0\nV 1 1 0\nV -1 1 0\nVT 0 0\nVT 1 0\nVT 1 1\nVT 0 1\nUseMtl wall\nF 1/1 2/2 3/3 4/4\n";

@@ -182,6 +182,13 @@ fn short_files_ask_for_little() {
         model.push("nodes", json!({ "mesh": 0 }));
     }
     assert!(model.refusal().contains("its instances have more than 268435456 triangles together"));
+    // A long name is not copied for each of many nodes, and no file has a name of such length.
+    let mut model = Model::triangle();
+    model.json["meshes"][0]["name"] = json!("\u{e9}".repeat(1_000_000));
+    assert_eq!(model.world().instances[0].name, "\u{e9}".repeat(128));
+    let mut model = Model::triangle();
+    model.json["buffers"] = json!([{ "byteLength": 36, "uri": "x".repeat(5000) }]);
+    assert!(model.refusal().contains("buffers[0]: its uri has 5000 bytes, more than the name of a file"));
     // Places that are too far apart.
     let mut model = Model::triangle();
     model.json["nodes"][0]["translation"] = json!([2e9, 0, 0]);

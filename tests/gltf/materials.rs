@@ -250,6 +250,15 @@ fn a_bad_picture_leaves_the_colour() {
     assert_eq!(warnings.len(), 1);
     let told = "m.glb: m.glb#images[0]: this texture, named at images[0] of m.glb, cannot be decoded";
     assert!(warnings[0].starts_with(told) && warnings[0].ends_with("its material has its colour alone"), "{warnings:?}");
+    // A picture is told once, however often it is named.
+    model.push("textures", json!({ "source": 0 }));
+    let base = json!({ "baseColorTexture": { "index": 1 } });
+    model.push(
+        "materials",
+        json!({ "pbrMetallicRoughness": base, "emissiveFactor": [1, 1, 1], "emissiveTexture": { "index": 0 } }),
+    );
+    let (world, again) = model.load();
+    assert_eq!((&again, world.materials[1].emission), (&warnings, Vec3::ONE));
     model.json["images"][0] = json!({ "uri": "my%20tiles.png" });
     let (_, warnings) = model.load();
     assert!(warnings[0].contains("my tiles.png: cannot read this file, named at images[0] of m.glb"), "{warnings:?}");

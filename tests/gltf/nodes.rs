@@ -131,6 +131,10 @@ fn nodes_in_a_circle_are_refused() {
     model.json["nodes"] = (0..40).map(|node| json!({ "children": [node + 1, node + 1] })).collect();
     model.push("nodes", json!({ "mesh": 0 }));
     assert!(model.refusal().contains("too many nodes are children of several"));
+    // Nor may hidden nodes be met again and again.
+    model.json["nodes"] = json!([{ "children": vec![1; 1000] }, { "children": vec![2; 1000] }]);
+    model.push("nodes", json!({ "mesh": 0, "extensions": { "KHR_node_visibility": { "visible": false } } }));
+    assert!(model.refusal().contains("too many nodes are children of several"));
     // A chain as deep as this overflows no stack.
     let mut model = Model::triangle();
     let last = 200_000;
@@ -201,7 +205,7 @@ fn skins_at_rest() {
     let node = model.mesh(json!({ "attributes": attributes }));
     let identity = DAffine3::IDENTITY;
     let lowered = DAffine3::from_translation(dvec3(0.0, -1.0, 0.0));
-    let matrix = |transform: DAffine3| glam::Mat4::from(glam::DMat4::from(transform).as_mat4()).to_cols_array();
+    let matrix = |transform: DAffine3| glam::DMat4::from(transform).as_mat4().to_cols_array();
     let inverse = model.accessor(crate::build::F32, "MAT4", &le(&[matrix(identity), matrix(lowered)].concat()));
     // The second joint is bound at height 1, and turned by a quarter about x.
     let s = FRAC_1_SQRT_2;

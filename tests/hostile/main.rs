@@ -266,6 +266,7 @@ fn absurd_inputs_are_refused_in_words() {
     let vertex = "property float x\nproperty float y\nproperty float z\nproperty float nx\nproperty float ny\nproperty float nz\nend_header\n";
     let list = "property list uchar int vertex_indices\n";
     let library = |more: Vec<u8>| [&seed("mtl/all.mtl")[..], &more].concat();
+    let gltf = |more: &str| format!(r#"{{"asset": {{"version": "2.0"}}, {more}}}"#).into_bytes();
     let toml = |more: String| format!("mesh = 'm.obj'\n{more}").into_bytes();
     let cases: Vec<(&str, &str, Vec<u8>, &str)> = vec![
         ("obj", "a million corners", model([&b"f"[..], &b" 1 2 3".repeat(333_333)].concat()), "a face with 999999 corners"),
@@ -274,8 +275,18 @@ fn absurd_inputs_are_refused_in_words() {
         ("obj", "a corner of ten million digits", model([&b"f 1 2 "[..], &[b'9'; 10_000_000]].concat()), "not a face corner"),
         ("obj", "libraries without end", many(300_000, |i| format!("mtllib {i}.mtl\n")), "no face"),
         ("obj", "names without end", model([&b"usemtl "[..], &[b'x'; 10_000_000]].concat()), "no material library defines"),
+        (
+            "gltf",
+            "nesting.gltf",
+            [&br#"{"asset": {"version": "2.0"}, "extras": "#[..], &b"[".repeat(1_000_000)].concat(),
+            "EOF while parsing a list",
+        ),
+        ("gltf", "long.glb", [&b"glTF\x02\0\0\0\xff\xff\xff\xff"[..], &[0; 100]].concat(), "cut short"),
+        ("gltf", "chunk.glb", b"glTF\x02\0\0\0\x14\0\0\0\xff\xff\xff\xffJSON".to_vec(), "cut short"),
+        ("gltf", "children.gltf", gltf(r#""nodes": [{"children": [0]}], "scenes": [{"nodes": [0]}]"#), "below itself"),
+        ("gltf", "scene.gltf", gltf(r#""scene": 4294967295, "scenes": [{"nodes": [0]}]"#), "refers to scenes[4294967295]"),
         ("mtl", "names without end", library([&b"newmtl a\nKd "[..], &[b'x'; 10_000_000]].concat()), "Kd has"),
-        ("mtl", "what no name has", library(b"newmtl a\nmap_Kd \0\n".to_vec()), "cannot read this texture"),
+        ("mtl", "what no name has", library(b"newmtl a\nmap_Kd \0\n".to_vec()), "binary"),
         (
             "model",
             "a.ply",

@@ -17,7 +17,7 @@ const U16: u64 = 5123;
 const U32: u64 = 5125;
 
 /// Values that an accessor gives, each of some components. All are checked to be there.
-pub struct Values<'a> {
+pub struct AccessorValues<'a> {
     pub count: usize,
     /// Components of a value.
     pub width: usize,
@@ -30,14 +30,14 @@ enum Storage<'a> {
         elements: Option<Elements<'a>>,
         exceptions: HashMap<u32, u32>,
         exceptional: Option<Elements<'a>>,
-        format: Format,
+        format: ComponentFormat,
     },
     Floats(Vec<f32>),
 }
 
 /// How a component is stored.
 #[derive(Clone, Copy)]
-struct Format {
+struct ComponentFormat {
     component: ComponentType,
     normalized: bool,
 }
@@ -50,7 +50,7 @@ struct Elements<'a> {
     count: usize,
 }
 
-impl Format {
+impl ComponentFormat {
     fn number(self, bytes: &[u8], at: usize) -> f32 {
         let most = |most: f32| if self.normalized { most } else { 1.0 };
         let least = if self.normalized { -1.0 } else { f32::MIN };
@@ -78,8 +78,8 @@ fn whole(component: ComponentType, bytes: &[u8], at: usize) -> u32 {
     }
 }
 
-impl Values<'_> {
-    /// Values from numbers in sequence.
+impl AccessorValues<'_> {
+    /// AccessorValues from numbers in sequence.
     pub fn from_floats(floats: Vec<f32>, width: usize) -> Self {
         Self { count: floats.len() / width, width, storage: Storage::Floats(floats) }
     }
@@ -160,7 +160,7 @@ impl Values<'_> {
 
 impl<'a> Buffers<'a> {
     /// The values of an accessor, whose type has one of these numbers of components.
-    pub fn values(&self, index: usize, widths: &[usize]) -> Result<Values<'_>> {
+    pub fn values(&self, index: usize, widths: &[usize]) -> Result<AccessorValues<'_>> {
         let accessor = self.document.entry(&self.document.root.accessors, "accessors", index)?;
         let place = format!("accessors[{index}]");
         let fault = |problem: String| self.document.fault(&place, problem);
@@ -190,7 +190,7 @@ impl<'a> Buffers<'a> {
             exceptions = (0..places.count).map(|entry| (place(entry), entry as u32)).collect();
             exceptional = Some(values);
         }
-        Ok(Values { count, width, storage: Storage::Packed { elements, exceptions, exceptional, format } })
+        Ok(AccessorValues { count, width, storage: Storage::Packed { elements, exceptions, exceptional, format } })
     }
 
     /// A number of values that have no bytes of their own, if so many may be made.
@@ -217,7 +217,7 @@ impl<'a> Buffers<'a> {
 }
 
 /// Number of components, and their format.
-fn shape(accessor: &Accessor) -> Result<(usize, Format), String> {
+fn shape(accessor: &Accessor) -> Result<(usize, ComponentFormat), String> {
     let Checked::Valid(component) = accessor.component_type else { return Err("its componentType is unknown".into()) };
     let width = match accessor.type_ {
         Checked::Valid(Type::Scalar) => 1,
@@ -228,7 +228,7 @@ fn shape(accessor: &Accessor) -> Result<(usize, Format), String> {
         Checked::Valid(Type::Mat4) => 16,
         Checked::Invalid => return Err("its type is unknown".into()),
     };
-    Ok((width, Format { component: component.0, normalized: accessor.normalized }))
+    Ok((width, ComponentFormat { component: component.0, normalized: accessor.normalized }))
 }
 
 /// What an accessor divides its whole numbers by.

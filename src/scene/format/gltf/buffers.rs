@@ -36,6 +36,9 @@ pub struct Buffers<'a> {
 const LEAST_ALLOWANCE: usize = 1 << 22;
 const ALLOWANCE: usize = 16;
 
+/// The longest path of a file, as in Linux.
+const LONGEST_NAME: usize = 4096;
+
 impl<'a> Buffers<'a> {
     pub fn new(document: &'a Document<'a>, reader: &'a Reader<'a>, bin: Option<&'a [u8]>, length: usize) -> Self {
         let root = &document.root;
@@ -99,6 +102,9 @@ impl<'a> Buffers<'a> {
 
     /// The path of a URI without data. It is relative to the model.
     pub fn file(&self, uri: &str, place: &str) -> Result<PathBuf> {
+        if uri.len() > LONGEST_NAME {
+            return Err(self.document.fault(place, format!("its uri has {} bytes, more than the name of a file", uri.len())));
+        }
         if uri.contains("://") {
             let cure = "download the file, put it beside the model, and name it there";
             let problem = format!("{place}: {uri} is not a file beside the model");
@@ -123,7 +129,8 @@ impl<'a> Buffers<'a> {
         if cell.get().is_none() {
             let bytes = self.range(index, packed.buffer, packed.byte_offset, packed.byte_length)?;
             packed.check(bytes).map_err(|problem| self.view_fault(index, problem))?;
-            self.take(packed.count)?;
+            // A vertex has some 16 bytes.
+            self.take(packed.size() / 16)?;
             let unpacked = packed.unpack(bytes).map_err(|problem| self.view_fault(index, problem))?;
             cell.get_or_init(|| unpacked);
         }

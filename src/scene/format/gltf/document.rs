@@ -46,6 +46,15 @@ const EXTENSIONS: [&str; 27] = [
     "KHR_xmp_json_ld",
 ];
 
+/// The first of some names that is not empty, or else another. Only its start, if it is long: many things can have one name.
+pub fn name_of(names: [Option<&String>; 2], otherwise: impl FnOnce() -> String) -> String {
+    const MOST: usize = 256;
+    match names.into_iter().flatten().find(|name| !name.is_empty()) {
+        Some(name) => name[..name.floor_char_boundary(MOST)].to_owned(),
+        None => otherwise(),
+    }
+}
+
 /// The two parts of a file.
 pub struct Container<'a> {
     pub json: &'a [u8],
@@ -111,7 +120,7 @@ fn check_version(path: &Path, version: &str) -> Result<()> {
 
 /// What is read before the rest, because versions and extensions may change its form.
 #[derive(Deserialize)]
-#[serde(rename_all = "camelCase")]
+#[serde(rename_all = "camelCase", expecting = "the root object of a glTF")]
 struct Preamble<'a> {
     #[serde(borrow)]
     asset: Option<About<'a>>,
@@ -129,14 +138,14 @@ struct About<'a> {
 
 /// The numbers of a node as the file has them. The crate's own types round them to f32, which moves a georeferenced model by metres.
 #[derive(Deserialize)]
-struct Placement {
+struct NodeNumbers {
     matrix: Option<[f64; 16]>,
     translation: Option<[f64; 3]>,
     rotation: Option<[f64; 4]>,
     scale: Option<[f64; 3]>,
 }
 
-impl Placement {
+impl NodeNumbers {
     fn transform(&self) -> DAffine3 {
         if let Some(matrix) = &self.matrix {
             return DAffine3::from_mat4(DMat4::from_cols_array(matrix));
@@ -174,9 +183,9 @@ impl<'a> Document<'a> {
         check_version(path, version)?;
         check_extensions(path, &preamble.extensions_required)?;
         let root = parse_root(container.json).map_err(malformed)?;
-        let placements = preamble.nodes.map(|nodes| serde_json::from_str::<Vec<Placement>>(nodes.get()));
-        let placements = placements.transpose().map_err(malformed)?.unwrap_or_default();
-        let document = Self { path, root, transforms: placements.iter().map(Placement::transform).collect() };
+        let numbers = preamble.nodes.map(|nodes| serde_json::from_str::<Vec<NodeNumbers>>(nodes.get()));
+        let numbers = numbers.transpose().map_err(malformed)?.unwrap_or_default();
+        let document = Self { path, root, transforms: numbers.iter().map(NodeNumbers::transform).collect() };
         match document.transforms.iter().position(|transform| !transform.is_finite()) {
             Some(node) => Err(document.fault(format_args!("nodes[{node}]"), "its transform is not finite")),
             None => Ok(document),

@@ -6,7 +6,7 @@ use draco_core::{DecodeLimits, DecoderBuffer, MeshDecoder};
 use gltf::json::mesh::Primitive;
 use serde::Deserialize;
 
-use super::accessors::{Values, divisor};
+use super::accessors::{AccessorValues, divisor};
 use super::buffers::Buffers;
 use crate::error::Result;
 
@@ -34,9 +34,9 @@ impl Unpacked {
             Extension::deserialize(extension).map_err(|error| fault(format!("is malformed: {error}")))?;
         let (bytes, _) = buffers.view(buffer_view)?;
         let most = buffers.left() as u64;
-        // Positions, normals, a tangent and a few coordinates.
+        // As much for a vertex as elsewhere.
         let limits =
-            DecodeLimits::default().with_max_points(most).with_max_faces(most).with_max_decoded_bytes(most.saturating_mul(64));
+            DecodeLimits::default().with_max_points(most).with_max_faces(most).with_max_decoded_bytes(most.saturating_mul(16));
         let mut mesh = draco_core::Mesh::new();
         let decoded = MeshDecoder::new().decode(&mut DecoderBuffer::new(bytes).with_limits(limits), &mut mesh);
         decoded.map_err(|error| fault(format!("cannot be unpacked: {error}")))?;
@@ -56,7 +56,7 @@ impl Unpacked {
     }
 
     /// The values of an attribute, if it is packed. Its accessor has no bytes but says how they are meant.
-    pub fn values(&self, buffers: &Buffers, name: &str, accessor: usize) -> Result<Option<Values<'static>>> {
+    pub fn values(&self, buffers: &Buffers, name: &str, accessor: usize) -> Result<Option<AccessorValues<'static>>> {
         let Some(&id) = self.attributes.get(name) else { return Ok(None) };
         let Some(attribute) = self.mesh.attribute_by_unique_id(id) else { return Ok(None) };
         let accessor = buffers.document.entry(&buffers.document.root.accessors, "accessors", accessor)?;
@@ -67,6 +67,6 @@ impl Unpacked {
         if divisor != 1.0 {
             floats.iter_mut().for_each(|number| *number = (*number / divisor).max(-1.0));
         }
-        Ok(Some(Values::from_floats(floats, width)))
+        Ok(Some(AccessorValues::from_floats(floats, width)))
     }
 }

@@ -1,7 +1,7 @@
 //! Textures of a glTF file: pictures in views, in URIs and in files, with their samplers.
 
 use std::borrow::Cow;
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::path::PathBuf;
 
 use glam::Vec3;
@@ -10,7 +10,7 @@ use gltf::json::texture::{MagFilter, Sampler as JsonSampler, Texture, WrappingMo
 use gltf::json::validation::Checked;
 
 use super::buffers::Buffers;
-use super::document::BROKEN;
+use super::document::name_of;
 use crate::error::{Error, Result};
 use crate::scene::format::Loader;
 use crate::scene::format::warnings::{Fault, Place};
@@ -22,12 +22,16 @@ pub struct Images<'a, 'b> {
     buffers: &'a Buffers<'b>,
     /// Indices into the textures of the world, by those of the file. `None`: the picture cannot be read.
     textures: HashMap<usize, Option<usize>>,
-    /// Mean linear colours, by the textures of the file.
-    means: HashMap<usize, Option<Vec3>>,
+    /// Mean linear colours by picture.
+    means: HashMap<usize, Vec3>,
+    /// Pictures that cannot be read. Each is told once.
+    broken: HashSet<usize>,
 }
 
 /// Where the bytes of a picture are.
 struct Origin {
+    /// Index of the picture.
+    image: usize,
     /// The file, or a name for a part of the model's.
     path: PathBuf,
     /// Its place in the JSON, alone and with the model.
@@ -37,7 +41,7 @@ struct Origin {
 
 impl<'a, 'b> Images<'a, 'b> {
     pub fn new(buffers: &'a Buffers<'b>) -> Self {
-        Self { buffers, textures: HashMap::new(), means: HashMap::new() }
+        Self { buffers, textures: HashMap::new(), means: HashMap::new(), broken: HashSet::new() }
     }
 
     /// The index of a texture in the world. `None` if its picture cannot be read; then a warning tells.
@@ -45,30 +49,56 @@ impl<'a, 'b> Images<'a, 'b> {
         if let Some(&known) = self.textures.get(&index) {
             return Ok(known);
         }
-        let loaded = self.load(loader, index);
-        let loaded = mended(loader, self.buffers, loaded)?;
+        let loaded = match self.origin(index) {
+            Ok((_, origin)) if self.broken.contains(&origin.image) => None,
+            Ok((image, origin)) => {
+                let loaded = self.load(loader, index, image, &origin);
+                self.mended(loader, Some(origin.image), loaded)?
+            }
+            Err(error) => self.mended(loader, None, Err(error))?,
+        };
         self.textures.insert(index, loaded);
         Ok(loaded)
     }
 
-    /// The mean linear colour of a texture.
+    /// The mean linear colour of a texture. `None` as above.
     pub fn mean(&mut self, loader: &mut Loader, index: usize) -> Result<Option<Vec3>> {
-        if let Some(&known) = self.means.get(&index) {
-            return Ok(known);
+        let (image, origin) = match self.origin(index) {
+            Ok(found) => found,
+            Err(error) => return self.mended(loader, None, Err(error)),
+        };
+        if self.broken.contains(&origin.image) {
+            return Ok(None);
         }
-        let mean = self.origin(index).and_then(|(image, origin)| Ok(self.decode(image, &origin)?.mean_linear()));
-        let mean = mended(loader, self.buffers, mean)?;
-        self.means.insert(index, mean);
+        if let Some(&known) = self.means.get(&origin.image) {
+            return Ok(Some(known));
+        }
+        let mean = self.decode(image, &origin).map(|picture| picture.mean_linear());
+        let mean = self.mended(loader, Some(origin.image), mean)?;
+        self.means.extend(mean.map(|mean| (origin.image, mean)));
         Ok(mean)
     }
 
-    fn load(&self, loader: &mut Loader, index: usize) -> Result<usize> {
-        let (image, origin) = self.origin(index)?;
+    /// The result; `None` with a warning if it cannot be had. `image` is then broken.
+    fn mended<T>(&mut self, loader: &mut Loader, image: Option<usize>, result: Result<T>) -> Result<Option<T>> {
+        match result {
+            Err(Error::Input { path, problem, cure, .. }) => {
+                self.broken.extend(image);
+                let problem = || format!("{}: {problem}", path.display());
+                let fault = Fault { kind: "picture", problem: &problem, mend: "its material has its colour alone", cure: &cure };
+                loader.warnings.mend(Place { path: self.buffers.document.path, line: None }, &fault)?;
+                Ok(None)
+            }
+            other => other.map(Some),
+        }
+    }
+
+    fn load(&self, loader: &mut Loader, index: usize, image: &Image, origin: &Origin) -> Result<usize> {
         let sampler = self.sampler(index)?;
         if let Some(known) = loader.textures.known(&origin.path, sampler) {
             return Ok(known);
         }
-        let texture = ImageTexture { sampler, ..self.decode(image, &origin)? };
+        let texture = ImageTexture { sampler, ..self.decode(image, origin)? };
         loader.textures.add(origin.path.clone(), texture, &origin.path, &origin.named_at)
     }
 
@@ -114,7 +144,7 @@ impl<'a, 'b> Images<'a, 'b> {
                 name.into()
             }
         };
-        Ok((image, Origin { path, place, named_at }))
+        Ok((image, Origin { image: source, path, place, named_at }))
     }
 
     fn sampler(&self, index: usize) -> Result<Sampler> {
@@ -133,23 +163,11 @@ impl<'a, 'b> Images<'a, 'b> {
     /// What a user calls the picture of a texture.
     pub fn name(&self, index: usize) -> String {
         match self.origin(index) {
-            Ok((Image { uri: Some(uri), .. }, _)) if !uri.starts_with("data:") => uri.clone(),
-            Ok((Image { name: Some(name), .. }, _)) if !name.is_empty() => name.clone(),
-            _ => format!("textures[{index}]"),
+            Ok((Image { uri, name, .. }, _)) => {
+                let file = uri.as_ref().filter(|uri| !uri.starts_with("data:"));
+                name_of([file, name.as_ref()], || format!("textures[{index}]"))
+            }
+            Err(_) => format!("textures[{index}]"),
         }
-    }
-}
-
-/// The result; `None` with a warning if it cannot be had.
-fn mended<T>(loader: &mut Loader, buffers: &Buffers, result: Result<T>) -> Result<Option<T>> {
-    match result {
-        Err(Error::Input { path, problem, cure, .. }) => {
-            let problem = || format!("{}: {problem}", path.display());
-            let cure = if cure.is_empty() { BROKEN } else { &cure };
-            let fault = Fault { kind: "picture", problem: &problem, mend: "its material has its colour alone", cure };
-            loader.warnings.mend(Place { path: buffers.document.path, line: None }, &fault)?;
-            Ok(None)
-        }
-        other => other.map(Some),
     }
 }

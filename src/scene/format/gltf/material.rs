@@ -23,12 +23,12 @@ const CLEAR_ROUGHNESS: f32 = 0.1;
 const DULL: f32 = 0.9;
 
 /// All materials of a file, in its order.
-pub struct Materials {
+pub struct FileMaterials {
     pub list: Vec<Material>,
     looks: Vec<Look>,
 }
 
-impl Materials {
+impl FileMaterials {
     pub fn load(loader: &mut Loader, buffers: &Buffers) -> Result<Self> {
         let mut images = Images::new(buffers);
         let mut materials = Self { list: Vec::new(), looks: Vec::new() };

@@ -66,6 +66,11 @@ impl Packed {
         Ok(())
     }
 
+    /// The number of unpacked bytes.
+    pub fn size(&self) -> usize {
+        self.count.saturating_mul(self.byte_stride)
+    }
+
     /// Unpacks bytes that [`Self::check`] has accepted.
     pub fn unpack(&self, bytes: &[u8]) -> Result<Vec<u8>, String> {
         let unpacked = match (self.mode, self.byte_stride) {

@@ -20,8 +20,8 @@ use std::sync::Arc;
 use glam::{DAffine3, DVec3};
 
 pub use self::buffers::Buffers;
-use self::document::{BROKEN, Container, Document};
-use self::material::Materials;
+use self::document::{BROKEN, Container, Document, name_of};
+use self::material::FileMaterials;
 use self::nodes::{Placed, Walk};
 use self::pose::Pose;
 use self::primitive::{FARTHEST, Primitives, Tally};
@@ -63,7 +63,7 @@ pub(super) fn load(loader: &mut Loader, path: &Path) -> Result<World> {
     let document = Document::parse(path, &container)?;
     let buffers = Buffers::new(&document, reader, container.bin, bytes.len());
     let walk = Walk::of(loader, &document)?;
-    let materials = Materials::load(loader, &buffers)?;
+    let materials = FileMaterials::load(loader, &buffers)?;
     let primitives = Primitives { buffers: &buffers, tally: Tally::default() };
     let mut assembly = Assembly {
         buffers: &buffers,
@@ -92,7 +92,7 @@ pub(super) fn load(loader: &mut Loader, path: &Path) -> Result<World> {
 struct Assembly<'a, 'b> {
     buffers: &'a Buffers<'b>,
     walk: &'a Walk,
-    materials: Materials,
+    materials: FileMaterials,
     primitives: Primitives<'a, 'b>,
     /// Meshes of the world by mesh and primitive of the file. `None`: nothing to draw.
     known: HashMap<(usize, usize), Option<usize>>,
@@ -119,8 +119,7 @@ impl Assembly<'_, '_> {
         if mesh.primitives.iter().any(|primitive| primitive.targets.is_some()) {
             self.primitives.tally.morphed += usize::from(self.morphed.insert(index));
         }
-        let name = [&json.name, &mesh.name].into_iter().flatten().find(|name| !name.is_empty());
-        let name = name.cloned().unwrap_or_else(|| format!("node {}", placed.node));
+        let name = name_of([json.name.as_ref(), mesh.name.as_ref()], || format!("node {}", placed.node));
         // Only a mesh in the pose of its own is shared.
         let shared = !pose.is_skinned() && json.weights.is_none();
         for (primitive, json) in mesh.primitives.iter().enumerate() {

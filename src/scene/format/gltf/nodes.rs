@@ -11,7 +11,7 @@ use serde::Deserialize;
 use serde_json::Value;
 
 use super::buffers::Buffers;
-use super::document::{BROKEN, Document};
+use super::document::{BROKEN, Document, name_of};
 use super::pose::Pose;
 use crate::error::{Error, Result};
 use crate::scene::WorldCamera;
@@ -46,7 +46,7 @@ enum WalkStep {
 impl Walk {
     pub fn of(loader: &mut Loader, document: &Document) -> Result<Self> {
         let mut walk = Self { nodes: Vec::new(), transforms: HashMap::new() };
-        let (mut above, mut places) = (HashSet::new(), HashMap::new());
+        let (mut above, mut places, mut entered) = (HashSet::new(), HashMap::new(), 0);
         let enter = |parent| move |node: &Index<Node>| WalkStep::Enter(node.value(), parent);
         let mut waiting: Vec<_> = roots(loader, document)?.iter().rev().map(enter(DAffine3::IDENTITY)).collect();
         while let Some(step) = waiting.pop() {
@@ -58,10 +58,14 @@ impl Walk {
                 }
             };
             let json = document.entry(&document.root.nodes, "nodes", node)?;
+            let fault = |problem| Err(document.fault(format_args!("nodes[{node}]"), problem));
+            entered += 1;
+            if entered > document.root.nodes.len() + MOST_REPEATED {
+                return fault("too many nodes are children of several");
+            }
             if is_hidden(json) {
                 continue;
             }
-            let fault = |problem| Err(document.fault(format_args!("nodes[{node}]"), problem));
             let transform = parent * document.transforms[node];
             if !transform.is_finite() {
                 return fault("its place in the world is not finite");
@@ -73,9 +77,6 @@ impl Walk {
             let earlier = std::mem::replace(place, *place + 1);
             if earlier > 0 {
                 repeated(loader, document, node)?;
-            }
-            if walk.nodes.len() > document.root.nodes.len() + MOST_REPEATED {
-                return fault("too many nodes are children of several");
             }
             walk.transforms.entry(node).or_insert(transform);
             walk.nodes.push(Placed { node, transform, earlier });
@@ -103,7 +104,7 @@ impl Walk {
         }
         // An instance is larger than a vertex.
         buffers.take(count.saturating_mul(4))?;
-        let vector = |values: &super::accessors::Values, copy| Vec3::from(values.get(copy)).as_dvec3();
+        let vector = |values: &super::accessors::AccessorValues, copy| Vec3::from(values.get(copy)).as_dvec3();
         let copies = (0..count).map(|copy| {
             let translation = translations.as_ref().map_or(DVec3::ZERO, |values| vector(values, copy));
             let rotation =
@@ -151,8 +152,7 @@ impl Walk {
             let json = &document.root.nodes[node];
             let Some(index) = json.camera else { continue };
             let camera = document.entry(&document.root.cameras, "cameras", index.value())?;
-            let names = [&json.name, &camera.name].into_iter().flatten().find(|name| !name.is_empty());
-            let name = names.cloned().unwrap_or_else(|| format!("camera {}", cameras.len()));
+            let name = name_of([json.name.as_ref(), camera.name.as_ref()], || format!("camera {}", cameras.len()));
             let found = match (&camera.perspective, camera.type_) {
                 (Some(perspective), Checked::Valid(Type::Perspective)) => perspective_camera(transform, perspective.yfov),
                 (_, Checked::Valid(Type::Orthographic)) => Err("it is orthographic; cameras have a perspective here".to_owned()),
@@ -172,8 +172,8 @@ impl Walk {
         let name = |placed: &Placed| {
             let json = &document.root.nodes[placed.node];
             let light = json.extensions.as_ref()?.khr_lights_punctual.as_ref()?.light.value();
-            let name = json.name.clone().or_else(|| lights?.lights.get(light)?.name.clone());
-            Some(name.unwrap_or_else(|| format!("light {light}")))
+            let own = lights.and_then(|lights| lights.lights.get(light)?.name.as_ref());
+            Some(name_of([json.name.as_ref(), own], || format!("light {light}")))
         };
         let names: Vec<String> = self.nodes.iter().filter_map(name).collect();
         let (all, shown) = (names.len(), names[..names.len().min(10)].join(", "));

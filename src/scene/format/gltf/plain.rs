@@ -3,7 +3,7 @@
 use gltf::json::Root;
 use serde_json::{Map, Value, json};
 
-use super::accessors::Values;
+use super::accessors::AccessorValues;
 use super::buffers::Buffers;
 use super::document::{Container, Document};
 use super::draco::Unpacked;
@@ -111,7 +111,7 @@ impl PlainGltf {
                 if let Some(indices) = primitive.indices {
                     let corners: Vec<f32> = unpacked.triangles().as_flattened().iter().map(|&vertex| vertex as f32).collect();
                     // Numbers of vertices are whole in f32 up to 2^24; beyond, the accessor's own count is in doubt anyway.
-                    self.unpack(indices.value(), &Values::from_floats(corners, 1), 1);
+                    self.unpack(indices.value(), &AccessorValues::from_floats(corners, 1), 1);
                 }
                 if let Some(primitive) = self.json["meshes"][mesh]["primitives"][index].as_object_mut() {
                     drop_packing(primitive);
@@ -122,7 +122,7 @@ impl PlainGltf {
     }
 
     /// Stores the values of an accessor in a view of its own, each at a multiple of `align` bytes.
-    fn unpack(&mut self, accessor: usize, values: &Values, align: usize) {
+    fn unpack(&mut self, accessor: usize, values: &AccessorValues, align: usize) {
         let entry = &self.json["accessors"][accessor];
         let (component, normalized) = (entry["componentType"].as_u64().unwrap_or_default(), entry["normalized"] == true);
         let (bytes, stride) = values.encode(0..values.count, component, normalized, align);

@@ -2,7 +2,7 @@
 
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 
-use super::accessors::Values;
+use super::accessors::AccessorValues;
 
 /// How a mesh is bent.
 #[derive(Default)]
@@ -23,17 +23,17 @@ impl Pose {
 
 /// The vertices of a primitive in a pose.
 pub struct Posed<'a> {
-    positions: Values<'a>,
-    normals: Option<Values<'a>>,
+    positions: AccessorValues<'a>,
+    normals: Option<AccessorValues<'a>>,
     /// Weights, and differences of positions and normals.
-    targets: Vec<(f32, [Option<Values<'a>>; 2])>,
+    targets: Vec<(f32, [Option<AccessorValues<'a>>; 2])>,
     /// Joints and their weights, four in each.
-    pub influences: Vec<(Values<'a>, Values<'a>)>,
+    pub influences: Vec<(AccessorValues<'a>, AccessorValues<'a>)>,
     pose: &'a Pose,
 }
 
 impl<'a> Posed<'a> {
-    pub fn new(positions: Values<'a>, normals: Option<Values<'a>>, pose: &'a Pose) -> Self {
+    pub fn new(positions: AccessorValues<'a>, normals: Option<AccessorValues<'a>>, pose: &'a Pose) -> Self {
         Self { positions, normals, targets: Vec::new(), influences: Vec::new(), pose }
     }
 
@@ -47,7 +47,7 @@ impl<'a> Posed<'a> {
     }
 
     /// Adds a morph target. Differences that are too few count for nothing.
-    pub fn morph(&mut self, weight: f32, positions: Option<Values<'a>>, normals: Option<Values<'a>>) {
+    pub fn morph(&mut self, weight: f32, positions: Option<AccessorValues<'a>>, normals: Option<AccessorValues<'a>>) {
         if weight != 0.0 {
             let count = self.count();
             self.targets.push((weight, [positions, normals].map(|values| values.filter(|values| values.count >= count))));
@@ -75,9 +75,9 @@ impl<'a> Posed<'a> {
         normal.normalize_or_zero().as_vec3()
     }
 
-    fn morphed(&self, values: &Values, kind: usize, vertex: usize) -> DVec3 {
-        let at = |values: &Values| Vec3::from(values.get(vertex)).as_dvec3();
-        let delta = |(weight, deltas): &(f32, [Option<Values>; 2])| {
+    fn morphed(&self, values: &AccessorValues, kind: usize, vertex: usize) -> DVec3 {
+        let at = |values: &AccessorValues| Vec3::from(values.get(vertex)).as_dvec3();
+        let delta = |(weight, deltas): &(f32, [Option<AccessorValues>; 2])| {
             deltas[kind].as_ref().map_or(DVec3::ZERO, |deltas| f64::from(*weight) * at(deltas))
         };
         at(values) + self.targets.iter().map(delta).sum::<DVec3>()

@@ -4,7 +4,7 @@ use glam::{Affine2, Vec2, Vec3, vec2};
 use gltf::json::mesh::{Mode, Primitive, Semantic};
 use gltf::json::validation::Checked;
 
-use super::accessors::Values;
+use super::accessors::AccessorValues;
 use super::buffers::Buffers;
 use super::document::BROKEN;
 use super::draco::Unpacked;
@@ -55,7 +55,7 @@ struct PrimitiveReading<'a, 'b> {
 
 impl<'a> PrimitiveReading<'a, '_> {
     /// The values of an attribute, if the primitive has it.
-    fn values(&self, semantic: Semantic, widths: &[usize]) -> Result<Option<Values<'a>>> {
+    fn values(&self, semantic: Semantic, widths: &[usize]) -> Result<Option<AccessorValues<'a>>> {
         let name = semantic.to_string();
         let Some(accessor) = self.primitive.attributes.get(&Checked::Valid(semantic)) else { return Ok(None) };
         if let Some(unpacked) = self.unpacked
@@ -67,7 +67,13 @@ impl<'a> PrimitiveReading<'a, '_> {
     }
 
     /// The same of an attribute without which the primitive can do. It must be there for each of `count` vertices.
-    fn spare(&self, warnings: &mut Warnings, semantic: Semantic, widths: &[usize], count: usize) -> Result<Option<Values<'a>>> {
+    fn spare(
+        &self,
+        warnings: &mut Warnings,
+        semantic: Semantic,
+        widths: &[usize],
+        count: usize,
+    ) -> Result<Option<AccessorValues<'a>>> {
         let name = semantic.to_string();
         let problem = match self.values(semantic, widths) {
             Ok(Some(values)) if values.count < count => {
@@ -104,7 +110,7 @@ impl<'a> PrimitiveReading<'a, '_> {
 }
 
 /// The corners of all triangles of a primitive with `count` corners, as indices of vertices.
-pub fn triangles_of(mode: Mode, indices: Option<&Values>, count: usize) -> Vec<[u32; 3]> {
+pub fn triangles_of(mode: Mode, indices: Option<&AccessorValues>, count: usize) -> Vec<[u32; 3]> {
     let corners = |places: [usize; 3]| places.map(|at| indices.map_or(at as u32, |indices| indices.index(at)));
     let behind = 0..count.saturating_sub(2);
     match mode {
@@ -155,7 +161,7 @@ impl Primitives<'_, '_> {
         // The work of bending a vertex.
         self.buffers.take(count.saturating_mul(posed.parts()) / 8)?;
         let triangles = source.triangles(warnings, mode, count)?;
-        let (triangles, kept, positions) = self.sound(warnings, &source, triangles, &posed)?;
+        let (triangles, used, positions) = self.sound(warnings, &source, triangles, &posed)?;
         if triangles.is_empty() {
             return Ok(None);
         }
@@ -163,22 +169,24 @@ impl Primitives<'_, '_> {
             look.coordinates.map(|(set, _)| source.spare(warnings, Semantic::TexCoords(set), &[2], count)).transpose()?;
         let lightmap = source.spare(warnings, Semantic::TexCoords(1), &[2], count)?;
         let colors = source.spare(warnings, Semantic::Colors(0), &[3, 4], count)?;
-        let vertices = || kept.list.iter().map(|&vertex| vertex as usize);
-        let uv = |values: &Values, vertex, transform: Affine2| finite(transform.transform_point2(Vec2::from(values.get(vertex))));
+        let vertices = || used.list.iter().map(|&vertex| vertex as usize);
+        let uv = |values: &AccessorValues, vertex, transform: Affine2| {
+            finite(transform.transform_point2(Vec2::from(values.get(vertex))))
+        };
         Ok(Some(Mesh {
             positions,
             normals: vertices().map(|vertex| posed.normal(vertex)).collect(),
             uvs: match (look.coordinates, coordinates.flatten()) {
                 (Some((_, transform)), Some(values)) => vertices().map(|vertex| uv(&values, vertex, transform)).collect(),
-                _ => vec![Vec2::ZERO; kept.list.len()],
+                _ => vec![Vec2::ZERO; used.list.len()],
             },
             lightmap_uvs: lightmap.map_or_else(Vec::new, |values| vertices().map(|vertex| uv(&values, vertex, V_UP)).collect()),
             colors: colors.map_or_else(Vec::new, |values| vertices().map(|vertex| color(&values, vertex)).collect()),
-            sources: kept.list.iter().map(|&index| Source { instance: 0, index }).collect(),
+            sources: used.list.iter().map(|&index| Source { instance: 0, index }).collect(),
             source_count: count as u32,
             triangles: triangles
                 .iter()
-                .map(|triangle| Triangle { vertices: triangle.map(|vertex| kept.index(vertex)), material: look.material })
+                .map(|triangle| Triangle { vertices: triangle.map(|vertex| used.index(vertex)), material: look.material })
                 .collect(),
         }))
     }
@@ -190,17 +198,17 @@ impl Primitives<'_, '_> {
         source: &PrimitiveReading,
         mut triangles: Vec<[u32; 3]>,
         posed: &Posed,
-    ) -> Result<(Vec<[u32; 3]>, Kept, Vec<Vec3>)> {
+    ) -> Result<(Vec<[u32; 3]>, UsedVertices, Vec<Vec3>)> {
         let (all, count) = (triangles.len(), posed.count());
         triangles.retain(|triangle| triangle.iter().all(|&vertex| (vertex as usize) < count));
         let outside = all - triangles.len();
         self.buffers.take(count / 64)?;
-        let kept = Kept::of(&triangles, count);
-        self.buffers.take(kept.list.len())?;
-        let positions: Vec<Vec3> = kept.list.iter().map(|&vertex| posed.position(vertex as usize).as_vec3()).collect();
+        let used = UsedVertices::of(&triangles, count);
+        self.buffers.take(used.list.len())?;
+        let positions: Vec<Vec3> = used.list.iter().map(|&vertex| posed.position(vertex as usize).as_vec3()).collect();
         let (mut infinite, mut flat) = (0, 0);
         triangles.retain(|triangle| {
-            let corners = triangle.map(|vertex| positions[kept.index(vertex) as usize]);
+            let corners = triangle.map(|vertex| positions[used.index(vertex) as usize]);
             let near = corners.iter().all(|corner| corner.abs().max_element() <= FARTHEST as f32 && corner.is_finite());
             let sound = near && has_area(corners);
             infinite += usize::from(!near);
@@ -220,10 +228,10 @@ impl Primitives<'_, '_> {
             source.mend(warnings, "coordinates", &problem, "they are left out")?;
         }
         if infinite + flat == 0 {
-            return Ok((triangles, kept, positions));
+            return Ok((triangles, used, positions));
         }
-        let fewer = Kept::of(&triangles, count);
-        let positions = fewer.list.iter().map(|&vertex| positions[kept.index(vertex) as usize]).collect();
+        let fewer = UsedVertices::of(&triangles, count);
+        let positions = fewer.list.iter().map(|&vertex| positions[used.index(vertex) as usize]).collect();
         Ok((triangles, fewer, positions))
     }
 }
@@ -235,19 +243,19 @@ fn finite(uv: Vec2) -> Vec2 {
     if uv.is_finite() { uv } else { Vec2::ZERO }
 }
 
-fn color(values: &Values, vertex: usize) -> Vec3 {
+fn color(values: &AccessorValues, vertex: usize) -> Vec3 {
     let color = Vec3::from(values.get(vertex));
     if color.is_finite() { color.clamp(Vec3::ZERO, Vec3::ONE) } else { Vec3::ONE }
 }
 
 /// The vertices that triangles use, in the order of the file.
-struct Kept {
+struct UsedVertices {
     list: Vec<u32>,
-    /// One bit for each vertex of the file, 64 in a word, and the number of kept ones before the word.
+    /// One bit for each vertex of the file, 64 in a word, and the number of used ones before the word.
     words: Vec<(u64, u32)>,
 }
 
-impl Kept {
+impl UsedVertices {
     fn of(triangles: &[[u32; 3]], count: usize) -> Self {
         let mut words = vec![(0_u64, 0_u32); count.div_ceil(64)];
         for &vertex in triangles.as_flattened() {
@@ -261,7 +269,7 @@ impl Kept {
         Self { list, words }
     }
 
-    /// The place of a kept vertex in the list.
+    /// The place of a used vertex in the list.
     fn index(&self, vertex: u32) -> u32 {
         let (bits, before) = self.words[vertex as usize / 64];
         before + (bits & ((1 << (vertex % 64)) - 1)).count_ones()

@@ -29,6 +29,8 @@ pub struct Materials {
     /// For each used name, its index in `list`.
     pub used: Vec<usize>,
     by_name: HashMap<String, usize>,
+    /// Indices by names without comments and quotes, and by names in lower case. Made when it is needed.
+    similar: Option<HashMap<String, usize>>,
 }
 
 impl Materials {
@@ -91,15 +93,21 @@ impl Materials {
     }
 
     /// A defined material whose name differs in a comment, in quotes or in case.
-    fn similar(&self, name: &str) -> Option<usize> {
-        let exact = names_of(name).find_map(|name| self.by_name.get(&*name).copied());
-        let defined = || self.list[..self.placements.len()].iter();
-        let like = |fits: &dyn Fn(&str, &str) -> bool| {
-            names_of(name).find_map(|name| defined().position(|known| names_of(&known.name).any(|known| fits(&known, &name))))
-        };
-        exact
-            .or_else(|| like(&|known, name| known == name))
-            .or_else(|| like(&|known, name| known.to_lowercase() == name.to_lowercase()))
+    fn similar(&mut self, name: &str) -> Option<usize> {
+        let defined = &self.list[..self.placements.len()];
+        let similar = self.similar.get_or_insert_with(|| {
+            let names = || (0..).zip(defined).flat_map(|(index, known)| names_of(&known.name).map(move |name| (name, index)));
+            let mut similar = HashMap::new();
+            for (name, index) in names() {
+                similar.entry(name.into_owned()).or_insert(index);
+            }
+            for (name, index) in names() {
+                similar.entry(name.to_lowercase()).or_insert(index);
+            }
+            similar
+        });
+        let exact = names_of(name).find_map(|name| similar.get(&*name));
+        exact.or_else(|| names_of(name).find_map(|name| similar.get(&name.to_lowercase()))).copied()
     }
 }
 
