@@ -154,7 +154,7 @@ impl PlainGltf {
 
     fn forget_packing(&mut self) {
         for list in ["extensionsUsed", "extensionsRequired"] {
-            let Some(names) = self.json[list].as_array_mut() else { continue };
+            let Some(names) = self.json.get_mut(list).and_then(Value::as_array_mut) else { continue };
             names.retain(|name| !PACKING.iter().any(|packing| name == packing));
             if names.is_empty()
                 && let Some(root) = self.json.as_object_mut()
