@@ -24,7 +24,7 @@ pub const LIGHT_MAP_SIDE: u32 = 512;
 #[derive(Debug, clap::Args)]
 #[command(after_help = include_str!("help/bake.txt"), args_override_self = true, allow_negative_numbers = true)]
 pub struct BakeArgs {
-    /// Scene file (.toml) or model (.obj with its .mtl, .ply, .stl)
+    /// Scene file (.toml) or model (.obj with its .mtl, .glb, .gltf, .ply, .stl)
     scene: PathBuf,
 
     /// Where to bake: vertices, lightmap, camera (one point in each pixel) or points:FILE (.ply, .npy or .csv, in world space); can be given several times

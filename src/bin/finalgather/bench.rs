@@ -24,7 +24,7 @@ const HEADS: &str = ",ends,ms/dir,ms/sample,Msamples/s,xFUSED,peel,gather,wait,i
 #[derive(Debug, clap::Args)]
 #[command(after_help = include_str!("help/bench.txt"), args_override_self = true)]
 pub struct BenchArgs {
-    /// Scene file (.toml) or model (.obj with its .mtl, .ply, .stl) [default: scenes/cornell.toml, if it exists]
+    /// Scene file (.toml) or model (.obj with its .mtl, .glb, .gltf, .ply, .stl) [default: scenes/cornell.toml, if it exists]
     scene: Option<PathBuf>,
 
     #[command(flatten)]

@@ -12,7 +12,7 @@ use crate::{about_scene, report};
 /// Show the OpenGL of this machine: backends that work, devices, renderer, limits. Or show what is in a scene, with all warnings
 #[derive(Debug, clap::Args)]
 pub struct InfoArgs {
-    /// Scene file (.toml) or model (.obj with its .mtl, .ply, .stl)
+    /// Scene file (.toml) or model (.obj with its .mtl, .glb, .gltf, .ply, .stl)
     scene: Option<PathBuf>,
 
     #[command(flatten)]

@@ -15,7 +15,7 @@ use crate::terminal;
 #[command(after_help = include_str!("help/render.txt"), args_override_self = true, allow_negative_numbers = true)]
 #[command(mut_arg("photon_depth", |arg| arg.alias("bounces")))]
 pub struct RenderArgs {
-    /// Scene file (.toml) or model (.obj with its .mtl, .ply, .stl)
+    /// Scene file (.toml) or model (.obj with its .mtl, .glb, .gltf, .ply, .stl)
     scene: PathBuf,
 
     /// Picture to write, .png or .exr; can be given several times [default: the scene's name with .png, in the current folder]

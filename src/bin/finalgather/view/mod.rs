@@ -31,7 +31,7 @@ use worker::WorkerOptions;
 #[command(after_help = include_str!("../help/view.txt"), args_override_self = true, allow_negative_numbers = true)]
 #[command(mut_arg("photon_depth", |arg| arg.alias("bounces")))]
 pub struct ViewArgs {
-    /// Scene file (.toml) or model (.obj with its .mtl, .ply, .stl) [default: the Cornell box]
+    /// Scene file (.toml) or model (.obj with its .mtl, .glb, .gltf, .ply, .stl) [default: the Cornell box]
     scene: Option<PathBuf>,
 
     /// Inner size of the window in points; N is N by N [default: room for the panel and a picture of --size, or 512x512 without]
