@@ -187,6 +187,9 @@ fn what_is_not_shown_is_noted() {
     ];
     assert_eq!(material.unshaded, expected);
     assert_eq!((material.name.as_str(), material.albedo, material.surface), ("all", Vec3::splat(0.5), Surface::Diffuse));
+    let warnings = model.load_with(crate::build::options()).unwrap().report.warnings;
+    assert_eq!(warnings.len(), 1);
+    assert!(warnings[0].contains("what pictures do not show yet: all (metallic 0.5, "), "{warnings:?}");
     model.json["materials"][0]["alphaMode"] = json!("MASK");
     assert!(model.world().materials[0].unshaded.contains(&"alpha mode MASK, cutoff 0.5, opacity 0.25".to_owned()));
 }
