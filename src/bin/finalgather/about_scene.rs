@@ -203,7 +203,7 @@ fn line_of_lights(about: &Value) -> String {
     if !about["environment"].is_null() {
         parts.push(format!("an environment of the mean radiance {}", number(&about["environment"])));
     }
-    format!("lights: {}", if parts.is_empty() { "none; a render adds a white sky".to_owned() } else { parts.join(", and ") })
+    format!("lights: {}", if parts.is_empty() { "none; a render adds a soft sky".to_owned() } else { parts.join(", and ") })
 }
 
 fn line_of_estimate(about: &Value) -> String {

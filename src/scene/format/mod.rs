@@ -7,7 +7,7 @@
 
 use std::path::{Path, PathBuf};
 
-use glam::{DVec3, Vec2, Vec3};
+use glam::{DVec3, Vec2};
 
 use super::texture::Textures;
 use super::{Environment, Material, Mesh, UnitSpace, World};
@@ -170,8 +170,10 @@ impl Loader<'_> {
                         environment, as [environment] in a scene file or by --env";
             return Err(Error::input(path, None, problem, cure));
         }
-        world.environment = Some(Environment::constant(Vec3::ONE)?);
-        self.warnings.say(format!("{problem}; a white sky of radiance 1 is added (--no-default-light refuses such a scene)"));
+        world.environment = Some(Environment::soft_sky());
+        self.warnings.say(format!(
+            "{problem}; a soft sky is added, of radiance 1 at the horizon (--no-default-light refuses such a scene)"
+        ));
         Ok(())
     }
 

@@ -120,6 +120,15 @@ impl Environment {
         Self::from_texels([2, 1], vec![radiance; 2])
     }
 
+    /// The sky of scenes without light: grey, of radiance 1 + y/2 in the direction (x, y, z). So shapes of white models show, and an open upright
+    /// surface has the irradiance of a sky of radiance 1.
+    pub fn soft_sky() -> Self {
+        const HEIGHT: usize = 32;
+        let radiance = |row: usize| 1.0 + 0.5 * (PI * (row as f32 + 0.5) / HEIGHT as f32).cos();
+        let texels = (0..HEIGHT).flat_map(|row| [Vec3::splat(radiance(row)); 2 * HEIGHT]).collect();
+        Self { picture: Arc::new(Picture::new(2 * HEIGHT, HEIGHT, texels)), scale: 1.0, turn: 0.0 }
+    }
+
     fn checked([width, height]: [usize; 2], texels: Vec<Vec3>) -> Result<Self, Fault> {
         check_size([width, height])?;
         assert_eq!(texels.len(), width * height, "texels fill the picture");

@@ -144,7 +144,7 @@ pub struct SceneArgs {
     #[arg(long)]
     strict: bool,
 
-    /// Refuse a scene without light, in place of adding a white sky
+    /// Refuse a scene without light, in place of adding a soft sky
     #[arg(long)]
     no_default_light: bool,
 

@@ -95,9 +95,14 @@ impl MaterialReading<'_, '_, '_> {
         let radiance = |factor: f32| if factor > 0.0 { (factor * strength).clamp(0.0, f32::MAX) } else { 0.0 };
         let emission = Vec3::from(self.json.emissive_factor.0.map(radiance));
         let Some(info) = self.json.emissive_texture.as_ref().filter(|_| emission != Vec3::ZERO) else { return Ok(emission) };
-        let mean = self.images.mean(loader, info.index.value())?;
-        self.note(format!("emission texture {}, of which the mean colour shines", self.images.name(info.index.value())));
-        Ok(emission * mean.unwrap_or(Vec3::ONE))
+        let mean = self.images.mean(loader, info.index.value())?.unwrap_or(Vec3::ONE);
+        let name = self.images.name(info.index.value());
+        if mean.max_element() < Material::LEAST_GLOW {
+            self.note(format!("emission texture {name}, which is mostly black"));
+            return Ok(Vec3::ZERO);
+        }
+        self.note(format!("emission texture {name}, of which the mean colour shines"));
+        Ok(emission * mean)
     }
 
     fn surface(&self, extensions: &extension::Material, base: Vec3, textured: bool) -> Surface {

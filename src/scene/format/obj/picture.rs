@@ -12,7 +12,7 @@ use super::text::{names_of, split_word};
 use crate::error::{Error, Result};
 use crate::scene::format::warnings::{Fault, Place};
 use crate::scene::format::{Loader, beside};
-use crate::scene::{Sampler, WrapMode};
+use crate::scene::{Material, Sampler, WrapMode};
 
 /// A statement that names a picture.
 #[derive(Clone, Debug, Default)]
@@ -123,10 +123,11 @@ impl<'a, 'b> Pictures<'a, 'b> {
         let mean =
             self.open(picture, "the material has its Ke alone", |loader, path, named_at| loader.textures.mean(path, named_at))?;
         let Some(mean) = mean else { return Ok(None) };
-        let radiance = emission.unwrap_or(Vec3::ONE) * mean;
+        let is_lamp = mean.max_element() >= Material::LEAST_GLOW;
+        let radiance = if is_lamp { emission.unwrap_or(Vec3::ONE) * mean } else { Vec3::ZERO };
         let place = Place { path: self.files[0], line: Some(picture.line) };
         let text = || match radiance {
-            Vec3::ZERO => "map_Ke has no effect: Ke or the picture is black".to_owned(),
+            Vec3::ZERO => "map_Ke has no effect: Ke or most of the picture is black".to_owned(),
             Vec3 { x, y, z } => {
                 format!("map_Ke: the lamp shines with the mean colour of its picture, radiance {x:.3} {y:.3} {z:.3}")
             }
