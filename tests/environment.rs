@@ -121,6 +121,24 @@ fn a_constant_is_the_same_everywhere() {
     assert_eq!(environment.bright_power(), 0.0);
 }
 
+#[test]
+fn the_soft_sky_lights_upright_surfaces_as_a_sky_of_one() {
+    let sky = Environment::soft_sky();
+    let directions = Directions::new(Sequence::R2, 0);
+    // Over the sphere, irradiance / π is 4 times the mean of radiance times cosine.
+    let light_on = |normal: Vec3| {
+        let sum: f64 = (0..20_000)
+            .map(|i| directions.get(i).vector)
+            .map(|direction| f64::from(sky.radiance(direction).x * normal.dot(direction).max(0.0)))
+            .sum();
+        4.0 * sum / 20_000.0
+    };
+    for (normal, expected) in [(Vec3::X, 1.0), (Vec3::NEG_Z, 1.0), (Vec3::Y, 4.0 / 3.0), (Vec3::NEG_Y, 2.0 / 3.0)] {
+        let found = light_on(normal);
+        assert!((found / expected - 1.0).abs() < 0.005, "{normal}: {found}, not {expected}");
+    }
+}
+
 /// An 8 x 4 picture in Radiance RGBE, not run-length encoded, all texels alike.
 fn hdr(header: &str, size: &str, texel: [u8; 4]) -> Vec<u8> {
     [format!("#?RADIANCE\n{header}FORMAT=32-bit_rle_rgbe\n\n{size}\n").as_bytes(), &texel.repeat(32)].concat()
