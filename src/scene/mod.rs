@@ -50,7 +50,7 @@ pub use source_lists::SourceLists;
 pub use specular::{MOST_SPECULAR, Path, Split, fresnel};
 pub use texture::{ImageTexture, Sampler, WrapMode};
 pub use unit_space::UnitSpace;
-pub use world::{GltfFile, Instance, Part, World};
+pub use world::{GltfFile, GltfPart, Instance, World};
 
 /// All triangles of a [`World`] as one mesh in unit space. Passes draw it.
 #[derive(Clone, Debug)]

@@ -51,12 +51,12 @@ pub struct Instance {
     /// From mesh space to world space. A mirrored instance keeps its fronts and backs.
     pub transform: DAffine3,
     /// Its place in a glTF file.
-    pub part: Option<Part>,
+    pub part: Option<GltfPart>,
 }
 
 /// One primitive of one node of a glTF file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub struct Part {
+pub struct GltfPart {
     pub node: usize,
     /// Index into the primitives of the node's mesh.
     pub primitive: usize,

@@ -2,7 +2,7 @@
 
 use std::f64::consts::FRAC_1_SQRT_2;
 
-use finalgather::scene::{LoadOptions, Part, WorldCamera};
+use finalgather::scene::{GltfPart, LoadOptions, WorldCamera};
 use glam::{DAffine3, DVec3, Vec3, dvec3, vec3};
 use serde_json::json;
 
@@ -22,7 +22,7 @@ fn nodes_place_one_mesh_twice() {
     assert_near(&placed(&world, 0), &[[0.0, 0.0, 5.0], [1.0, 0.0, 5.0], [0.0, 1.0, 5.0]], 0.0);
     assert_near(&placed(&world, 1), &[[1.0, 2.0, 8.0], [-1.0, 2.0, 8.0], [1.0, -1.0, 8.0]], 1e-12);
     let found: Vec<_> = world.instances.iter().map(|instance| (instance.name.as_str(), instance.part)).collect();
-    let part = |node| Some(Part { node, primitive: 0, copy: 0 });
+    let part = |node| Some(GltfPart { node, primitive: 0, copy: 0 });
     assert_eq!(found, [("here", part(0)), ("node 1", part(1))]);
 }
 
@@ -77,7 +77,7 @@ fn copies_by_gpu_instancing() {
     assert_eq!((world.meshes.len(), world.instances.len()), (1, 2));
     assert_near(&placed(&world, 0), &[[1.0, 0.0, 1.0], [1.0, 2.0, 1.0], [-1.0, 0.0, 1.0]], 1e-6);
     assert_near(&placed(&world, 1), &[[0.0, 2.0, 1.0], [1.0, 2.0, 1.0], [0.0, 3.0, 1.0]], 1e-6);
-    assert_eq!(world.instances[1].part, Some(Part { node: 0, primitive: 0, copy: 1 }));
+    assert_eq!(world.instances[1].part, Some(GltfPart { node: 0, primitive: 0, copy: 1 }));
     model.json["accessors"][scales]["count"] = json!(1);
     assert!(model.refusal().contains("its attributes differ in number"));
 }
@@ -126,7 +126,7 @@ fn nodes_in_a_circle_are_refused() {
     let (world, warnings) = model.load();
     assert_eq!(warnings, ["m.glb: nodes[0] is a child of several nodes; it is shown under each"]);
     let parts: Vec<_> = world.instances.iter().map(|instance| (instance.transform.translation.x, instance.part)).collect();
-    let part = |copy| Some(Part { node: 0, primitive: 0, copy });
+    let part = |copy| Some(GltfPart { node: 0, primitive: 0, copy });
     assert_eq!(parts, [(0.0, part(0)), (1.0, part(1))]);
     model.json["nodes"] = (0..40).map(|node| json!({ "children": [node + 1, node + 1] })).collect();
     model.push("nodes", json!({ "mesh": 0 }));

@@ -11,7 +11,7 @@ use serde_json::Value;
 use super::super::ExportSource;
 use crate::error::{Error, Result};
 use crate::scene::gltf::{Buffers, triangles_of};
-use crate::scene::{Mesh, Part};
+use crate::scene::{GltfPart, Mesh};
 
 /// Node and primitive.
 pub type Place = (usize, usize);
@@ -32,7 +32,7 @@ pub fn baked_parts(path: &Path, mesh: &Mesh, source: &ExportSource) -> Result<BT
     for (index, triangle) in mesh.triangles.iter().enumerate() {
         let of = mesh.sources.get(triangle.vertices[0] as usize);
         let part = of.and_then(|of| source.instances.get(of.instance as usize)?.part);
-        let Some(Part { node, primitive, copy }) = part else { continue };
+        let Some(GltfPart { node, primitive, copy }) = part else { continue };
         if copy > 0 {
             let name = &source.instances[of.map_or(0, |of| of.instance as usize)].name;
             let problem = format!(

@@ -129,7 +129,7 @@ impl Environment {
         Self { picture: Arc::new(Picture::new(2 * HEIGHT, HEIGHT, texels)), scale: 1.0, turn: 0.0 }
     }
 
-    fn checked([width, height]: [usize; 2], texels: Vec<Vec3>) -> Result<Self, Mishap> {
+    fn checked([width, height]: [usize; 2], texels: Vec<Vec3>) -> Result<Self, Refusal> {
         check_size([width, height])?;
         assert_eq!(texels.len(), width * height, "texels fill the picture");
         if let Some(texel) = texels.iter().position(|texel| !(texel.is_finite() && texel.min_element() >= 0.0)) {

@@ -30,7 +30,7 @@ use super::warnings::{Fault, Place};
 use crate::error::{Error, Result};
 use crate::file::MOST_BYTES;
 use crate::scene::mesh::has_area;
-use crate::scene::{GltfFile, Instance, Mesh, Part, World};
+use crate::scene::{GltfFile, GltfPart, Instance, Mesh, World};
 
 mod accessors;
 mod buffers;
@@ -143,7 +143,7 @@ impl Assembly<'_, '_> {
             let Some(mesh) = mesh else { continue };
             for (copy, &transform) in copies.iter().enumerate() {
                 let transform = if pose.is_skinned() { DAffine3::from_translation(pose.origin) } else { transform };
-                let part = Part { node: placed.node, primitive, copy: placed.earlier * copies.len() + copy };
+                let part = GltfPart { node: placed.node, primitive, copy: placed.earlier * copies.len() + copy };
                 self.place(loader, Instance { name: name.clone(), mesh, transform, part: Some(part) })?;
             }
         }
@@ -153,7 +153,7 @@ impl Assembly<'_, '_> {
     fn place(&mut self, loader: &mut Loader, instance: Instance) -> Result<()> {
         let document = self.buffers.document;
         let mesh = &self.world.meshes[instance.mesh];
-        let Part { node, .. } = instance.part.unwrap_or(Part { node: 0, primitive: 0, copy: 0 });
+        let GltfPart { node, .. } = instance.part.unwrap_or(GltfPart { node: 0, primitive: 0, copy: 0 });
         self.placed = self.placed.saturating_add(mesh.triangles.len());
         if self.placed > MOST_PLACED {
             let problem = format!("its instances have more than {MOST_PLACED} triangles together");
