@@ -176,7 +176,8 @@ fn bounces_of_a_gather_are_not_those_of_photons() {
         success(&mut bake(&folder, &scene("cornell.toml"), &[&["--to", "camera", "-o", &file], args].concat()));
         Image::read(&folder.path().join(&file)).unwrap().channel("IrradianceIndirect.G").unwrap().to_vec()
     };
-    let alone = values("alone", &["--what", "irradiance"]);
+    // Irradiance is the default.
+    let alone = values("alone", &[]);
     assert_eq!(alone, values("both", &["--what", "irradiance,prt", "--bounces", "1"]));
     assert_eq!(alone, values("named", &["--what", "irradiance,prt", "--gather-bounces", "1"]));
     assert_ne!(alone, values("photons", &["--what", "irradiance", "--photon-depth", "1"]));

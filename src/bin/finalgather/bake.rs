@@ -32,7 +32,7 @@ pub struct BakeArgs {
     to: Vec<ReceiverKind>,
 
     /// Quantities, separated by commas: irradiance, ao, bent-normal, sky, sh, prt, prt-unshadowed
-    #[arg(long, value_name = "QUANTITY", required = true, value_delimiter = ',', value_parser = named::<Quantity>(&["irradiance", "ao", "bent-normal", "sky", "sh", "prt", "prt-unshadowed"]), hide_possible_values = true)]
+    #[arg(long, value_name = "QUANTITY", default_value = "irradiance", value_delimiter = ',', value_parser = named::<Quantity>(&["irradiance", "ao", "bent-normal", "sky", "sh", "prt", "prt-unshadowed"]), hide_possible_values = true)]
     what: Vec<Quantity>,
 
     /// File to write; can be given several times. With several receivers, put the receiver's name before it, as in vertices:box.ply. The formats of each receiver are listed below
