@@ -41,7 +41,7 @@ pub struct Environment {
 }
 
 /// A problem and its cure.
-type Fault = (String, &'static str);
+type BadPicture = (String, &'static str);
 
 #[derive(Debug)]
 struct Picture {
@@ -91,7 +91,7 @@ impl Environment {
 
     /// The same from `bytes` of a file. `path` is their origin.
     pub fn decode(path: &Path, bytes: &[u8]) -> Result<Self> {
-        let bad = |(problem, cure): Fault| Error::input(path, None, problem, cure);
+        let bad = |(problem, cure): BadPicture| Error::input(path, None, problem, cure);
         let ending = path.extension().unwrap_or_default().to_ascii_lowercase();
         let (size, texels) = match ending.to_str() {
             Some("hdr") => read_hdr(bytes).map_err(bad)?,
@@ -120,7 +120,7 @@ impl Environment {
         Self::from_texels([2, 1], vec![radiance; 2])
     }
 
-    fn checked([width, height]: [usize; 2], texels: Vec<Vec3>) -> Result<Self, Fault> {
+    fn checked([width, height]: [usize; 2], texels: Vec<Vec3>) -> Result<Self, BadPicture> {
         check_size([width, height])?;
         assert_eq!(texels.len(), width * height, "texels fill the picture");
         if let Some(texel) = texels.iter().position(|texel| !(texel.is_finite() && texel.min_element() >= 0.0)) {
@@ -338,7 +338,7 @@ fn band(row: usize, height: usize) -> (f32, f32) {
     (at(row), at(row + 1))
 }
 
-fn check_size([width, height]: [usize; 2]) -> Result<(), Fault> {
+fn check_size([width, height]: [usize; 2]) -> Result<(), BadPicture> {
     if height == 0 || width != 2 * height {
         return Err((
             format!("is {width} x {height} texels"),
@@ -351,7 +351,7 @@ fn check_size([width, height]: [usize; 2]) -> Result<(), Fault> {
     Ok(())
 }
 
-fn read_hdr(bytes: &[u8]) -> Result<([usize; 2], Vec<Vec3>), Fault> {
+fn read_hdr(bytes: &[u8]) -> Result<([usize; 2], Vec<Vec3>), BadPicture> {
     let cure = "save it again as Radiance RGBE, or give an .exr";
     let unreadable = |error: ImageError| (format!("not readable as Radiance RGBE: {error}"), cure);
     let decoder = HdrDecoder::new(Cursor::new(bytes)).map_err(unreadable)?;
@@ -368,7 +368,7 @@ fn read_hdr(bytes: &[u8]) -> Result<([usize; 2], Vec<Vec3>), Fault> {
 }
 
 fn read_exr(path: &Path, bytes: &[u8]) -> Result<([usize; 2], Vec<Vec3>)> {
-    let bad = |(problem, cure): Fault| Error::input(path, None, problem, cure);
+    let bad = |(problem, cure): BadPicture| Error::input(path, None, problem, cure);
     check_size(Image::exr_size(path, bytes)?).map_err(bad)?;
     let picture = Image::decode(path, bytes)?;
     let [r, g, b] =
