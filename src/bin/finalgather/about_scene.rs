@@ -41,7 +41,9 @@ fn about(world: &World, prepared: &Prepared, estimate: &Estimate) -> Value {
     let scene = &prepared.scene;
     let [min, max] = world.bounds();
     let areas = areas(world);
-    let area: f64 = areas.iter().map(|(_, area)| area).sum();
+    // As a light map covers it.
+    let scale = f64::from(scene.space.length_to_world(1.0)).powi(2);
+    let area = scale * (0..scene.mesh.triangles.len()).map(|index| f64::from(scene.mesh.area(index))).sum::<f64>();
     json!({
         "file": world.file,
         "objects": world.instances.iter().map(|instance| object(&instance.name, &world.meshes[instance.mesh])).collect::<Vec<_>>(),
