@@ -142,7 +142,8 @@ impl Geometry {
     pub fn bytes(scene: &Scene) -> usize {
         const TRIANGLE: usize = 3 * size_of::<[Vec3; 2]>() + 4 * size_of::<[f32; 4]>() + size_of::<[u32; 3]>() + RayTables::BYTES;
         let texels: usize = scene.textures.iter().map(|texture| texture.texels.len()).sum();
-        TRIANGLE * scene.mesh.triangles.len() + Format::Srgb8Alpha8.bytes() * (texels + texels * 4 / 3)
+        let colors = if scene.mesh.colors.is_empty() { 0 } else { 4 * size_of::<[f32; 4]>() };
+        (TRIANGLE + colors) * scene.mesh.triangles.len() + Format::Srgb8Alpha8.bytes() * (texels + texels * 4 / 3)
     }
 
     /// The uniforms by which shaders read the surface of a hit.

@@ -115,6 +115,9 @@ impl Scalar {
     }
 }
 
+/// Elements of a file, and properties of an element. Each new name is compared with all before.
+const MOST_NAMES: usize = 1000;
+
 /// Parses the header of a file.
 ///
 /// # Errors
@@ -149,6 +152,9 @@ pub fn parse(bytes: &[u8]) -> Result<(Header, Rows<'_>), PlyFault> {
             }
             ["element", name, count] => {
                 let count = count.parse().map_err(|_| fault(format!("{} is no number of rows", quoted(count))))?;
+                if header.elements.len() == MOST_NAMES {
+                    return Err(fault(format!("the header names more than {MOST_NAMES} elements")));
+                }
                 if header.elements.iter().any(|element| element.name == name) {
                     return Err(fault("the header names an element or a property twice".to_owned()));
                 }
@@ -165,6 +171,9 @@ pub fn parse(bytes: &[u8]) -> Result<(Header, Rows<'_>), PlyFault> {
                 let Some(element) = header.elements.last_mut() else {
                     return Err(fault("a property before any element".to_owned()));
                 };
+                if element.properties.len() == MOST_NAMES {
+                    return Err(fault(format!("an element has more than {MOST_NAMES} properties")));
+                }
                 if element.find(name).is_some() {
                     return Err(fault("the header names an element or a property twice".to_owned()));
                 }

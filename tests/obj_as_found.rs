@@ -253,6 +253,11 @@ fn vertex_colours() {
     let (clamped, _, warnings) = colors(&quad(["1.0001 0 0", "-0.1 1 0", "0 0 1", "0 0 0"], ""));
     assert_eq!(clamped, [Vec3::X, Vec3::Y, Vec3::Z, Vec3::ZERO]);
     assert!(warnings.len() == 1 && warnings[0].contains("clamped"), "{warnings:?}");
+    // One odd number does not darken the others.
+    for odd in ["inf 0 0", "1.6 0 0", "300 0 0"] {
+        let (clamped, _, warnings) = colors(&quad([odd, "0 1 0", "0 0 1", "1 1 1"], ""));
+        assert_eq!(clamped[1..], [Vec3::Y, Vec3::Z, Vec3::ONE], "{odd}: {warnings:?}");
+    }
     // A material with Kd multiplies them, and a vertex without colour is as without colours.
     let (_, albedo, _) = colors(&quad(["1 0 0"; 4], "mtllib m.mtl\nusemtl wall\n"));
     assert_eq!(albedo, RED);

@@ -16,9 +16,13 @@ pub enum Per {
     /// A position with one normal, texture coordinate and colour.
     #[default]
     Row,
-    /// A vertex of the model's file, as an OBJ's `v`: object by object, in the file's order, also those that no triangle uses.
+    /// A vertex of the model's file, as an OBJ's `v`, in the file's order, also those that no triangle uses. Objects with lists of their own follow each
+    /// other.
     Source,
 }
+
+/// Files in which many primitives share one list of vertices could ask for any number.
+const MOST_ROWS: usize = 1 << 26;
 
 /// Columns of unit vectors begin with this.
 const DIRECTION: &str = "BentNormal";
@@ -30,6 +34,10 @@ pub(super) fn check(request: &BakeRequest, scene: &Scene) -> Result<()> {
     if asked && scene.mesh.sources.is_empty() {
         let problem = "--per source: the vertices of this scene are numbered by no file";
         return Err(Error::usage(problem, "leave it out, or bake a scene whose models are files"));
+    }
+    if asked && scene.source_lists.total() > MOST_ROWS {
+        let problem = format!("--per source: the lists of vertices have {} rows together", scene.source_lists.total());
+        return Err(Error::usage(problem, "leave it out: then there are rows for used vertices alone"));
     }
     Ok(())
 }

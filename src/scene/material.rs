@@ -36,8 +36,8 @@ impl Material {
     /// Reflectance where a file gives none.
     pub const GREY: Vec3 = Vec3::splat(0.5);
 
-    /// A picture of emission whose mean is darker is no lamp: it has a few lights on black. Spread over the surface they would only dim what is around,
-    /// and keep a scene from its sky.
+    /// A surface whose picture of emission brings a mean radiance below this is no lamp: it has a few lights on black. Spread over the surface they would
+    /// light nothing, and keep a scene from its sky.
     pub const LEAST_GLOW: f32 = 0.1;
 
     pub fn is_emissive(&self) -> bool {

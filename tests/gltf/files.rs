@@ -141,13 +141,20 @@ fn json_of_other_writers() {
 /// A scene file changes a glTF model as any other.
 #[test]
 fn scene_files_name_gltf_models() {
-    let model = Model::square(json!({ "name": "wall", "pbrMetallicRoughness": { "metallicFactor": 0 } }));
+    let mut model = Model::square(json!({ "name": "wall", "pbrMetallicRoughness": { "metallicFactor": 0 } }));
+    model.push("materials", json!({ "name": "wall" }));
     let scene = "mesh = 'm.glb'\n[materials.wall]\nalbedo = [0.1, 0.2, 0.3]\nemission = [1, 2, 3]\n";
     let files = BTreeMap::from([("s.toml", scene.as_bytes().to_vec()), ("m.glb", model.glb())]);
     let Loaded { world, report, .. } = load(files, "s.toml", LoadOptions::default()).unwrap();
-    let material = &world.materials[0];
-    assert_eq!((material.albedo.to_array(), material.emission.to_array()), ([0.1, 0.2, 0.3], [1.0, 2.0, 3.0]));
+    // Both materials of the name.
+    for material in &world.materials[..2] {
+        assert_eq!((material.albedo.to_array(), material.emission.to_array()), ([0.1, 0.2, 0.3], [1.0, 2.0, 3.0]));
+    }
     assert_eq!(report.warnings, [""; 0]);
+    let quad = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n".as_bytes().to_vec();
+    let asked = LoadOptions { scene: Some("hall".into()), ..options() };
+    let refusal = load(BTreeMap::from([("m.obj", quad)]), "m.obj", asked).unwrap_err().to_string();
+    assert!(refusal.contains("there is no scene \"hall\""), "{refusal}");
     let unknown = World::load(Path::new("m.fbx")).unwrap_err().to_string();
     assert!(unknown.contains(".glb") && unknown.contains(".gltf") && unknown.contains(".obj"), "{unknown}");
 }

@@ -169,6 +169,7 @@ fn mutants_are_read_or_refused() {
         }
         eprintln!("{format}: {count} mutants of {} files, {refused} refused", names.len());
         assert!(refused > count / 10 && refused < count, "{format}: {refused} of {count} refused");
+        assert!(format != "gltf" || count > 1000, "{format}: only {count} mutants");
         total += count;
     }
     assert!(total > 1000, "only {total} mutants");
@@ -284,9 +285,16 @@ fn absurd_inputs_are_refused_in_words() {
         ("gltf", "long.glb", [&b"glTF\x02\0\0\0\xff\xff\xff\xff"[..], &[0; 100]].concat(), "cut short"),
         ("gltf", "chunk.glb", b"glTF\x02\0\0\0\x14\0\0\0\xff\xff\xff\xffJSON".to_vec(), "cut short"),
         ("gltf", "children.gltf", gltf(r#""nodes": [{"children": [0]}], "scenes": [{"nodes": [0]}]"#), "below itself"),
+        ("gltf", "copies.gltf", many_copies(), "far more vertices, triangles or instances"),
         ("gltf", "scene.gltf", gltf(r#""scene": 4294967295, "scenes": [{"nodes": [0]}]"#), "refers to scenes[4294967295]"),
         ("mtl", "names without end", library([&b"newmtl a\nKd "[..], &[b'x'; 10_000_000]].concat()), "Kd has"),
         ("mtl", "what no name has", library(b"newmtl a\nmap_Kd \0\n".to_vec()), "binary"),
+        (
+            "model",
+            "names.ply",
+            ply("ascii", &(0..2000).map(|i| format!("element e{i} 1\n")).collect::<String>()),
+            "more than 1000 elements",
+        ),
         (
             "model",
             "a.ply",
@@ -386,6 +394,29 @@ fn absurd_inputs_are_refused_in_words() {
     for (format, name, bytes) in sound {
         assert_eq!(read_all(known(format), name, vec![("once".into(), bytes)]), 0, "{format}, {name}");
     }
+}
+
+/// A short glTF with a million copies of 256 triangles.
+fn many_copies() -> Vec<u8> {
+    let (zero, one) = ("%00%00%00%00", "%00%00%80%3F");
+    let positions = [zero, zero, zero, one, zero, zero, zero, one, zero].concat();
+    let view = |offset: usize, length: usize| json!({ "buffer": 0, "byteOffset": offset, "byteLength": length });
+    let accessor = |view: Option<usize>, component: u32, kind: &str, count: usize| {
+        let mut accessor = json!({ "componentType": component, "type": kind, "count": count });
+        view.into_iter().for_each(|view| accessor["bufferView"] = view.into());
+        accessor
+    };
+    let copies = json!({ "EXT_mesh_gpu_instancing": { "attributes": { "TRANSLATION": 2 } } });
+    let root = json!({
+        "asset": { "version": "2.0" },
+        "buffers": [{ "byteLength": 804, "uri": format!("data:,{positions}{}", "%00%01%02".repeat(256)) }],
+        "bufferViews": [view(0, 36), view(36, 768)],
+        "accessors": [accessor(Some(0), 5126, "VEC3", 3), accessor(Some(1), 5121, "SCALAR", 768), accessor(None, 5126, "VEC3", 1_000_000)],
+        "meshes": [{ "primitives": [{ "attributes": { "POSITION": 0 }, "indices": 1 }] }],
+        "nodes": [{ "mesh": 0, "extensions": copies }],
+        "scenes": [{ "nodes": [0] }],
+    });
+    root.to_string().into_bytes()
 }
 
 fn known(format: &str) -> &'static str {

@@ -24,7 +24,12 @@ const TEXELS: f64 = 10.0;
 pub fn show(request: &SceneRequest, as_json: bool) -> Result<()> {
     let start = Instant::now();
     // Openness needs no light, so a scene may have none.
-    let Loaded { world, settings, report, .. } = request.load(false)?;
+    let Loaded { mut world, settings, report, .. } = request.load(false)?;
+    // A render would add it, and its time depends on it.
+    let adds_sky = world.is_dark() && world.environment.is_none() && !request.no_default_light && !request.strict;
+    if adds_sky {
+        world.environment = Some(Environment::soft_sky());
+    }
     let prepared = Prepared::without_glass(&world)?;
     let loading = start.elapsed().as_secs_f64();
     let estimate = estimate(&prepared, &settings);

@@ -9,11 +9,9 @@ use super::polygon::{MOST_CORNERS, triangulate};
 use super::warnings::{Fault, Place};
 use super::{Loader, origin_of};
 use crate::error::Result;
+use crate::scene::format::FARTHEST;
 use crate::scene::mesh::has_area;
 use crate::scene::{Instance, Material, Mesh, Source, Triangle, World};
-
-/// Maximum coordinate. The length of a triangle's normal needs the fourth power of an edge, which must stay finite in f32.
-const FARTHEST: f64 = 1e9;
 
 /// Faces as a file has them. Lists of attributes have one entry for each vertex, or none.
 #[derive(Default)]

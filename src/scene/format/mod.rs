@@ -5,6 +5,7 @@
 //!
 //! A scene file (`toml.rs`) names a model of any such format and changes parts of its world.
 
+use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
 use glam::{DVec3, Vec2};
@@ -12,6 +13,7 @@ use glam::{DVec3, Vec2};
 use super::texture::Textures;
 use super::{Environment, Material, Mesh, UnitSpace, World};
 use crate::error::{Error, Result};
+use crate::file::MOST_BYTES;
 use crate::settings::Settings;
 
 mod files;
@@ -34,6 +36,9 @@ type MeshLoader = fn(&mut Loader, &Path) -> Result<World>;
 /// Mesh formats, with the endings of their files.
 const FORMATS: [(&str, MeshLoader); 5] =
     [("obj", obj::load), ("glb", gltf::load), ("gltf", gltf::load), ("ply", ply::load), ("stl", stl::load)];
+
+/// Maximum coordinate. The length of a triangle's normal needs the fourth power of an edge, which must stay finite in f32.
+const FARTHEST: f64 = 1e9;
 
 /// A loaded scene file or model.
 #[derive(Clone, Debug)]
@@ -130,7 +135,14 @@ impl World {
     }
 }
 
-impl Loader<'_> {
+impl<'a> Loader<'a> {
+    /// Reads the file of a model. `kind` is what it should be.
+    fn read_model(&self, path: &Path, kind: &str) -> Result<Cow<'a, [u8]>> {
+        let cure = format!("name an existing {kind} file that you may read");
+        let reader: &'a Reader<'a> = self.reader;
+        reader.read_named(path, MOST_BYTES).map_err(|unread| unread.error(path, None, "this model", cure))
+    }
+
     /// Reads a scene file or a model. The world has no textures yet.
     fn load(&mut self, path: &Path, options: &LoadOptions) -> Result<(World, Settings)> {
         let ending = path.extension().unwrap_or_default();
@@ -142,6 +154,10 @@ impl Loader<'_> {
                 return Err(Error::input(path, None, problem, format!("give a scene file (.toml) or a model ({})", endings())));
             }
         };
+        if let (Some(name), None) = (&self.scene, &world.gltf) {
+            let cure = "leave out --gltf-scene, or give a glTF file";
+            return Err(Error::input(path, None, format!("there is no scene {name:?}: only a glTF file has several"), cure));
+        }
         if let Some(name) = &options.camera {
             choose_camera(&mut world, name, path)?;
         }
@@ -203,7 +219,7 @@ impl Loader<'_> {
         }
     }
 
-    /// Adds the warnings that all formats share, and cuts a list that is too long.
+    /// Adds the warnings that all formats share.
     fn check(&mut self, world: &World) {
         self.against_normals(world);
         self.unshaded(world);
@@ -232,7 +248,7 @@ impl Loader<'_> {
         }
         let [against, all] = wrong.iter().fold([0, 0], |[a, b], (_, [against, all])| [a + against, b + all]);
         self.warnings.say(format!(
-            "the normals (vn) of {} point to the back of {against} of {all} triangles, and its fronts are where the winding says; if the \
+            "the normals of {} point to the back of {against} of {all} triangles, and its fronts are where the winding says; if the \
              normals are right, turn these triangles by --flip, or flip = true in a scene file",
             few(wrong.iter().map(|(name, _)| (*name).to_owned())),
         ));

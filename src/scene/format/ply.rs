@@ -11,7 +11,6 @@ use super::indexed::{Indexed, unusable};
 use super::warnings::{Fault, Place};
 use super::{Loader, beside};
 use crate::error::{Error, Result};
-use crate::file::MOST_BYTES;
 use crate::image::decode_srgb;
 use crate::ply::{self, Element, Row, Rows, Scalar};
 use crate::scene::{Material, World};
@@ -19,9 +18,7 @@ use crate::scene::{Material, World};
 const CURE: &str = "export the model again, as PLY with vertices and faces";
 
 pub fn load(loader: &mut Loader, path: &Path) -> Result<World> {
-    let cure = "name an existing PLY file that you may read";
-    let reader = loader.reader;
-    let bytes = reader.read_named(path, MOST_BYTES).map_err(|unread| unread.error(path, None, "this model", cure))?;
+    let bytes = loader.read_model(path, "PLY")?;
     let (header, rows) = ply::parse(&bytes).map_err(|fault| broken(path, fault))?;
     check(path, &header.elements)?;
     let mut reader = PlyReader { loader, path, rows, row: Row::default(), model: Indexed::default(), is_clear: false };
@@ -214,8 +211,11 @@ impl PlyReader<'_, '_> {
                 Some(false) => continue,
                 Some(true) => {}
             }
+            let first = self.model.corners.len();
             self.model.corners.extend(self.row.lists[corners].iter().map(|&number| index(number)));
             if let Some(uvs) = uvs {
+                // Strips before this element have none.
+                self.model.corner_uvs.resize(first, Vec2::ZERO);
                 let uv = |&[u, v]: &[f64; 2]| Some(Vec2::new(u as f32, v as f32)).filter(|uv| uv.is_finite()).unwrap_or_default();
                 self.model.corner_uvs.extend(self.row.lists[uvs].as_chunks().0.iter().map(uv));
                 // A face may have none.
@@ -257,7 +257,7 @@ impl PlyReader<'_, '_> {
             let named_at = self.path.display().to_string();
             match self.loader.textures.load(&beside(self.path, name.trim()), &named_at) {
                 Ok(texture) => material.albedo_texture = Some(texture),
-                Err(error) => self.mend("texture", &|| error.to_string().replace('\n', " "), "the model shows none")?,
+                Err(error) => self.loader.warnings.mend_error(self.path, "texture", error, "the model shows none")?,
             }
         }
         if textures.next().is_some() {

@@ -14,7 +14,6 @@ use super::Loader;
 use super::indexed::{Indexed, unusable};
 use super::warnings::{Fault, Place};
 use crate::error::{Error, Result};
-use crate::file::MOST_BYTES;
 use crate::scene::{Material, World};
 
 const CURE: &str = "export the model again, as STL";
@@ -24,14 +23,13 @@ const HEADER: usize = 84;
 const TRIANGLE: usize = 50;
 
 pub fn load(loader: &mut Loader, path: &Path) -> Result<World> {
-    let cure = "name an existing STL file that you may read";
-    let reader = loader.reader;
-    let bytes = reader.read_named(path, MOST_BYTES).map_err(|unread| unread.error(path, None, "this model", cure))?;
+    let bytes = loader.read_model(path, "STL")?;
+    let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(&bytes);
     let mut reader = StlReader { loader, path, model: Indexed::default(), vertices: HashMap::new() };
-    if is_binary(&bytes) {
-        reader.binary(&bytes)?
+    if is_binary(bytes) {
+        reader.binary(bytes)?
     } else {
-        reader.text(&bytes)?
+        reader.text(bytes)?
     }
     if reader.model.ends.is_empty() {
         return Err(Error::input(path, None, "there is no triangle: this is not an STL", CURE));

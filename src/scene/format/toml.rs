@@ -78,7 +78,7 @@ struct EnvironmentTable {
     turn_degrees: Option<Spanned<f32>>,
 }
 
-#[derive(Deserialize)]
+#[derive(Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct MaterialTable {
     albedo: Option<Spanned<[f32; 3]>>,
@@ -184,12 +184,20 @@ pub fn load(loader: &mut Loader, path: &Path) -> Result<(World, Settings)> {
     let mut world = loader.model(format_of(&mesh).unwrap_or(obj::load), &mesh)?;
     loader.flip |= file.flip;
     world.cameras.splice(0..0, camera.map(|camera| ("camera".to_owned(), camera)));
-    let indices: HashMap<_, _> = world.materials.iter().enumerate().map(|(i, material)| (material.name.clone(), i)).collect();
+    // A glTF file may have several materials of one name. A table is of all of them.
+    let mut indices: HashMap<String, Vec<usize>> = HashMap::new();
+    for (index, material) in world.materials.iter().enumerate() {
+        indices.entry(material.name.clone()).or_default().push(index);
+    }
+    let mut tables = Vec::new();
     for (name, table) in file.materials {
-        let Some(&index) = indices.get(name.get_ref()) else {
+        let Some(same) = indices.get(name.get_ref()) else {
             let problem = format!("the model has no material \"{}\"", name.get_ref());
             return Err(error(name.span(), problem, &format!("name one that it has: {}", names(&world.materials))));
         };
+        tables.extend(same.iter().map(|&index| (index, table.clone())));
+    }
+    for (index, table) in tables {
         let material = &mut world.materials[index];
         let color = |value: Spanned<[f32; 3]>, what, accepted: RangeInclusive<f32>, cure| {
             let color = Vec3::from(*value.get_ref());

@@ -40,6 +40,7 @@ impl Unpacked {
         let mut mesh = draco_core::Mesh::new();
         let decoded = MeshDecoder::new().decode(&mut DecoderBuffer::new(bytes).with_limits(limits), &mut mesh);
         decoded.map_err(|error| fault(format!("cannot be unpacked: {error}")))?;
+        buffers.take(mesh.num_points().saturating_add(mesh.num_faces()))?;
         Ok(Some(Self { mesh, attributes }))
     }
 

@@ -97,8 +97,8 @@ impl MaterialReading<'_, '_, '_> {
         let Some(info) = self.json.emissive_texture.as_ref().filter(|_| emission != Vec3::ZERO) else { return Ok(emission) };
         let mean = self.images.mean(loader, info.index.value())?.unwrap_or(Vec3::ONE);
         let name = self.images.name(info.index.value());
-        if mean.max_element() < Material::LEAST_GLOW {
-            self.note(format!("emission texture {name}, which is mostly black"));
+        if (emission * mean).max_element() < Material::LEAST_GLOW {
+            self.note(format!("emission texture {name}, which is too dark for a lamp"));
             return Ok(Vec3::ZERO);
         }
         self.note(format!("emission texture {name}, of which the mean colour shines"));

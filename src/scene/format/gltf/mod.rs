@@ -24,11 +24,10 @@ use self::document::{BROKEN, Container, Document, name_of};
 use self::material::FileMaterials;
 use self::nodes::{Placed, Walk};
 use self::pose::Pose;
-use self::primitive::{FARTHEST, Primitives, Tally};
-use super::Loader;
+use self::primitive::{Primitives, Tally};
 use super::warnings::{Fault, Place};
+use super::{FARTHEST, Loader};
 use crate::error::{Error, Result};
-use crate::file::MOST_BYTES;
 use crate::scene::mesh::has_area;
 use crate::scene::{GltfFile, GltfPart, Instance, Mesh, World};
 
@@ -44,6 +43,9 @@ mod plain;
 mod pose;
 mod primitive;
 
+/// So many copies of triangles count as one thing that is made. Files with many instances are meant to be short.
+const PLACED_SHARE: usize = 16;
+
 /// The most triangles of all instances together: flat scenes count vertices in 32 bits.
 const MOST_PLACED: usize = 1 << 28;
 
@@ -52,8 +54,7 @@ pub use self::primitive::triangles_of;
 
 pub(super) fn load(loader: &mut Loader, path: &Path) -> Result<World> {
     let reader = loader.reader;
-    let cure = "name an existing glTF file that you may read";
-    let bytes = reader.read_named(path, MOST_BYTES).map_err(|unread| unread.error(path, None, "this model", cure))?;
+    let bytes = loader.read_model(path, "glTF")?;
     let container = Container::parse(path, &bytes)?;
     if container.rest > 0 {
         let problem = || format!("{} bytes follow the end that the header states", container.rest);
@@ -154,6 +155,8 @@ impl Assembly<'_, '_> {
         let document = self.buffers.document;
         let mesh = &self.world.meshes[instance.mesh];
         let GltfPart { node, .. } = instance.part.unwrap_or(GltfPart { node: 0, primitive: 0, copy: 0 });
+        // A copy of a triangle takes a place in the flat scene.
+        self.buffers.take(mesh.triangles.len() / PLACED_SHARE)?;
         self.placed = self.placed.saturating_add(mesh.triangles.len());
         if self.placed > MOST_PLACED {
             let problem = format!("its instances have more than {MOST_PLACED} triangles together");
@@ -203,9 +206,7 @@ fn finish(loader: &mut Loader, path: &Path, tally: &Tally, world: &World) -> Res
     let &Tally { triangles, flat, lines, morphed, skinned } = tally;
     if world.instances.is_empty() {
         let (problem, cure) = match triangles {
-            _ if flat > 0 && flat == triangles => {
-                (format!("none of the {triangles} triangles has an area"), "check the export's scale, and that vertices differ")
-            }
+            _ if flat > 0 && flat == triangles => return loader.skipped(path, flat, 0),
             0 if lines > 0 => {
                 ("it has points or lines alone, no triangle".to_owned(), "export the model with its faces, as a mesh")
             }
@@ -214,11 +215,7 @@ fn finish(loader: &mut Loader, path: &Path, tally: &Tally, world: &World) -> Res
         };
         return Err(Error::input(path, None, problem, cure));
     }
-    match flat {
-        0 => {}
-        1 => loader.warnings.say(format!("1 of {triangles} triangles has no area and was skipped")),
-        _ => loader.warnings.say(format!("{flat} of {triangles} triangles have no area and were skipped")),
-    }
+    loader.skipped(path, flat, triangles - flat)?;
     let mut tell = |count: usize, one: &str, many: &str| match count {
         0 => {}
         1 => loader.warnings.say(format!("1 {one}")),

@@ -160,7 +160,10 @@ impl Walk {
             };
             match found {
                 Ok(camera) => cameras.push((name, camera)),
-                Err(problem) => loader.warnings.say(format!("{}: camera {name} is left out: {problem}", document.path.display())),
+                Err(problem) => {
+                    let place = Place { path: document.path, line: None };
+                    loader.warnings.tell(place, "camera", &|| format!("camera {name} is left out: {problem}"));
+                }
             }
         }
         Ok(cameras)

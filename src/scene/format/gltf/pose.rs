@@ -85,7 +85,7 @@ impl<'a> Posed<'a> {
 
     /// The blended transform of the joints of a vertex.
     fn skin(&self, vertex: usize) -> Option<DAffine3> {
-        if self.influences.is_empty() {
+        if !self.pose.is_skinned() {
             return None;
         }
         let (mut blend, mut total) = (DAffine3 { matrix3: DMat3::ZERO, translation: DVec3::ZERO }, 0.0);

@@ -10,12 +10,10 @@ use super::document::BROKEN;
 use super::draco::Unpacked;
 use super::pose::{Pose, Posed};
 use crate::error::{Error, Result};
+use crate::scene::format::FARTHEST;
 use crate::scene::format::warnings::{Fault, Place, Warnings};
 use crate::scene::mesh::has_area;
 use crate::scene::{Mesh, Source, Triangle};
-
-/// Maximum coordinate, as in the OBJ reader.
-pub const FARTHEST: f64 = 1e9;
 
 /// How the material of a primitive is laid on it.
 #[derive(Clone, Copy, Default)]
@@ -209,7 +207,7 @@ impl Primitives<'_, '_> {
         let (mut infinite, mut flat) = (0, 0);
         triangles.retain(|triangle| {
             let corners = triangle.map(|vertex| positions[used.index(vertex) as usize]);
-            let near = corners.iter().all(|corner| corner.abs().max_element() <= FARTHEST as f32 && corner.is_finite());
+            let near = corners.iter().all(|corner| f64::from(corner.abs().max_element()) <= FARTHEST && corner.is_finite());
             let sound = near && has_area(corners);
             infinite += usize::from(!near);
             flat += usize::from(near && !sound);

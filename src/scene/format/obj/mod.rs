@@ -13,9 +13,8 @@ use self::scan::{Scan, Vertices, scan};
 use self::text::Decoder;
 use super::polygon::triangulate;
 use super::warnings::{Fault, Place};
-use super::{Loader, Reader, origin_of};
+use super::{Loader, origin_of};
 use crate::error::{Error, Result};
-use crate::file::MOST_BYTES;
 use crate::image::decode_srgb;
 use crate::scene::mesh::has_area;
 use crate::scene::{Instance, Material, Mesh, Source, Triangle, World};
@@ -31,9 +30,7 @@ mod text;
 mod unshaded;
 
 pub fn load(loader: &mut Loader, path: &Path) -> Result<World> {
-    let cure = "name an existing OBJ file that you may read";
-    let reader: &Reader = loader.reader;
-    let bytes = reader.read_named(path, MOST_BYTES).map_err(|unread| unread.error(path, None, "this model", cure))?;
+    let bytes = loader.read_model(path, "OBJ")?;
     let mut decoder = Decoder::default();
     let text = decoder.decode(&mut loader.warnings, path, &bytes)?;
     let mut scan = scan(&mut loader.warnings, &mut decoder, path, &text)?;
@@ -61,14 +58,15 @@ pub fn load(loader: &mut Loader, path: &Path) -> Result<World> {
 
 /// Decodes colours, which are in sRGB from 0 to 1, or from 0 to 255.
 fn decode_colors(loader: &mut Loader, path: &Path, colors: &mut [Vec3]) -> Result<()> {
-    /// Rounding may exceed 1 a little.
-    const MOST: f32 = 1.5;
-    let largest = colors.iter().map(|color| color.max_element()).fold(0.0, f32::max);
-    let scale = if largest > MOST { 255.0 } else { 1.0 };
+    // One odd number does not make bytes of all: most colours that are not black must be beyond 1.
+    let lit = || colors.iter().filter(|color| color.is_finite() && color.max_element() > 0.0);
+    let bytes = lit().filter(|color| mtl::is_bytes(**color)).count();
+    let scale = if 2 * bytes > lit().count() { 255.0 } else { 1.0 };
     let place = Place { path, line: None };
-    if largest > MOST {
-        let text = || format!("the vertex colours reach {largest}; they are divided by 255");
-        loader.warnings.tell(place, "colour bytes", &text);
+    if scale > 1.0 {
+        loader
+            .warnings
+            .tell(place, "colour bytes", &|| "the vertex colours are numbers to 255; they are divided by 255".to_owned());
     }
     let is_outside = |color: &&mut Vec3| !color.is_nan() && (color.min_element() < 0.0 || color.max_element() > scale);
     for color in colors.iter_mut().filter(is_outside) {

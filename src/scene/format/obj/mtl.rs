@@ -10,7 +10,7 @@ use glam::Vec3;
 
 use super::number::{Word, read, words};
 pub use super::picture::Placement;
-use super::picture::{Picture, Pictures};
+use super::picture::{PictureName, Pictures};
 use super::search::Search;
 use super::text::{Decoder, Lines, split_word, uncomment};
 use super::unshaded::Unshaded;
@@ -58,9 +58,9 @@ struct Statements {
     diffuse: Option<Vec3>,
     emission: Option<Vec3>,
     /// `map_Kd`.
-    texture: Option<Picture>,
+    texture: Option<PictureName>,
     /// `map_Ke`.
-    glow: Option<Picture>,
+    glow: Option<PictureName>,
     /// The statements about mirrors and glass: keyword, line and arguments.
     optics: Vec<(&'static str, usize, String)>,
     unshaded: Unshaded,
@@ -232,8 +232,8 @@ impl Scanner<'_> {
         Ok(Some(color.clamp(Vec3::ZERO, Vec3::splat(most))))
     }
 
-    fn picture(&mut self, keyword: &'static str, text: &str) -> Result<Option<Picture>> {
-        let (picture, ignored) = Picture::parse(text, self.line);
+    fn picture(&mut self, keyword: &'static str, text: &str) -> Result<Option<PictureName>> {
+        let (picture, ignored) = PictureName::parse(text, self.line);
         if picture.name.is_empty() {
             let problem = || format!("{keyword} without a file");
             self.mend("no picture", &problem, "it is left out", "name the picture file, or remove the line")?;
@@ -252,7 +252,7 @@ impl Scanner<'_> {
 }
 
 /// Whether a colour is one of 0 to 255. A reflectance just above 1 is none.
-fn is_bytes(color: Vec3) -> bool {
+pub fn is_bytes(color: Vec3) -> bool {
     let whole = color.fract() == Vec3::ZERO;
     color.min_element() >= 0.0
         && color.max_element() <= 255.0

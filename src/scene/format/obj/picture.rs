@@ -16,7 +16,7 @@ use crate::scene::{Material, Sampler, WrapMode};
 
 /// A statement that names a picture.
 #[derive(Clone, Debug, Default)]
-pub struct Picture {
+pub struct PictureName {
     /// The file, perhaps with quotes or a comment.
     pub name: String,
     pub line: usize,
@@ -37,7 +37,7 @@ impl Default for Placement {
     }
 }
 
-impl Picture {
+impl PictureName {
     /// Reads options such as `-clamp on` and `-s 2 2 1`, then the file name with its spaces. Also returns an option that is not used.
     pub fn parse(text: &str, line: usize) -> (Self, Option<&str>) {
         let mut picture = Self { line, ..Self::default() };
@@ -112,22 +112,22 @@ impl<'a, 'b> Pictures<'a, 'b> {
     }
 
     /// The index of a texture. `None`, with a warning, if it cannot be read.
-    pub fn texture(&mut self, picture: &Picture) -> Result<Option<usize>> {
+    pub fn texture(&mut self, picture: &PictureName) -> Result<Option<usize>> {
         self.open(picture, "the material has its Kd alone", |loader, path, named_at| {
             loader.textures.load_with(path, named_at, picture.sampler)
         })
     }
 
     /// The radiance of a lamp with a picture, which has its mean colour until lamps are textured. `None`, with a warning, if it cannot be read.
-    pub fn glow(&mut self, picture: &Picture, emission: Option<Vec3>) -> Result<Option<Vec3>> {
+    pub fn glow(&mut self, picture: &PictureName, emission: Option<Vec3>) -> Result<Option<Vec3>> {
         let mean =
             self.open(picture, "the material has its Ke alone", |loader, path, named_at| loader.textures.mean(path, named_at))?;
         let Some(mean) = mean else { return Ok(None) };
-        let is_lamp = mean.max_element() >= Material::LEAST_GLOW;
-        let radiance = if is_lamp { emission.unwrap_or(Vec3::ONE) * mean } else { Vec3::ZERO };
+        let radiance = emission.unwrap_or(Vec3::ONE) * mean;
+        let radiance = if radiance.max_element() < Material::LEAST_GLOW { Vec3::ZERO } else { radiance };
         let place = Place { path: self.files[0], line: Some(picture.line) };
         let text = || match radiance {
-            Vec3::ZERO => "map_Ke has no effect: Ke or most of the picture is black".to_owned(),
+            Vec3::ZERO => "map_Ke has no effect: its mean radiance is too small for a lamp".to_owned(),
             Vec3 { x, y, z } => {
                 format!("map_Ke: the lamp shines with the mean colour of its picture, radiance {x:.3} {y:.3} {z:.3}")
             }
@@ -143,7 +143,7 @@ impl<'a, 'b> Pictures<'a, 'b> {
 
     fn open<T>(
         &mut self,
-        picture: &Picture,
+        picture: &PictureName,
         mend: &str,
         load: impl Fn(&mut Loader, &Path, &str) -> Result<T>,
     ) -> Result<Option<T>> {
@@ -165,7 +165,7 @@ impl<'a, 'b> Pictures<'a, 'b> {
     }
 
     /// The place of a picture: the named one, or where a file of this name is.
-    fn find(&mut self, picture: &Picture) -> Result<PathBuf> {
+    fn find(&mut self, picture: &PictureName) -> Result<PathBuf> {
         let library = self.files[0];
         let named = beside(library, &picture.name);
         if self.loader.warnings.is_strict() || self.loader.reader.has(&named) {

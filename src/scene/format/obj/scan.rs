@@ -12,10 +12,8 @@ use super::faces::Faces;
 use super::number::{Word, read, words};
 use super::text::{Decoder, Lines, split_word};
 use crate::error::{Error, Result};
+use crate::scene::format::FARTHEST;
 use crate::scene::format::warnings::{Fault, Place, Warnings};
-
-/// Maximum coordinate. The length of a triangle's normal needs the fourth power of an edge, which must stay finite in f32.
-const FARTHEST: f32 = 1e9;
 
 /// Contents of an OBJ file.
 #[derive(Default)]
@@ -157,11 +155,12 @@ impl<'a> Scanner<'a> {
         let row = self.row::<6>("v", text, 3)?;
         let position = DVec3::from_slice(&row.values[..3]);
         let far = position.as_vec3().abs().max_element();
-        if row.is_sound && far > FARTHEST {
+        let is_near = f64::from(far) <= FARTHEST;
+        if row.is_sound && !is_near {
             let problem = || format!("coordinate {far:e} is farther than {FARTHEST:e} from the origin");
             self.mend("far", &problem, "the faces that use this v are left out", "scale the model down")?;
         }
-        let usable = row.is_sound && far <= FARTHEST;
+        let usable = row.is_sound && is_near;
         self.scan.vertices.positions.push(if usable { position } else { DVec3::NAN });
         self.faces.has_bad_positions |= !usable;
         let colors = &mut self.scan.vertices.colors;

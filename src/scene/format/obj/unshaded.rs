@@ -1,7 +1,7 @@
 //! Notes what a material library says and pictures do not show yet.
 
 use super::number::{Word, read, words};
-use super::picture::Picture;
+use super::picture::PictureName;
 use crate::scene::Surface;
 
 /// What one material says.
@@ -49,7 +49,7 @@ impl Unshaded {
     }
 
     fn picture(&mut self, what: &'static str, text: &str) {
-        let (picture, _) = Picture::parse(text, 0);
+        let (picture, _) = PictureName::parse(text, 0);
         if !picture.name.is_empty() {
             self.put(what, picture.base());
         }
