@@ -69,7 +69,7 @@ pub struct Rows<'a> {
 
 /// One row of an element, with an entry for each property.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Row {
+pub struct ElementRow {
     pub line: Option<usize>,
     /// Single numbers. 0 for a list.
     pub numbers: Vec<f64>,
@@ -221,7 +221,7 @@ impl Rows<'_> {
     ///
     /// # Errors
     /// When the file ends, or the row is no row of numbers.
-    pub fn read(&mut self, element: &Element, row: &mut Row) -> Result<(), PlyFault> {
+    pub fn read(&mut self, element: &Element, row: &mut ElementRow) -> Result<(), PlyFault> {
         row.numbers.clear();
         row.numbers.resize(element.properties.len(), 0.0);
         row.lists.resize_with(element.properties.len(), Vec::new);
@@ -239,14 +239,14 @@ impl Rows<'_> {
     /// # Errors
     /// As [`Self::read`].
     pub fn skip(&mut self, element: &Element) -> Result<(), PlyFault> {
-        let mut row = Row::default();
+        let mut row = ElementRow::default();
         match element.properties.is_empty() {
             true => Ok(()),
             false => (0..element.count).try_for_each(|_| self.read(element, &mut row)),
         }
     }
 
-    fn read_ascii(&mut self, element: &Element, row: &mut Row) -> Result<(), String> {
+    fn read_ascii(&mut self, element: &Element, row: &mut ElementRow) -> Result<(), String> {
         row.line = Some(self.line);
         let line = loop {
             if self.rest.is_empty() {
@@ -276,7 +276,7 @@ impl Rows<'_> {
         Ok(())
     }
 
-    fn read_binary<const BIG: bool>(&mut self, element: &Element, row: &mut Row) -> Result<(), String> {
+    fn read_binary<const BIG: bool>(&mut self, element: &Element, row: &mut ElementRow) -> Result<(), String> {
         for (index, property) in element.properties.iter().enumerate() {
             let Some(length) = property.length else {
                 row.numbers[index] = self.scalar::<BIG>(property.kind)?;

@@ -200,7 +200,7 @@ fn read_ply(bytes: &[u8], rows: &mut PointReader) -> Result<()> {
             return Err(rows.refused(None, "vertex has no x, y and z"));
         };
         let [Some(nx), Some(ny), Some(nz)] = normal else { return Err(rows.no_normals()) };
-        let mut row = ply::Row::default();
+        let mut row = ply::ElementRow::default();
         for _ in 0..element.count {
             data.read(element, &mut row).map_err(broken)?;
             if row.is_longer {

@@ -12,7 +12,7 @@ use super::warnings::{Fault, Place};
 use super::{Loader, beside};
 use crate::error::{Error, Result};
 use crate::image::decode_srgb;
-use crate::ply::{self, Element, Row, Rows, Scalar};
+use crate::ply::{self, Element, ElementRow, Rows, Scalar};
 use crate::scene::{Material, World};
 
 const CURE: &str = "export the model again, as PLY with vertices and faces";
@@ -21,7 +21,7 @@ pub fn load(loader: &mut Loader, path: &Path) -> Result<World> {
     let bytes = loader.read_model(path, "PLY")?;
     let (header, rows) = ply::parse(&bytes).map_err(|fault| broken(path, fault))?;
     check(path, &header.elements)?;
-    let mut reader = PlyReader { loader, path, rows, row: Row::default(), model: Indexed::default(), is_clear: false };
+    let mut reader = PlyReader { loader, path, rows, row: ElementRow::default(), model: Indexed::default(), is_clear: false };
     for ply::PlyFault { line, problem } in &header.unknown {
         reader.row.line = *line;
         reader.mend("header", &|| problem.clone(), "the line is ignored")?;
@@ -106,7 +106,7 @@ struct PlyReader<'a, 'b> {
     loader: &'a mut Loader<'b>,
     path: &'a Path,
     rows: Rows<'a>,
-    row: Row,
+    row: ElementRow,
     model: Indexed,
     /// Whether a vertex has an alpha of less than 1.
     is_clear: bool,

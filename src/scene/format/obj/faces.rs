@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::number::words;
-use super::scan::{MATERIAL, Vertices};
+use super::scan::{MATERIAL, VertexLists};
 use crate::error::Result;
 use crate::scene::format::polygon::MOST_CORNERS;
 use crate::scene::format::warnings::{Fault, Place, Warnings};
@@ -91,7 +91,7 @@ impl Faces {
     }
 
     /// Leaves out faces whose vertices do not exist or cannot be used, and takes such coordinates and normals from corners.
-    pub fn check(&mut self, warnings: &mut Warnings, path: &Path, vertices: &Vertices) -> Result<()> {
+    pub fn check(&mut self, warnings: &mut Warnings, path: &Path, vertices: &VertexLists) -> Result<()> {
         let counts = vertices.counts();
         if !self.has_bad_positions && (0..3).all(|list| self.largest[list] as usize <= counts[list]) {
             return Ok(());
@@ -134,7 +134,7 @@ impl Faces {
     }
 
     /// The faces for tobj. A vertex, coordinate or normal has its number, from 1, in place of its values; 0 is none. Objects or groups are `parts`.
-    pub fn write(self, vertices: &Vertices, parts: usize) -> String {
+    pub fn write(self, vertices: &VertexLists, parts: usize) -> String {
         let mut text = Text(String::from("mtllib all\nvt 0 0\nvn 0 0 0\n"));
         for (list, &count) in vertices.counts().iter().enumerate() {
             for index in 1..=count as u32 {
@@ -265,7 +265,7 @@ fn odd_corner(warnings: &mut Warnings, place: Place, word: &str, counts: [usize;
     Ok((corner[0] > 0).then_some(corner))
 }
 
-impl Vertices {
+impl VertexLists {
     /// Numbers of `v`, `vt` and `vn`.
     fn counts(&self) -> [usize; 3] {
         [self.positions.len(), self.uvs.len(), self.normals.len()]

@@ -9,7 +9,7 @@ use std::path::Path;
 use glam::{DAffine3, DVec3, Vec2, Vec3};
 
 use self::materials::Materials;
-use self::scan::{Scan, Vertices, scan};
+use self::scan::{Scan, VertexLists, scan};
 use self::text::Decoder;
 use super::polygon::triangulate;
 use super::warnings::{Fault, Place};
@@ -83,7 +83,7 @@ fn decode_colors(loader: &mut Loader, path: &Path, colors: &mut [Vec3]) -> Resul
 
 /// Makes meshes of the models of tobj. A model has faces of one object and one material that follow each other.
 struct MeshBuilder<'a> {
-    vertices: &'a Vertices,
+    vertices: &'a VertexLists,
     names: &'a [String],
     materials: Materials,
     origin: DVec3,

@@ -31,7 +31,7 @@ pub fn load<'a>(
     text: &str,
 ) -> Result<Vec<(Material, Placement)>> {
     let path = files[0];
-    let mut scanner = Scanner { path, line: 0, materials: Vec::new(), warnings: &mut loader.warnings };
+    let mut scanner = MtlScanner { path, line: 0, materials: Vec::new(), warnings: &mut loader.warnings };
     let mut lines = Lines::new(text);
     for (line, statement) in lines.by_ref() {
         scanner.line = line;
@@ -44,7 +44,7 @@ pub fn load<'a>(
     said.into_iter().zip(surfaces).map(|(said, surface)| said.finish(&mut pictures, surface)).collect()
 }
 
-struct Scanner<'a> {
+struct MtlScanner<'a> {
     path: &'a Path,
     line: usize,
     materials: Vec<Statements>,
@@ -100,7 +100,7 @@ impl Statements {
 /// Keywords whose spelling is checked.
 const SHADED: [&str; 10] = ["newmtl", "Kd", "Ke", "map_Kd", "map_Ke", "illum", "Ks", "Ns", "Ni", "Tf"];
 
-impl Scanner<'_> {
+impl MtlScanner<'_> {
     fn statement(&mut self, statement: &str) -> Result<()> {
         let (word, rest) = split_word(statement);
         let keyword = SHADED.into_iter().find(|known| word.eq_ignore_ascii_case(known)).unwrap_or(word);

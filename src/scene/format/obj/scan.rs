@@ -18,7 +18,7 @@ use crate::scene::format::warnings::{Fault, Place, Warnings};
 /// Contents of an OBJ file.
 #[derive(Default)]
 pub struct Scan {
-    pub vertices: Vertices,
+    pub vertices: VertexLists,
     /// Faces, materials and objects for tobj. It names a vertex, coordinate or normal by its number, and a material or object by its index here.
     pub text: String,
     /// The `mtllib` statements.
@@ -31,7 +31,7 @@ pub struct Scan {
 
 /// The lists to which corners of faces refer.
 #[derive(Default)]
-pub struct Vertices {
+pub struct VertexLists {
     /// Not finite where the file has no usable numbers.
     pub positions: Vec<DVec3>,
     /// As in the file; none (NaN) for a vertex without colour. Empty if no vertex has one.
@@ -50,7 +50,7 @@ pub struct Named {
 
 pub fn scan(warnings: &mut Warnings, decoder: &mut Decoder, path: &Path, text: &str) -> Result<Scan> {
     let mut scanner =
-        Scanner { path, warnings, line: 0, scan: Scan::default(), faces: Faces::default(), names: Default::default() };
+        ObjScanner { path, warnings, line: 0, scan: Scan::default(), faces: Faces::default(), names: Default::default() };
     let mut lines = Lines::new(text);
     for (line, statement) in lines.by_ref() {
         scanner.line = line;
@@ -65,7 +65,7 @@ pub const MATERIAL: usize = 0;
 pub const OBJECT: usize = 1;
 pub const GROUP: usize = 2;
 
-struct Scanner<'a> {
+struct ObjScanner<'a> {
     path: &'a Path,
     warnings: &'a mut Warnings,
     line: usize,
@@ -82,7 +82,7 @@ struct NameList {
     list: Vec<Named>,
 }
 
-impl<'a> Scanner<'a> {
+impl<'a> ObjScanner<'a> {
     fn statement(&mut self, statement: &str) -> Result<()> {
         let statement = statement.trim_ascii();
         let end = statement.bytes().position(|byte| byte.is_ascii_whitespace()).unwrap_or(statement.len());
@@ -190,8 +190,8 @@ impl<'a> Scanner<'a> {
     }
 
     /// Reads the numbers of a statement, at most `N` and at least `least`. Tells of what is wrong.
-    fn row<const N: usize>(&mut self, statement: &'static str, text: &str, least: usize) -> Result<Row<N>> {
-        let mut row = Row { values: [0.0; N], found: 0, is_sound: true };
+    fn row<const N: usize>(&mut self, statement: &'static str, text: &str, least: usize) -> Result<NumberRow<N>> {
+        let mut row = NumberRow { values: [0.0; N], found: 0, is_sound: true };
         for word in words(text).take(N) {
             let value = match read(word) {
                 Word::Number(value) => value,
@@ -241,7 +241,7 @@ impl<'a> Scanner<'a> {
 
     fn face(&mut self, text: &str) -> Result<()> {
         let Self { faces, scan, warnings, .. } = self;
-        let Vertices { positions, uvs, normals, .. } = &scan.vertices;
+        let VertexLists { positions, uvs, normals, .. } = &scan.vertices;
         let place = Place { path: self.path, line: Some(self.line) };
         faces.add(warnings, place, text, [positions.len(), uvs.len(), normals.len()])
     }
@@ -282,7 +282,7 @@ impl<'a> Scanner<'a> {
 const NO_NORMAL: &str = "corners with it have no normal";
 
 /// The numbers of a statement.
-struct Row<const N: usize> {
+struct NumberRow<const N: usize> {
     /// 0 where there is none.
     values: [f64; N],
     found: usize,
