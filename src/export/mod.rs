@@ -97,8 +97,8 @@ impl<'a> ExportSource<'a> {
     fn check_copies(&self, path: &Path) -> Result<()> {
         let is_copy = |instance: &&Instance| instance.part.is_some_and(|part| part.copy > 0);
         let of = |triangle: &Triangle| self.mesh.sources.get(triangle.vertices[0] as usize);
-        let instances = self.mesh.triangles.iter().filter_map(of).filter_map(|of| self.instances.get(of.instance as usize));
-        let Some(Instance { name, .. }) = instances.filter(is_copy).next() else { return Ok(()) };
+        let mut instances = self.mesh.triangles.iter().filter_map(of).filter_map(|of| self.instances.get(of.instance as usize));
+        let Some(Instance { name, .. }) = instances.find(is_copy) else { return Ok(()) };
         let problem = format!(
             "{}: {name} is placed several times, by EXT_mesh_gpu_instancing or as a child of several nodes, and its copies share what is stored",
             path.display()

@@ -150,8 +150,7 @@ impl LitFile {
     fn forget(&mut self, variant: usize) -> Vec<usize> {
         let mut forgotten = Vec::new();
         let meshes = self.root["meshes"].as_array_mut().into_iter().flatten();
-        let mut primitives: Vec<_> =
-            meshes.filter_map(|mesh| mesh.get_mut("primitives")?.as_array_mut()).flatten().collect();
+        let mut primitives: Vec<_> = meshes.filter_map(|mesh| mesh.get_mut("primitives")?.as_array_mut()).flatten().collect();
         for primitive in &mut primitives {
             let mappings = primitive.pointer_mut(&format!("/extensions/{VARIANTS}/mappings")).and_then(Value::as_array_mut);
             let Some(mappings) = mappings else { continue };

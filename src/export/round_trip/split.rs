@@ -140,15 +140,15 @@ pub fn renew(buffers: &Buffers, root: &Value, (node, index): Place, split: &Spli
 }
 
 fn renewed_accessor(buffers: &Buffers, root: &Value, index: usize, split: &Split) -> Option<NewAccessor> {
-    let Accessor { component_type: Checked::Valid(component), normalized, .. } = buffers.document.root.accessors.get(index)? else {
+    let Accessor { component_type: Checked::Valid(component), normalized, .. } = buffers.document.root.accessors.get(index)?
+    else {
         return None;
     };
     let values = buffers.values(index, &[1, 2, 3, 4, 9, 16]).ok()?;
     if split.order.iter().any(|&vertex| vertex >= values.count) {
         return None;
     }
-    let (bytes, stride) =
-        values.encode(split.order.iter().copied(), u64::from(component.0.as_gl_enum()), *normalized, 4);
+    let (bytes, stride) = values.encode(split.order.iter().copied(), u64::from(component.0.as_gl_enum()), *normalized, 4);
     let mut json = root["accessors"][index].clone();
     json["count"] = json!(split.order.len());
     let entries = json.as_object_mut()?;
