@@ -43,20 +43,22 @@ pub const UNLIT: &str = "KHR_materials_unlit";
 pub const VARIANTS: &str = "KHR_materials_variants";
 pub const LIGHTMAP: &str = "MOZ_lightmap";
 
+/// Name of accessors of colours for display. A later round may replace these, but no colours of the model.
+pub const SHOWN_COLOURS: &str = "finalgather: light for display";
+
 pub fn write_values(path: &Path, values: &PointValues, options: &WriteOptions) -> Result<()> {
-    if let Some(column) = values.columns.iter().find(|column| !column.samples.iter().all(|sample| sample.is_finite())) {
-        let problem = format!("{}: {} is not finite everywhere, as glTF wants it", path.display(), column.name);
-        return Err(Error::usage(problem, "write a .ply or .npy"));
-    }
     if let Some(surface) = values.surface.filter(|surface| surface.source.is_some()) {
         return round_trip::write_values(path, &surface, values, options);
+    }
+    for column in values.columns {
+        check_finite(path, column, 0..column.samples.len() as u32)?;
     }
     let mut file = Builder::default();
     let mut attributes = Map::new();
     attributes.insert("POSITION".into(), file.positions(values.positions).into());
     attributes.insert("NORMAL".into(), file.vec3s(values.normals).into());
     let all: Vec<Option<u32>> = (0..values.positions.world.len() as u32).map(Some).collect();
-    attributes.insert("COLOR_0".into(), file.shown_colours(values, options.exposure, &all).into());
+    attributes.insert("COLOR_0".into(), file.shown_colours(&values.shown(options.exposure), &all).into());
     attributes.extend(file.columns(values.columns, &all));
     match values.surface {
         None => {
@@ -80,6 +82,16 @@ pub fn write_values(path: &Path, values: &PointValues, options: &WriteOptions) -
         }
     }
     file.write(path, &[UNLIT], options)
+}
+
+/// # Errors
+/// [`Error::Usage`] when a column is not finite in one of these rows.
+pub fn check_finite(path: &Path, column: &Channel, mut rows: impl Iterator<Item = u32>) -> Result<()> {
+    if rows.all(|row| column.samples[row as usize].is_finite()) {
+        return Ok(());
+    }
+    let problem = format!("{}: {} is not finite everywhere, as glTF wants it", path.display(), column.name);
+    Err(Error::usage(problem, "write a .ply or .npy"))
 }
 
 pub fn write_lightmap(path: &Path, lightmap: &Lightmap, options: &WriteOptions) -> Result<()> {
@@ -258,6 +270,10 @@ impl Builder {
         self.accessors.len() - 1
     }
 
+    pub fn name(&self, accessor: usize) -> Option<&str> {
+        self.accessors.get(accessor)?["name"].as_str()
+    }
+
     /// Sets the distance of an accessor's elements in its view.
     pub fn set_stride(&mut self, accessor: usize, stride: usize) {
         if let Some(view) = self.accessors[accessor]["bufferView"].as_u64() {
@@ -292,13 +308,14 @@ impl Builder {
         self.floats(2, uvs.iter().flat_map(|uv| [uv.x, 1.0 - uv.y]))
     }
 
-    /// Colours for display at vertices that show rows of the values; black without a row. Linear values need 16 bits: with 8, dark parts would show bands.
-    pub fn shown_colours(&mut self, values: &PointValues, exposure: f32, rows: &[Option<u32>]) -> usize {
-        let shown = values.shown(exposure);
+    /// Colours for display, of `PointValues::shown`, at vertices that show rows of them; black without a row. Linear values need 16 bits: with 8, dark parts would show bands.
+    pub fn shown_colours(&mut self, shown: &[Vec3], rows: &[Option<u32>]) -> usize {
         let colour = |row: &Option<u32>| row.map_or(Vec3::ZERO, |row| shown[row as usize]).extend(1.0).to_array();
         let numbers = rows.iter().flat_map(colour).map(|value| (value * 65535.0).round() as u16);
         let bytes: Vec<u8> = numbers.flat_map(u16::to_le_bytes).collect();
-        let json = json!({"componentType": UNSIGNED_SHORT, "normalized": true, "type": "VEC4", "count": rows.len()});
+        let json = json!({
+            "name": SHOWN_COLOURS, "componentType": UNSIGNED_SHORT, "normalized": true, "type": "VEC4", "count": rows.len(),
+        });
         self.accessor(&bytes, ARRAY_BUFFER, json)
     }
 

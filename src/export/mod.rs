@@ -12,7 +12,8 @@ use serde_json::Value;
 use crate::error::{Error, Result};
 use crate::file::{MOST_BYTES, read_file};
 use crate::image::{Channel, Image, WriteOptions, encode_png, tone};
-use crate::scene::{GltfFile, ImageTexture, Instance, Material, Mesh, Scene, Source};
+use crate::scene::gltf::PlainGltf;
+use crate::scene::{GltfFile, ImageTexture, Instance, Material, Mesh, Scene, Source, Triangle};
 
 mod glb;
 mod npy;
@@ -74,12 +75,35 @@ pub struct ExportSource<'a> {
     pub file: &'a GltfFile,
     /// The world's instances, for [`Source`](crate::scene::Source).
     pub instances: &'a [Instance],
+    /// The mesh of the scene, with the vertices of all triangles, also of those that it has left out as doubles of others.
+    pub mesh: &'a Mesh,
 }
 
 impl<'a> ExportSource<'a> {
     /// The file of a scene that is a glTF file.
     pub fn of(scene: &'a Scene) -> Option<Self> {
-        Some(Self { file: scene.gltf.as_deref()?, instances: &scene.instances })
+        Some(Self { file: scene.gltf.as_deref()?, instances: &scene.instances, mesh: &scene.mesh })
+    }
+
+    /// Checks before the work that results can be added to the file. `path` is the file to write.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] when copies share what is stored, [`Error::Input`] when a part of the file cannot be read, also one that nothing shows.
+    pub fn check(&self, path: &Path) -> Result<()> {
+        self.check_copies(path)?;
+        PlainGltf::read(self.file).map(drop)
+    }
+
+    fn check_copies(&self, path: &Path) -> Result<()> {
+        let is_copy = |instance: &&Instance| instance.part.is_some_and(|part| part.copy > 0);
+        let of = |triangle: &Triangle| self.mesh.sources.get(triangle.vertices[0] as usize);
+        let mut instances = self.mesh.triangles.iter().filter_map(of).filter_map(|of| self.instances.get(of.instance as usize));
+        let Some(Instance { name, .. }) = instances.find(is_copy) else { return Ok(()) };
+        let problem = format!(
+            "{}: {name} is placed several times, by EXT_mesh_gpu_instancing or as a child of several nodes, and its copies share what is stored",
+            path.display()
+        );
+        Err(Error::usage(problem, "write another format, or make nodes of the copies: `gltf-transform uninstance`"))
     }
 }
 

@@ -1,7 +1,7 @@
 //! The gather of a job in progress, and its results.
 
 use std::ops::Range;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use glam::Vec2;
@@ -15,6 +15,7 @@ use super::{BakeRequest, JobRequest, Per, Receiver, ReceiverKind, Watch, Work, p
 use crate::bake::Bake;
 use crate::blocks::Part;
 use crate::error::{Error, Result};
+use crate::export::ExportSource;
 use crate::gather::chosen_for_bake;
 use crate::geometry::Geometry;
 use crate::gpu::Gpu;
@@ -88,6 +89,7 @@ impl<'a> Task<'a> {
             Work::Bake(bake) => {
                 watch.stage("placing points");
                 let prepared = Prepared::without_glass(world)?;
+                check_files(bake, &request.outputs, &prepared.scene)?;
                 let geometry = Geometry::upload(gpu, &prepared.scene)?;
                 let camera = || see(gpu, &prepared.scene, &geometry, settings.film.size);
                 let (mut receivers, mut points) = place(bake, &prepared.scene, settings, &camera, watch)?;
@@ -273,6 +275,15 @@ pub(super) fn request_of(path: &Path, part: &Part) -> Result<(JobRequest, f32)> 
     let exposure = part.state[EXPOSURE].as_f64().map(|exposure| exposure as f32);
     let problem = "damaged, or of an earlier version: it does not say how it was baked";
     request.zip(exposure).ok_or_else(|| Error::input(path, None, problem, "make it again"))
+}
+
+/// Checks that results can be added to the scene's glTF file, if a receiver wants that. Otherwise the error would come after the work.
+fn check_files(request: &BakeRequest, outputs: &[Vec<PathBuf>], scene: &Scene) -> Result<()> {
+    let Some(source) = ExportSource::of(scene) else { return Ok(()) };
+    let has_surface = |kind: &ReceiverKind| matches!(kind, ReceiverKind::Vertices | ReceiverKind::LightMap);
+    let receivers = request.receivers.iter().zip(outputs).filter(|(kind, _)| has_surface(kind));
+    let is_glb = |path: &&PathBuf| path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("glb"));
+    receivers.flat_map(|(_, paths)| paths).find(is_glb).map_or(Ok(()), |path| source.check(path))
 }
 
 /// All receivers in a scene without glass, and their points in order. `camera` makes the camera's receiver.

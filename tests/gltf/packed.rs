@@ -31,7 +31,7 @@ fn assert_cube(world: &finalgather::scene::World, tolerance: f32) {
 }
 
 /// Adds a view of packed bytes. Its own buffer is empty, as exporters write it.
-fn packed(model: &mut Model, name: &str, bytes: &[u8], mut extension: serde_json::Value) -> usize {
+pub fn packed(model: &mut Model, name: &str, bytes: &[u8], mut extension: serde_json::Value) -> usize {
     let offset = model.bytes(bytes);
     extension["buffer"] = json!(0);
     extension["byteOffset"] = json!(offset);

@@ -82,6 +82,9 @@ pub fn run(args: &RelightArgs) -> Result<u8> {
     let transfer = read_prt(&args.transfer)?;
     let environment = Environment::load(&args.env)?;
     let model = args.scene.as_deref().map(|path| Model::load(&args.files.scene(path))).transpose()?;
+    if let Some(Model { loaded, .. }) = &model {
+        check_kept(&args.outputs, loaded.report.files.iter().map(PathBuf::as_path))?;
+    }
     let irradiance = relit(&transfer, &environment);
     let columns = columns_of(&irradiance);
     if let Some(model) = &model

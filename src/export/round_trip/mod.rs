@@ -8,20 +8,22 @@
 //! A vertex with several results, such as one on a seam of the map, is split. Then the attributes of its primitive are written anew, in the types
 //! that they have. A mesh that several nodes share becomes one for each node, because each has light of its own.
 
-use std::collections::{BTreeMap, HashMap, HashSet};
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use glam::Vec2;
-use serde_json::{Map, Value, json};
+use serde_json::{Map, Value};
 
-use self::split::{Place, Renewed, Split, baked_parts, coordinates, renew, separate_meshes, split};
-use super::glb::{ARRAY_BUFFER, Builder, LIGHTMAP, UNLIT, VARIANTS, linear_png, map_sampler, metadata_json, shown_surface};
+use self::baked::{Parts, Place, baked_parts, separate_meshes};
+use self::split::{Renewed, Split, own_coordinates, renew, split};
+use super::glb::{ARRAY_BUFFER, Builder, SHOWN_COLOURS, check_finite, linear_png, map_sampler, metadata_json};
 use super::{ExportMesh, Lightmap, PointValues};
 use crate::error::Result;
 use crate::image::WriteOptions;
-use crate::scene::Material;
 use crate::scene::gltf::PlainGltf;
 
+mod baked;
+mod materials;
 mod split;
 
 /// The mode of a primitive of separate triangles, a constant of OpenGL.
@@ -32,12 +34,16 @@ const LIT: &str = "lit";
 
 pub fn write_values(path: &Path, surface: &ExportMesh, values: &PointValues, options: &WriteOptions) -> Result<()> {
     let mut file = LitFile::read(path, surface)?;
+    for column in values.columns {
+        check_finite(path, column, file.splits.values().flat_map(|split| split.rows.iter().flatten().copied()))?;
+    }
+    let shown = values.shown(options.exposure);
     for place in file.places() {
         let rows = file.splits[&place].rows.clone();
         let mut added = file.builder.columns(values.columns, &rows);
-        if file.primitive(place)["attributes"]["COLOR_0"].is_null() {
-            let colours = file.builder.shown_colours(values, options.exposure, &rows);
-            added.insert("COLOR_0".into(), colours.into());
+        let colours = file.primitive(place)["attributes"]["COLOR_0"].as_u64();
+        if colours.is_none_or(|colours| file.builder.name(colours as usize) == Some(SHOWN_COLOURS)) {
+            added.insert("COLOR_0".into(), file.builder.shown_colours(&shown, &rows).into());
         }
         file.attributes(place).extend(added);
     }
@@ -76,8 +82,8 @@ struct LitFile {
     root: Value,
     builder: Builder,
     splits: BTreeMap<Place, Split>,
-    /// Coordinates that are in the file at the vertices of a primitive, by set, v up.
-    sets: BTreeMap<Place, Vec<Vec<Vec2>>>,
+    /// Coordinates on a light map that the file has, v up.
+    own: BTreeMap<Place, Option<Vec<Vec2>>>,
     sampler: Option<usize>,
 }
 
@@ -85,27 +91,27 @@ impl LitFile {
     /// Reads the file of a mesh, with its vertices split as those of the mesh.
     fn read(path: &Path, surface: &ExportMesh) -> Result<Self> {
         let Some(source) = surface.source else { unreachable!("the caller has looked") };
-        let PlainGltf { mut json, bin } = PlainGltf::read(source.file)?;
-        let baked = baked_parts(path, surface.mesh, &source)?;
-        separate_meshes(&mut json, &baked);
-        let plain = PlainGltf { json, bin };
-        let (mut splits, mut sets) = (BTreeMap::new(), BTreeMap::new());
-        // The accessors that take the place of others, by primitive.
+        source.check_copies(path)?;
+        let plain = PlainGltf::read(source.file)?;
+        let (mut parts, mut splits, mut own) = (Parts::new(), BTreeMap::new(), BTreeMap::new());
+        // What takes the place of accessors, by primitive.
         let mut renewed = Vec::new();
         plain.values(source.file, |buffers| {
-            for (&place, triangles) in &baked {
-                let split = split(buffers, place, surface.mesh, triangles)?;
-                sets.insert(place, coordinates(buffers, place)?);
+            parts = baked_parts(buffers, surface.mesh, &source)?;
+            for (&place, triangles) in &parts {
+                let split = split(buffers, place, triangles)?;
+                own.insert(place, own_coordinates(buffers, place)?);
                 if split.corners.is_some() {
-                    renewed.push((place, renew(buffers, place, &split)?));
+                    renewed.push((place, renew(buffers, &plain.json, place, &split)));
                 }
                 splits.insert(place, split);
             }
             Ok(())
         })?;
         let PlainGltf { json: mut root, bin } = plain;
+        separate_meshes(&mut root, &parts);
         let builder = Builder::of(&mut root, bin);
-        let mut file = Self { root, builder, splits, sets, sampler: None };
+        let mut file = Self { root, builder, splits, own, sampler: None };
         for (place, accessors) in renewed {
             file.renew(place, accessors);
         }
@@ -116,8 +122,13 @@ impl LitFile {
         self.splits.keys().copied().collect()
     }
 
+    /// The mesh of a node.
+    fn mesh(&self, node: usize) -> usize {
+        self.root["nodes"][node]["mesh"].as_u64().unwrap_or_default() as usize
+    }
+
     fn primitive(&mut self, (node, primitive): Place) -> &mut Value {
-        let mesh = self.root["nodes"][node]["mesh"].as_u64().unwrap_or_default() as usize;
+        let mesh = self.mesh(node);
         &mut self.root["meshes"][mesh]["primitives"][primitive]
     }
 
@@ -130,11 +141,16 @@ impl LitFile {
 
     /// Gives a primitive its split vertices.
     fn renew(&mut self, place: Place, accessors: Vec<Renewed>) {
-        for Renewed { pointer, bytes, stride, json } in accessors {
-            let accessor = self.builder.accessor(&bytes, ARRAY_BUFFER, json);
-            self.builder.set_stride(accessor, stride);
-            if let Some(index) = self.primitive(place).pointer_mut(&pointer) {
-                *index = accessor.into();
+        for Renewed { list, name, accessor } in accessors {
+            let accessor = accessor.map(|new| {
+                let accessor = self.builder.accessor(&new.bytes, ARRAY_BUFFER, new.json);
+                self.builder.set_stride(accessor, new.stride);
+                accessor
+            });
+            let Some(list) = self.primitive(place).pointer_mut(&list).and_then(Value::as_object_mut) else { continue };
+            match accessor {
+                Some(accessor) => drop(list.insert(name, accessor.into())),
+                None => drop(list.remove(&name)),
             }
         }
         let corners = self.splits[&place].corners.clone().unwrap_or_default();
@@ -151,16 +167,16 @@ impl LitFile {
     fn map_coordinates(&mut self, uvs: &[Vec2]) -> usize {
         let at = |row: &Option<u32>| row.map_or(Vec2::ZERO, |row| uvs[row as usize]);
         let is_there = |(place, split): (&Place, &Split)| {
-            let own = self.sets[place].get(1);
             split.corners.is_none()
-                && own.is_some_and(|own| {
-                    own.iter().zip(&split.rows).all(|(own, row)| row.is_none() || own.abs_diff_eq(at(row), 1e-6))
+                && self.own[place].as_ref().is_some_and(|own| {
+                    own.len() == split.rows.len()
+                        && own.iter().zip(&split.rows).all(|(own, row)| row.is_none() || own.abs_diff_eq(at(row), 1e-6))
                 })
         };
         if self.splits.iter().all(is_there) {
             return 1;
         }
-        let set = self.sets.values().map(Vec::len).max().unwrap_or_default().max(1);
+        let set = self.free_set();
         for place in self.places() {
             let rows = &self.splits[&place].rows;
             let coordinates: Vec<Vec2> = rows.iter().map(at).collect();
@@ -174,6 +190,16 @@ impl LitFile {
         set
     }
 
+    /// The first set of coordinates from 1 that no primitive of the bake has.
+    fn free_set(&mut self) -> usize {
+        let places = self.places();
+        let mut is_used = |set: &usize| {
+            let name = format!("TEXCOORD_{set}");
+            places.iter().any(|&place| self.attributes(place).contains_key(&name))
+        };
+        (1..).find(|set| !is_used(set)).unwrap_or(1)
+    }
+
     /// Adds a map as a texture.
     fn texture(&mut self, name: &str, png: &[u8]) -> usize {
         let sampler = *self.sampler.get_or_insert_with(|| {
@@ -183,85 +209,6 @@ impl LitFile {
         let texture = self.builder.texture(name, png);
         self.builder.textures[texture]["sampler"] = sampler.into();
         texture
-    }
-
-    /// Puts the maps into the materials of all primitives of the bake.
-    fn add_maps(&mut self, surface: &ExportMesh, maps: &Maps, exposure: f32) {
-        let variant = maps.shown.map(|_| self.variant());
-        // The unlit copy of each material.
-        let mut lit: HashMap<usize, usize> = HashMap::new();
-        let mut with_maps = HashSet::new();
-        for place in self.places() {
-            let material = match self.primitive(place)["material"].as_u64() {
-                Some(material) => material as usize,
-                None => {
-                    self.builder.materials.push(json!({}));
-                    self.builder.materials.len() - 1
-                }
-            };
-            self.primitive(place)["material"] = material.into();
-            if with_maps.insert(material) {
-                self.add_to_material(material, maps);
-            }
-            let Some((variant, shown)) = variant.zip(maps.shown) else { continue };
-            let lit = *lit.entry(material).or_insert_with(|| {
-                let row = self.splits[&place].rows.iter().flatten().next();
-                let shown = row
-                    .and_then(|&row| material_of(surface, row))
-                    .map(|material| shown_surface(surface, material, (shown, maps.set), exposure));
-                let mut unlit = json!({"pbrMetallicRoughness": shown, "extensions": {UNLIT: {}}});
-                for key in ["name", "doubleSided"] {
-                    if let Some(value) = self.builder.materials[material].get(key) {
-                        unlit[key] = value.clone();
-                    }
-                }
-                self.builder.materials.push(unlit);
-                self.builder.materials.len() - 1
-            });
-            let mappings = &mut self.primitive(place)["extensions"][VARIANTS]["mappings"];
-            let mapping = json!({"material": lit, "variants": [variant]});
-            match mappings.as_array_mut() {
-                Some(mappings) => mappings.push(mapping),
-                None => *mappings = json!([mapping]),
-            }
-        }
-        if maps.irradiance.is_some() {
-            self.uses(LIGHTMAP);
-        }
-        if maps.shown.is_some() {
-            self.uses(VARIANTS);
-            self.uses(UNLIT);
-        }
-    }
-
-    fn add_to_material(&mut self, material: usize, maps: &Maps) {
-        let json = &mut self.builder.materials[material];
-        if let Some((texture, intensity)) = maps.irradiance {
-            json["extensions"][LIGHTMAP] = json!({"index": texture, "texCoord": maps.set, "intensity": intensity});
-        }
-        if let Some(texture) = maps.openness {
-            json["occlusionTexture"] = json!({"index": texture, "texCoord": maps.set});
-        }
-    }
-
-    /// Adds the variant, and returns its number.
-    fn variant(&mut self) -> usize {
-        let variants = &mut self.root["extensions"][VARIANTS]["variants"];
-        if !variants.is_array() {
-            *variants = json!([]);
-        }
-        let Some(variants) = variants.as_array_mut() else { unreachable!("it was made a list") };
-        variants.push(json!({"name": LIT}));
-        variants.len() - 1
-    }
-
-    fn uses(&mut self, extension: &str) {
-        let used = &mut self.root["extensionsUsed"];
-        match used.as_array_mut() {
-            Some(used) if used.iter().any(|name| name == extension) => {}
-            Some(used) => used.push(extension.into()),
-            None => *used = json!([extension]),
-        }
     }
 
     fn write(mut self, path: &Path, options: &WriteOptions) -> Result<()> {
@@ -274,10 +221,4 @@ impl LitFile {
         }
         self.builder.finish(path, self.root)
     }
-}
-
-/// The material of a triangle with this vertex.
-fn material_of<'a>(surface: &ExportMesh<'a>, row: u32) -> Option<&'a Material> {
-    let triangle = surface.mesh.triangles.iter().find(|triangle| triangle.vertices.contains(&row))?;
-    Some(&surface.materials[triangle.material as usize])
 }

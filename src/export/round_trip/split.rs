@@ -1,20 +1,16 @@
 //! The vertices of a file's primitives, split where they have several results.
 
-use std::collections::{BTreeMap, HashMap};
-use std::path::Path;
+use std::collections::HashMap;
 
 use glam::Vec2;
-use gltf::json::mesh::Semantic;
+use gltf::json::accessor::Accessor;
+use gltf::json::mesh::{Primitive, Semantic};
 use gltf::json::validation::Checked;
-use serde_json::Value;
+use serde_json::{Value, json};
 
-use super::super::ExportSource;
+use super::baked::{BakedTriangle, Place, sorted};
 use crate::error::{Error, Result};
 use crate::scene::gltf::{Buffers, triangles_of};
-use crate::scene::{GltfPart, Mesh};
-
-/// Node and primitive.
-pub type Place = (usize, usize);
 
 /// How the vertices of a primitive become those with results.
 pub struct Split {
@@ -26,51 +22,22 @@ pub struct Split {
     pub corners: Option<Vec<u32>>,
 }
 
-/// The baked triangles of each primitive, as indices of the mesh's triangles.
-pub fn baked_parts(path: &Path, mesh: &Mesh, source: &ExportSource) -> Result<BTreeMap<Place, Vec<usize>>> {
-    let mut parts: BTreeMap<Place, Vec<usize>> = BTreeMap::new();
-    for (index, triangle) in mesh.triangles.iter().enumerate() {
-        let of = mesh.sources.get(triangle.vertices[0] as usize);
-        let part = of.and_then(|of| source.instances.get(of.instance as usize)?.part);
-        let Some(GltfPart { node, primitive, copy }) = part else { continue };
-        if copy > 0 {
-            let name = &source.instances[of.map_or(0, |of| of.instance as usize)].name;
-            let problem = format!(
-                "{}: {name} is placed several times by EXT_mesh_gpu_instancing, and its copies share what is stored",
-                path.display()
-            );
-            return Err(Error::usage(problem, "write another format, or make nodes of the copies: `gltf-transform uninstance`"));
+impl Split {
+    /// The vertex of the result with this row, which is a new one if the file's vertex has a row already.
+    fn vertex(&mut self, row: u32, of_file: u32) -> u32 {
+        let known = &mut self.rows[of_file as usize];
+        if known.is_none() {
+            *known = Some(row);
+            return of_file;
         }
-        parts.entry((node, primitive)).or_default().push(index);
-    }
-    Ok(parts)
-}
-
-/// Gives each node of the bake a mesh of its own. A mesh stays as it is where all that use it are one node.
-pub fn separate_meshes(root: &mut Value, baked: &BTreeMap<Place, Vec<usize>>) {
-    let mut users: HashMap<u64, Vec<usize>> = HashMap::new();
-    for (node, json) in root["nodes"].as_array().into_iter().flatten().enumerate() {
-        if let Some(mesh) = json["mesh"].as_u64() {
-            users.entry(mesh).or_default().push(node);
-        }
-    }
-    let is_baked = |node: &usize| baked.range((*node, 0)..(node + 1, 0)).next().is_some();
-    let mut shared: Vec<_> = users.into_iter().filter(|(_, nodes)| nodes.len() > 1).collect();
-    shared.sort_unstable();
-    for (mesh, nodes) in shared {
-        // If all of them are baked, the first keeps the mesh.
-        let kept = usize::from(nodes.iter().all(is_baked));
-        for node in nodes.into_iter().filter(is_baked).skip(kept) {
-            let copy = root["meshes"][mesh as usize].clone();
-            let Some(meshes) = root["meshes"].as_array_mut() else { return };
-            meshes.push(copy);
-            root["nodes"][node]["mesh"] = (meshes.len() - 1).into();
-        }
+        self.order.push(of_file as usize);
+        self.rows.push(Some(row));
+        self.order.len() as u32 - 1
     }
 }
 
 /// The primitive at a place of a file that was read again.
-fn primitive<'a>(buffers: &'a Buffers, (node, index): Place) -> Result<&'a gltf::json::mesh::Primitive> {
+fn primitive<'a>(buffers: &'a Buffers, (node, index): Place) -> Result<&'a Primitive> {
     let root = &buffers.document.root;
     let mesh = root.nodes.get(node).and_then(|node| node.mesh).and_then(|mesh| root.meshes.get(mesh.value()));
     mesh.and_then(|mesh| mesh.primitives.get(index)).ok_or_else(|| changed(buffers))
@@ -80,104 +47,111 @@ fn changed(buffers: &Buffers) -> Error {
     Error::input(buffers.document.path, None, "this model has changed since it was loaded", "bake again")
 }
 
-/// Finds out which vertices have several rows. `triangles` are those of the bake in this primitive.
-pub fn split(buffers: &Buffers, place: Place, mesh: &Mesh, triangles: &[usize]) -> Result<Split> {
+/// The number of vertices of a primitive.
+fn count(buffers: &Buffers, place: Place) -> Result<usize> {
+    let positions = primitive(buffers, place)?.attributes.get(&Checked::Valid(Semantic::Positions));
+    Ok(buffers.values(positions.ok_or_else(|| changed(buffers))?.value(), &[3])?.count)
+}
+
+/// The corners of all triangles of a primitive.
+pub fn file_triangles(buffers: &Buffers, place: Place) -> Result<Vec<[u32; 3]>> {
     let json = primitive(buffers, place)?;
-    let positions = json.attributes.get(&Checked::Valid(Semantic::Positions)).ok_or_else(|| changed(buffers))?;
-    let count = buffers.values(positions.value(), &[3])?.count;
+    let indices = json.indices.map(|indices| buffers.values(indices.value(), &[1])).transpose()?;
+    let Checked::Valid(mode) = json.mode else { return Err(changed(buffers)) };
+    let corners = indices.as_ref().map_or_else(|| count(buffers, place), |indices| Ok(indices.count))?;
+    Ok(triangles_of(mode, indices.as_ref(), corners))
+}
+
+/// Finds out which vertices have several rows. `triangles` are those of the bake in this primitive.
+pub fn split(buffers: &Buffers, place: Place, triangles: &[BakedTriangle]) -> Result<Split> {
+    let count = count(buffers, place)?;
+    // Many primitives may share an accessor of which each uses a part.
+    buffers.take(count)?;
     let mut split = Split { order: (0..count).collect(), rows: vec![None; count], corners: None };
-    let mut vertices: HashMap<u32, u32> = HashMap::new();
+    // By row and vertex of the file, because doubles of a triangle share its rows.
+    let mut vertices: HashMap<(u32, u32), u32> = HashMap::new();
     // Baked triangles by their vertices in the file, in any winding.
-    let mut baked: HashMap<[u32; 3], Vec<[u32; 3]>> = HashMap::new();
-    for &triangle in triangles {
-        let rows = mesh.triangles[triangle].vertices;
-        let of_file = rows.map(|row| mesh.sources[row as usize].index);
-        for (row, of_file) in rows.into_iter().zip(of_file) {
-            let known = split.rows.get_mut(of_file as usize).ok_or_else(|| changed(buffers))?;
-            vertices.entry(row).or_insert_with(|| match known {
-                None => {
-                    *known = Some(row);
-                    of_file
-                }
-                Some(_) => {
-                    split.order.push(of_file as usize);
-                    split.order.len() as u32 - 1
-                }
-            });
+    let mut baked: HashMap<[u32; 3], Vec<&BakedTriangle>> = HashMap::new();
+    for triangle in triangles {
+        for (row, of_file) in triangle.rows.into_iter().zip(triangle.of_file) {
+            if of_file as usize >= count {
+                return Err(changed(buffers));
+            }
+            vertices.entry((row, of_file)).or_insert_with(|| split.vertex(row, of_file));
         }
-        let mut key = of_file;
-        key.sort_unstable();
-        baked.entry(key).or_default().push(rows);
+        baked.entry(sorted(triangle.of_file)).or_default().push(triangle);
     }
-    let mut of_extra: Vec<_> = vertices.iter().filter(|&(_, &vertex)| vertex as usize >= count).collect();
-    of_extra.sort_unstable_by_key(|&(_, vertex)| vertex);
-    split.rows.extend(of_extra.into_iter().map(|(&row, _)| Some(row)));
     if split.order.len() > count {
-        let indices = json.indices.map(|indices| buffers.values(indices.value(), &[1])).transpose()?;
-        let Checked::Valid(mode) = json.mode else { return Err(changed(buffers)) };
-        let corners = indices.as_ref().map_or(count, |indices| indices.count);
-        let all = triangles_of(mode, indices.as_ref(), corners);
         let renumber = |corners: [u32; 3]| {
-            let mut key = corners;
-            key.sort_unstable();
             // A triangle with the same corners shares the rows of its twin. One that was left out keeps its vertices.
-            let Some(twins) = baked.get_mut(&key) else { return corners };
-            let rows = if twins.len() > 1 { twins.remove(0) } else { twins[0] };
+            let Some(twins) = baked.get_mut(&sorted(corners)) else { return corners };
+            let twin = if twins.len() > 1 { twins.remove(0) } else { twins[0] };
             corners.map(|corner| {
-                let row = rows.iter().find(|&&row| mesh.sources[row as usize].index == corner);
-                row.map_or(corner, |row| vertices[row])
+                let at = twin.of_file.iter().position(|&of_file| of_file == corner);
+                at.map_or(corner, |at| vertices[&(twin.rows[at], corner)])
             })
         };
-        split.corners = Some(all.into_iter().flat_map(renumber).collect());
+        split.corners = Some(file_triangles(buffers, place)?.into_iter().flat_map(renumber).collect());
     }
     Ok(split)
 }
 
-/// The texture coordinates of a primitive, by set, v up.
-pub fn coordinates(buffers: &Buffers, place: Place) -> Result<Vec<Vec<Vec2>>> {
-    let json = primitive(buffers, place)?;
-    let accessor = |set| json.attributes.get(&Checked::Valid(Semantic::TexCoords(set)));
-    let mut sets = Vec::new();
-    while let Some(accessor) = accessor(sets.len() as u32) {
-        let values = buffers.values(accessor.value(), &[2])?;
-        sets.push((0..values.count).map(|vertex| values.get(vertex)).map(|[u, v]| Vec2::new(u, 1.0 - v)).collect());
-    }
-    Ok(sets)
+/// The coordinates of a primitive that loaders take for those on a light map, v up. `None`: there are none that can be read.
+pub fn own_coordinates(buffers: &Buffers, place: Place) -> Result<Option<Vec<Vec2>>> {
+    let Some(accessor) = primitive(buffers, place)?.attributes.get(&Checked::Valid(Semantic::TexCoords(1))) else {
+        return Ok(None);
+    };
+    // The loader has left out what it cannot read.
+    let Ok(values) = buffers.values(accessor.value(), &[2]) else { return Ok(None) };
+    buffers.take(values.count)?;
+    Ok(Some((0..values.count).map(|vertex| values.get(vertex)).map(|[u, v]| Vec2::new(u, 1.0 - v)).collect()))
 }
 
-/// An accessor with the values of split vertices, and where its index belongs in the primitive.
+/// What takes the place of an accessor of a primitive.
 pub struct Renewed {
-    pub pointer: String,
+    /// The list in the primitive that refers to it, and its name there.
+    pub list: String,
+    pub name: String,
+    /// `None`: it cannot be read, or is too short.
+    pub accessor: Option<NewAccessor>,
+}
+
+/// An accessor with the values of split vertices.
+pub struct NewAccessor {
     pub bytes: Vec<u8>,
     pub stride: usize,
     pub json: Value,
 }
 
-/// All attributes of a primitive at its split vertices.
-pub fn renew(buffers: &Buffers, place: Place, split: &Split) -> Result<Vec<Renewed>> {
-    let json = serde_json::to_value(primitive(buffers, place)?).map_err(|_| changed(buffers))?;
-    let lists = json["targets"].as_array().map_or(0, Vec::len);
-    let lists = (0..lists).map(|target| format!("/targets/{target}")).chain(["/attributes".to_owned()]);
+/// All attributes of a primitive at its split vertices. `root` is the JSON of the file, which knows more names than the types of the crate.
+pub fn renew(buffers: &Buffers, root: &Value, (node, index): Place, split: &Split) -> Vec<Renewed> {
+    let mesh = root["nodes"][node]["mesh"].as_u64().unwrap_or_default() as usize;
+    let json = &root["meshes"][mesh]["primitives"][index];
+    let targets = json["targets"].as_array().map_or(0, Vec::len);
+    let lists = (0..targets).map(|target| format!("/targets/{target}")).chain(["/attributes".to_owned()]);
     let mut renewed = Vec::new();
     for list in lists {
         for (name, accessor) in json.pointer(&list).and_then(Value::as_object).into_iter().flatten() {
-            let Some(index) = accessor.as_u64() else { continue };
-            let accessor = buffers.document.root.accessors.get(index as usize).ok_or_else(|| changed(buffers))?;
-            let values = buffers.values(index as usize, &[1, 2, 3, 4, 9, 16])?;
-            if split.order.iter().any(|&vertex| vertex >= values.count) {
-                return Err(changed(buffers));
-            }
-            let mut json = serde_json::to_value(accessor).map_err(|_| changed(buffers))?;
-            let component = json["componentType"].as_u64().unwrap_or_default();
-            let (bytes, stride) = values.encode(split.order.iter().copied(), component, accessor.normalized, 4);
-            json["count"] = split.order.len().into();
-            if let Some(json) = json.as_object_mut() {
-                ["bufferView", "byteOffset", "sparse"].iter().for_each(|key| drop(json.remove(*key)));
-            }
-            // A `/` in a name is written `~1` in a pointer.
-            let pointer = format!("{list}/{}", name.replace('~', "~0").replace('/', "~1"));
-            renewed.push(Renewed { pointer, bytes, stride, json });
+            let accessor = accessor.as_u64().and_then(|accessor| renewed_accessor(buffers, root, accessor as usize, split));
+            renewed.push(Renewed { list: list.clone(), name: name.clone(), accessor });
         }
     }
-    Ok(renewed)
+    renewed
+}
+
+fn renewed_accessor(buffers: &Buffers, root: &Value, index: usize, split: &Split) -> Option<NewAccessor> {
+    let Accessor { component_type: Checked::Valid(component), normalized, .. } = buffers.document.root.accessors.get(index)?
+    else {
+        return None;
+    };
+    let values = buffers.values(index, &[1, 2, 3, 4, 9, 16]).ok()?;
+    if split.order.iter().any(|&vertex| vertex >= values.count) {
+        return None;
+    }
+    let (bytes, stride) = values.encode(split.order.iter().copied(), u64::from(component.0.as_gl_enum()), *normalized, 4);
+    let mut json = root["accessors"][index].clone();
+    json["count"] = json!(split.order.len());
+    let entries = json.as_object_mut()?;
+    ["bufferView", "byteOffset", "sparse"].iter().for_each(|key| drop(entries.remove(*key)));
+    Some(NewAccessor { bytes, stride, json })
 }

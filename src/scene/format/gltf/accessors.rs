@@ -121,6 +121,11 @@ impl AccessorValues<'_> {
         let mut bytes = Vec::new();
         for index in order {
             let end = bytes.len() + stride;
+            if let Some(stored) = self.stored(index, size, component, normalized) {
+                bytes.extend(stored);
+                bytes.resize(end, 0);
+                continue;
+            }
             for number in (0..self.width).map(|component| self.number(index, component)) {
                 match component {
                     I8 => bytes.push(((number * most(127.0)).round() as i8).cast_unsigned()),
@@ -134,6 +139,14 @@ impl AccessorValues<'_> {
             bytes.resize(end, 0);
         }
         (bytes, stride)
+    }
+
+    /// The bytes of a value that are of this type already. No bit of them may change, and floats hold no whole number beyond 2^24.
+    fn stored(&self, index: usize, size: usize, component: u64, normalized: bool) -> Option<&[u8]> {
+        let Storage::Packed { format, .. } = &self.storage else { return None };
+        let is_same = u64::from(format.component.as_gl_enum()) == component && format.normalized == normalized;
+        let (bytes, at) = self.place(index).filter(|_| is_same)?;
+        bytes.get(at..at + size * self.width)
     }
 
     fn number(&self, index: usize, component: usize) -> f32 {
