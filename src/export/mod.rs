@@ -73,7 +73,7 @@ pub struct ExportMesh<'a> {
 #[derive(Clone, Copy)]
 pub struct ExportSource<'a> {
     pub file: &'a GltfFile,
-    /// The world's instances, for [`Source`](crate::scene::Source).
+    /// The world's instances, for [`Source`].
     pub instances: &'a [Instance],
     /// The mesh of the scene, with the vertices of all triangles, also of those that it has left out as doubles of others.
     pub mesh: &'a Mesh,
