@@ -15,7 +15,7 @@ use glam::Vec2;
 use serde_json::{Map, Value};
 
 use self::baked::{Parts, Place, baked_parts, separate_meshes};
-use self::split::{Renewed, Split, own_coordinates, renew, split};
+use self::split::{Renewed, VertexSplit, own_coordinates, renew, split};
 use super::glb::{ARRAY_BUFFER, Builder, SHOWN_COLOURS, check_finite, linear_png, map_sampler, metadata_json};
 use super::{ExportMesh, Lightmap, PointValues};
 use crate::error::Result;
@@ -81,7 +81,7 @@ struct Maps {
 struct LitFile {
     root: Value,
     builder: Builder,
-    splits: BTreeMap<Place, Split>,
+    splits: BTreeMap<Place, VertexSplit>,
     /// Coordinates on a light map that the file has, v up.
     own: BTreeMap<Place, Option<Vec<Vec2>>>,
     sampler: Option<usize>,
@@ -166,7 +166,7 @@ impl LitFile {
     /// Gives all vertices their coordinates on the map, and returns the number of the set.
     fn map_coordinates(&mut self, uvs: &[Vec2]) -> usize {
         let at = |row: &Option<u32>| row.map_or(Vec2::ZERO, |row| uvs[row as usize]);
-        let is_there = |(place, split): (&Place, &Split)| {
+        let is_there = |(place, split): (&Place, &VertexSplit)| {
             split.corners.is_none()
                 && self.own[place].as_ref().is_some_and(|own| {
                     own.len() == split.rows.len()

@@ -13,7 +13,7 @@ use crate::error::{Error, Result};
 use crate::scene::gltf::{Buffers, triangles_of};
 
 /// How the vertices of a primitive become those with results.
-pub struct Split {
+pub struct VertexSplit {
     /// For each vertex of the result, that of the file. It starts with all vertices of the file.
     pub order: Vec<usize>,
     /// For each vertex of the result, its row in the bake. `None`: no triangle in the bake uses it.
@@ -22,7 +22,7 @@ pub struct Split {
     pub corners: Option<Vec<u32>>,
 }
 
-impl Split {
+impl VertexSplit {
     /// The vertex of the result with this row, which is a new one if the file's vertex has a row already.
     fn vertex(&mut self, row: u32, of_file: u32) -> u32 {
         let known = &mut self.rows[of_file as usize];
@@ -63,11 +63,11 @@ pub fn file_triangles(buffers: &Buffers, place: Place) -> Result<Vec<[u32; 3]>> 
 }
 
 /// Finds out which vertices have several rows. `triangles` are those of the bake in this primitive.
-pub fn split(buffers: &Buffers, place: Place, triangles: &[BakedTriangle]) -> Result<Split> {
+pub fn split(buffers: &Buffers, place: Place, triangles: &[BakedTriangle]) -> Result<VertexSplit> {
     let count = count(buffers, place)?;
     // Many primitives may share an accessor of which each uses a part.
     buffers.take(count)?;
-    let mut split = Split { order: (0..count).collect(), rows: vec![None; count], corners: None };
+    let mut split = VertexSplit { order: (0..count).collect(), rows: vec![None; count], corners: None };
     // By row and vertex of the file, because doubles of a triangle share its rows.
     let mut vertices: HashMap<(u32, u32), u32> = HashMap::new();
     // Baked triangles by their vertices in the file, in any winding.
@@ -124,7 +124,7 @@ pub struct NewAccessor {
 }
 
 /// All attributes of a primitive at its split vertices. `root` is the JSON of the file, which knows more names than the types of the crate.
-pub fn renew(buffers: &Buffers, root: &Value, (node, index): Place, split: &Split) -> Vec<Renewed> {
+pub fn renew(buffers: &Buffers, root: &Value, (node, index): Place, split: &VertexSplit) -> Vec<Renewed> {
     let mesh = root["nodes"][node]["mesh"].as_u64().unwrap_or_default() as usize;
     let json = &root["meshes"][mesh]["primitives"][index];
     let targets = json["targets"].as_array().map_or(0, Vec::len);
@@ -139,7 +139,7 @@ pub fn renew(buffers: &Buffers, root: &Value, (node, index): Place, split: &Spli
     renewed
 }
 
-fn renewed_accessor(buffers: &Buffers, root: &Value, index: usize, split: &Split) -> Option<NewAccessor> {
+fn renewed_accessor(buffers: &Buffers, root: &Value, index: usize, split: &VertexSplit) -> Option<NewAccessor> {
     let Accessor { component_type: Checked::Valid(component), normalized, .. } = buffers.document.root.accessors.get(index)?
     else {
         return None;
