@@ -12,7 +12,7 @@
 //!
 //! The two are separate materials, because readers of `MOZ_lightmap` would count the light twice in one.
 //!
-//! Results of a glTF scene are added to its file instead (`round_trip.rs`).
+//! Results of a glTF scene are added to its file instead (`round_trip/`).
 //!
 //! The file is built with `serde_json`, because the types of the crate `gltf-json` write out every absent field. Tests check the result
 //! with that crate's reader and the Khronos validator.

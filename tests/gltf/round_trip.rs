@@ -300,7 +300,7 @@ fn values_at_vertices_are_added() {
     again.assert_values();
 }
 
-/// Exports with two-sided faces write a back with vertices and normals of its own. A bake keeps one of both.
+/// Backs of two-sided exports have vertices of their own.
 #[test]
 fn doubles_have_the_values_of_their_twins() {
     let mut model = Model::new();
@@ -339,7 +339,6 @@ fn a_material_of_other_primitives_stays_without_maps() {
     assert_eq!(lines["material"], 0);
     let copy = &after["materials"][strip["material"].as_u64().unwrap() as usize];
     assert_eq!((&copy["name"], &copy["extensions"]["MOZ_lightmap"]["texCoord"]), (&json!("tiles"), &json!(1)));
-    // All nodes share the copy.
     let right = after["nodes"][1]["mesh"].as_u64().unwrap() as usize;
     assert_eq!(after["meshes"][right]["primitives"][0]["material"], strip["material"]);
 }
@@ -373,7 +372,6 @@ fn unpacked_animations_have_no_stride() {
     let places = model.push("accessors", vectors);
     let channel = json!({ "sampler": 0, "target": { "node": 0, "path": "translation" } });
     model.push("animations", json!({ "channels": [channel], "samplers": [{ "input": times, "output": places }] }));
-    // The first buffer keeps its name.
     model.json["buffers"] = json!([{ "byteLength": model.bin.len(), "name": "all" }, { "byteLength": 1 }]);
     let source = Source::new(&model);
     let (after, _) = source.write_lightmap(Some(1.0), None);
