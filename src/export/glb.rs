@@ -12,7 +12,7 @@
 //!
 //! The two are separate materials, because readers of `MOZ_lightmap` would count the light twice in one.
 //!
-//! Results of a glTF scene are added to its file instead (`round_trip.rs`).
+//! Results of a glTF scene are added to its file instead (`round_trip/`).
 //!
 //! The file is built with `serde_json`, because the types of the crate `gltf-json` write out every absent field. Tests check the result
 //! with that crate's reader and the Khronos validator.
@@ -45,6 +45,9 @@ pub const LIGHTMAP: &str = "MOZ_lightmap";
 
 /// Name of accessors of colours for display. A later round may replace these, but no colours of the model.
 pub const SHOWN_COLOURS: &str = "finalgather: light for display";
+
+/// Key in `extras` of what a later round may replace: a file may have things of the same name.
+pub const MARK: &str = "finalgather";
 
 pub fn write_values(path: &Path, values: &PointValues, options: &WriteOptions) -> Result<()> {
     if let Some(surface) = values.surface.filter(|surface| surface.source.is_some()) {
@@ -342,6 +345,21 @@ impl Builder {
         self.images.push(json!({"name": name, "mimeType": "image/png", "bufferView": view}));
         self.textures.push(json!({"source": self.images.len() - 1}));
         self.textures.len() - 1
+    }
+
+    /// Marks the picture of a texture as a map of this program, in its `extras`.
+    pub fn mark(&mut self, texture: usize, map: &str) {
+        if let Some(image) = self.textures[texture]["source"].as_u64() {
+            self.images[image as usize]["extras"] = json!({MARK: map});
+        }
+    }
+
+    /// Puts a picture in the place of one with this mark, and returns its texture. `None`: there is none.
+    pub fn replace_texture(&mut self, map: &str, png: &[u8]) -> Option<usize> {
+        let image = self.images.iter().position(|image| image["extras"][MARK] == map)?;
+        let texture = self.textures.iter().position(|texture| texture["source"].as_u64() == Some(image as u64))?;
+        self.images[image]["bufferView"] = self.view(png).into();
+        Some(texture)
     }
 
     fn albedo_textures(&mut self, surface: &ExportMesh) -> Result<Vec<usize>> {

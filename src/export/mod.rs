@@ -85,13 +85,13 @@ impl<'a> ExportSource<'a> {
         Some(Self { file: scene.gltf.as_deref()?, instances: &scene.instances, mesh: &scene.mesh })
     }
 
-    /// Checks before the work that results can be added to the file. `path` is the file to write.
+    /// Checks before the work that results can be added to the file. `path` is the file to write. Returns all files that will be read for it.
     ///
     /// # Errors
     /// [`Error::Usage`] when copies share what is stored, [`Error::Input`] when a part of the file cannot be read, also one that nothing shows.
-    pub fn check(&self, path: &Path) -> Result<()> {
+    pub fn check(&self, path: &Path) -> Result<Vec<PathBuf>> {
         self.check_copies(path)?;
-        PlainGltf::read(self.file).map(drop)
+        PlainGltf::read(self.file).map(|plain| plain.files)
     }
 
     fn check_copies(&self, path: &Path) -> Result<()> {

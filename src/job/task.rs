@@ -11,7 +11,7 @@ use super::inside_out::inside_out;
 use super::outputs::are_finished;
 use super::receiver::is_picture;
 use super::report::{ReceiverReport, TaskReport};
-use super::{BakeRequest, JobRequest, Per, Receiver, ReceiverKind, Watch, Work, per_source};
+use super::{BakeRequest, JobRequest, Per, Receiver, ReceiverKind, Watch, Work, check_kept, per_source};
 use crate::bake::Bake;
 use crate::blocks::Part;
 use crate::error::{Error, Result};
@@ -283,7 +283,10 @@ fn check_files(request: &BakeRequest, outputs: &[Vec<PathBuf>], scene: &Scene) -
     let has_surface = |kind: &ReceiverKind| matches!(kind, ReceiverKind::Vertices | ReceiverKind::LightMap);
     let receivers = request.receivers.iter().zip(outputs).filter(|(kind, _)| has_surface(kind));
     let is_glb = |path: &&PathBuf| path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("glb"));
-    receivers.flat_map(|(_, paths)| paths).find(is_glb).map_or(Ok(()), |path| source.check(path))
+    let Some(path) = receivers.flat_map(|(_, paths)| paths).find(is_glb) else { return Ok(()) };
+    let files = source.check(path)?;
+    // The loader has not read pictures that it does not show.
+    check_kept(&outputs.concat(), files.iter().map(PathBuf::as_path))
 }
 
 /// All receivers in a scene without glass, and their points in order. `camera` makes the camera's receiver.

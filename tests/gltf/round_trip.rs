@@ -267,8 +267,10 @@ fn a_second_round_adds_no_layout() {
     // It takes the places of what the first has added.
     assert_eq!(once["extensions"], twice["extensions"]);
     assert_eq!(once["meshes"], twice["meshes"]);
-    let count = |json: &Value| json["materials"].as_array().unwrap().len();
-    assert_eq!(count(&once), count(&twice));
+    for list in ["materials", "textures", "images"] {
+        let count = |json: &Value| json[list].as_array().unwrap().len();
+        assert_eq!(count(&once), count(&twice), "{list}");
+    }
 }
 
 #[test]
@@ -298,7 +300,7 @@ fn values_at_vertices_are_added() {
     again.assert_values();
 }
 
-/// Exports with two-sided faces write a back with vertices and normals of its own. A bake keeps one of both.
+/// Backs of two-sided exports have vertices of their own.
 #[test]
 fn doubles_have_the_values_of_their_twins() {
     let mut model = Model::new();
@@ -337,7 +339,6 @@ fn a_material_of_other_primitives_stays_without_maps() {
     assert_eq!(lines["material"], 0);
     let copy = &after["materials"][strip["material"].as_u64().unwrap() as usize];
     assert_eq!((&copy["name"], &copy["extensions"]["MOZ_lightmap"]["texCoord"]), (&json!("tiles"), &json!(1)));
-    // All nodes share the copy.
     let right = after["nodes"][1]["mesh"].as_u64().unwrap() as usize;
     assert_eq!(after["meshes"][right]["primitives"][0]["material"], strip["material"]);
 }
@@ -371,7 +372,6 @@ fn unpacked_animations_have_no_stride() {
     let places = model.push("accessors", vectors);
     let channel = json!({ "sampler": 0, "target": { "node": 0, "path": "translation" } });
     model.push("animations", json!({ "channels": [channel], "samplers": [{ "input": times, "output": places }] }));
-    // The first buffer keeps its name.
     model.json["buffers"] = json!([{ "byteLength": model.bin.len(), "name": "all" }, { "byteLength": 1 }]);
     let source = Source::new(&model);
     let (after, _) = source.write_lightmap(Some(1.0), None);
@@ -455,4 +455,45 @@ fn copies_are_refused_before_the_work() {
     assert!(refusal.contains("placed several times"), "{refusal}");
     let source = Source::new(&mapped());
     ExportSource::of(&source.scene).unwrap().check(&source.out()).unwrap();
+}
+
+/// Many views of the same bytes, and many pictures of one file, are stored once.
+#[test]
+fn shared_bytes_are_stored_once() {
+    let mut model = mapped();
+    let whole = json!({ "buffer": 0, "byteOffset": 2, "byteLength": model.bin.len() - 2 });
+    model.json["bufferViews"].as_array_mut().unwrap().extend(std::iter::repeat_n(whole, 50));
+    let picture = png(1, &[[0, 0, 255]]);
+    for _ in 0..50 {
+        let image = model.push("images", json!({ "uri": "blue.png" }));
+        model.push("textures", json!({ "source": image }));
+    }
+    let text = model.root(Some("data.bin")).to_string();
+    let source = Source::of("in.gltf", &[("in.gltf", text.as_bytes()), ("data.bin", &model.bin), ("blue.png", &picture)]);
+    let files = ExportSource::of(&source.scene).unwrap().check(&source.out()).unwrap();
+    assert!(files.iter().any(|file| file.ends_with("blue.png")), "{files:?}");
+    let (after, _) = source.write_lightmap(Some(1.0), None);
+    let length = after["buffers"][0]["byteLength"].as_u64().unwrap() as usize;
+    // Two maps of a few hundred bytes are added.
+    assert!(length < model.bin.len() + picture.len() + 2000, "{length}");
+    assert_eq!(corners(&source.out()), corners(&source.folder.path().join("in.gltf")));
+}
+
+/// The rows of vertices that no triangle uses have no values.
+#[test]
+fn only_used_values_must_be_finite() {
+    let source = Source::new(&mapped());
+    let vertices = Vertices::new(&source.scene.mesh, 0.0);
+    let mut mesh = vertices.mesh().clone();
+    mesh.push_vertex_of(vertices.mesh(), 0);
+    let positions = source.world(&mesh);
+    let write = |samples: [f32; 5]| {
+        let columns = [Channel { name: "AO".into(), samples: samples.into() }];
+        let surface = Some(source.surface(&mesh, &positions));
+        let positions = Positions::near(&positions);
+        let values = PointValues { positions, normals: &mesh.normals, columns: &columns, surface, sources: None };
+        values.write(&source.out(), &WriteOptions::default())
+    };
+    write([0.0, 1.0, 2.0, 3.0, f32::NAN]).unwrap();
+    assert!(write([0.0, f32::NAN, 2.0, 3.0, 4.0]).unwrap_err().to_string().contains("AO is not finite"));
 }

@@ -5,13 +5,10 @@ use std::collections::{HashMap, HashSet};
 use serde_json::{Value, json};
 
 use super::super::ExportMesh;
-use super::super::glb::{LIGHTMAP, UNLIT, VARIANTS, shown_surface};
+use super::super::glb::{LIGHTMAP, MARK, UNLIT, VARIANTS, shown_surface};
 use super::baked::Place;
 use super::{LIT, LitFile, Maps};
 use crate::scene::Material;
-
-/// Marks the variant in its `extras`, because a file may have one of the same name.
-const MARK: &str = "finalgather";
 
 impl LitFile {
     /// Puts the maps into the materials of all primitives of the bake.

@@ -108,7 +108,7 @@ impl LitFile {
             }
             Ok(())
         })?;
-        let PlainGltf { json: mut root, bin } = plain;
+        let PlainGltf { json: mut root, bin, .. } = plain;
         separate_meshes(&mut root, &parts);
         let builder = Builder::of(&mut root, bin);
         let mut file = Self { root, builder, splits, own, sampler: None };
@@ -200,13 +200,17 @@ impl LitFile {
         (1..).find(|set| !is_used(set)).unwrap_or(1)
     }
 
-    /// Adds a map as a texture.
+    /// Adds a map as a texture, or puts it in the place of that of an earlier round.
     fn texture(&mut self, name: &str, png: &[u8]) -> usize {
+        if let Some(texture) = self.builder.replace_texture(name, png) {
+            return texture;
+        }
         let sampler = *self.sampler.get_or_insert_with(|| {
             self.builder.samplers.push(map_sampler());
             self.builder.samplers.len() - 1
         });
         let texture = self.builder.texture(name, png);
+        self.builder.mark(texture, name);
         self.builder.textures[texture]["sampler"] = sampler.into();
         texture
     }

@@ -1,6 +1,7 @@
 //! A glTF file in one piece: all buffers and pictures in one binary chunk, nothing packed. What is added to a file is added to this.
 
 use std::collections::{HashMap, HashSet};
+use std::path::PathBuf;
 
 use gltf::json::Root;
 use gltf::json::validation::Checked;
@@ -28,6 +29,8 @@ const FLOAT: u64 = 5126;
 pub struct PlainGltf {
     pub json: Value,
     pub bin: Vec<u8>,
+    /// All files that were read, also pictures that no material of the scene uses.
+    pub files: Vec<PathBuf>,
 }
 
 impl PlainGltf {
@@ -53,7 +56,7 @@ impl PlainGltf {
             json["buffers"] = json!([{}]);
         }
         let root = &document.root;
-        let mut plain = Self { json, bin: container.bin.map(<[u8]>::to_vec).unwrap_or_default() };
+        let mut plain = Self { json, bin: container.bin.map(<[u8]>::to_vec).unwrap_or_default(), files: Vec::new() };
         let is_plain = root.buffers.len() <= 1 && root.buffers.iter().all(|buffer| buffer.uri.is_none()) && !plain.is_packed();
         if !is_plain {
             plain.join_views(&buffers)?;
@@ -61,7 +64,7 @@ impl PlainGltf {
             plain.forget_packing();
         }
         plain.embed_images(root, &buffers);
-        Ok(plain)
+        Ok(Self { files: reader.into_done(), ..plain })
     }
 
     /// Calls `work` with the values of the file.
