@@ -28,6 +28,7 @@ use crate::file::write_file;
 use crate::image::{Channel, Image, WriteOptions, encode_png, tone};
 use crate::math::Aabb;
 use crate::scene::Material;
+use crate::scene::gltf::SHOWN_COLOURS;
 
 // glTF denotes types and targets by constants of OpenGL.
 const UNSIGNED_SHORT: u32 = 5123;
@@ -42,9 +43,6 @@ const CLAMP_TO_EDGE: u32 = 33071;
 pub const UNLIT: &str = "KHR_materials_unlit";
 pub const VARIANTS: &str = "KHR_materials_variants";
 pub const LIGHTMAP: &str = "MOZ_lightmap";
-
-/// Name of accessors of colours for display. A later round may replace these, but no colours of the model.
-pub const SHOWN_COLOURS: &str = "finalgather: light for display";
 
 /// Key in `extras` of what a later round may replace: a file may have things of the same name.
 pub const MARK: &str = "finalgather";

@@ -294,6 +294,7 @@ fn values_at_vertices_are_added() {
     source.assert_values();
     // A second round replaces the colours of the first, which are not the model's.
     let again = Source::of("in.glb", &[("in.glb", &fs::read(source.out()).unwrap())]);
+    assert!(again.scene.mesh.colors.is_empty(), "the light of a bake is no colour of the surface");
     let twice = again.write_values();
     let colours = |json: &Value| json["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"].clone();
     assert_ne!(colours(&after), colours(&twice));

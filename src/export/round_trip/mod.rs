@@ -16,11 +16,11 @@ use serde_json::{Map, Value};
 
 use self::baked::{Parts, Place, baked_parts, separate_meshes};
 use self::split::{Renewed, VertexSplit, own_coordinates, renew, split};
-use super::glb::{ARRAY_BUFFER, Builder, SHOWN_COLOURS, check_finite, linear_png, map_sampler, metadata_json};
+use super::glb::{ARRAY_BUFFER, Builder, check_finite, linear_png, map_sampler, metadata_json};
 use super::{ExportMesh, Lightmap, PointValues};
 use crate::error::Result;
 use crate::image::WriteOptions;
-use crate::scene::gltf::PlainGltf;
+use crate::scene::gltf::{PlainGltf, SHOWN_COLOURS};
 
 mod baked;
 mod materials;

@@ -222,7 +222,8 @@ fn leniently(json: &[u8]) -> Option<Root> {
     serde_json::from_value(json).ok()
 }
 
-fn whole(json: &mut Value) {
+/// Makes whole numbers of those that are written as 1.0.
+pub fn whole(json: &mut Value) {
     match json {
         Value::Number(number) => {
             let float = number.as_f64().filter(|float| number.is_f64() && *float >= 0.0 && float.fract() == 0.0);

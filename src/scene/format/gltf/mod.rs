@@ -43,6 +43,9 @@ mod plain;
 mod pose;
 mod primitive;
 
+/// Name of accessors of `COLOR_0` that show a bake. They are light, not the colours of the surface.
+pub const SHOWN_COLOURS: &str = "finalgather: light for display";
+
 /// So many copies of triangles count as one thing that is made. Files with many instances are meant to be short.
 const PLACED_SHARE: usize = 16;
 

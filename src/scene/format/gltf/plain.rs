@@ -10,7 +10,7 @@ use serde_json::{Map, Value, json};
 
 use super::accessors::AccessorValues;
 use super::buffers::Buffers;
-use super::document::{Container, Document};
+use super::document::{Container, Document, whole};
 use super::draco::Unpacked;
 use crate::error::{Error, Result};
 use crate::file::MOST_BYTES;
@@ -297,21 +297,6 @@ fn check_objects(document: &Document, root: &Value) -> Result<()> {
         }
     }
     if primitives(root).all(is_sound) { Ok(()) } else { fault("a primitive") }
-}
-
-/// Makes whole numbers of those that are written as 1.0, as when the document is read.
-fn whole(json: &mut Value) {
-    match json {
-        Value::Number(number) => {
-            let float = number.as_f64().filter(|float| number.is_f64() && *float >= 0.0 && float.fract() == 0.0);
-            if let Some(float) = float.filter(|&float| float < 2_f64.powi(53)) {
-                *json = Value::from(float as u64);
-            }
-        }
-        Value::Array(list) => list.iter_mut().for_each(whole),
-        Value::Object(entries) => entries.values_mut().for_each(whole),
-        _ => {}
-    }
 }
 
 fn has_packing(entry: &Value) -> bool {

@@ -4,6 +4,7 @@ use glam::{Affine2, Vec2, Vec3, vec2};
 use gltf::json::mesh::{Mode, Primitive, Semantic};
 use gltf::json::validation::Checked;
 
+use super::SHOWN_COLOURS;
 use super::accessors::AccessorValues;
 use super::buffers::Buffers;
 use super::document::BROKEN;
@@ -83,6 +84,13 @@ impl<'a> PrimitiveReading<'a, '_> {
         };
         self.mend(warnings, "attribute", &|| problem.clone(), "it is left out")?;
         Ok(None)
+    }
+
+    /// Whether the vertex colours are light of a bake.
+    fn shows_light(&self) -> bool {
+        let index = self.primitive.attributes.get(&Checked::Valid(Semantic::Colors(0)));
+        let accessor = index.and_then(|index| self.buffers.document.root.accessors.get(index.value()));
+        accessor.is_some_and(|accessor| accessor.name.as_deref() == Some(SHOWN_COLOURS))
     }
 
     fn mend(&self, warnings: &mut Warnings, kind: &'static str, problem: &dyn Fn() -> String, mend: &str) -> Result<()> {
@@ -166,7 +174,7 @@ impl Primitives<'_, '_> {
         let coordinates =
             look.coordinates.map(|(set, _)| source.spare(warnings, Semantic::TexCoords(set), &[2], count)).transpose()?;
         let lightmap = source.spare(warnings, Semantic::TexCoords(1), &[2], count)?;
-        let colors = source.spare(warnings, Semantic::Colors(0), &[3, 4], count)?;
+        let colors = source.spare(warnings, Semantic::Colors(0), &[3, 4], count)?.filter(|_| !source.shows_light());
         let vertices = || used.list.iter().map(|&vertex| vertex as usize);
         let uv = |values: &AccessorValues, vertex, transform: Affine2| {
             finite(transform.transform_point2(Vec2::from(values.get(vertex))))
