@@ -35,6 +35,11 @@ pub fn show(request: &SceneRequest, as_json: bool) -> Result<()> {
     let estimate = estimate(&prepared, &settings);
     let warnings = [report.warnings, prepared.warnings()].concat();
     let mut about = about(&world, &prepared, &estimate);
+    // The sky is not in the scene. It counts for the estimate alone.
+    about["adds_sky"] = json!(adds_sky);
+    if adds_sky {
+        about["environment"] = Value::Null;
+    }
     about["load_seconds"] = json!(loading);
     about["size"] = json!(settings.film.size);
     about["directions"] = json!(settings.directions.count);
@@ -210,7 +215,8 @@ fn line_of_lights(about: &Value) -> String {
     if !about["environment"].is_null() {
         parts.push(format!("an environment of the mean radiance {}", number(&about["environment"])));
     }
-    format!("lights: {}", if parts.is_empty() { "none; a render adds a soft sky".to_owned() } else { parts.join(", and ") })
+    let none = if about["adds_sky"] == true { "none; a render adds a soft sky" } else { "none; a render refuses this scene" };
+    format!("lights: {}", if parts.is_empty() { none.to_owned() } else { parts.join(", and ") })
 }
 
 fn line_of_estimate(about: &Value) -> String {
