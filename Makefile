@@ -21,7 +21,7 @@ check: ## Check format, lints, unit tests, imports among modules and shaders: a 
 	@scripts/setup.sh --tests
 	$(CARGO) fmt --check
 	$(CARGO) clippy --release --locked --lib --bins -- -D warnings
-	$(CARGO) test --release --locked --lib --bins --test layout --test floors --test gl_shaders
+	$(CARGO) test --release --locked --lib --bins --test layout --test gl_shaders
 
 test: ## Run all tests, those of the GL part also on a driver that offers no more than OpenGL 3.3
 	@scripts/setup.sh --tests

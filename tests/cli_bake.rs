@@ -262,7 +262,7 @@ fn refusals() {
         (&cornell, &["--to", "points:bare.csv", "--what", "ao", "-o", "a.ply"], 65, "bare.csv"),
         (&quad, &["--to", "lightmap", "--uvs", "own", "--what", "ao", "-o", "a.exr"], 2, "cure: "),
         (&none, &["--to", "lightmap", "--uvs", "own", "--what", "ao", "-o", "a.exr"], 2, "cure: "),
-        (&none, &["--to", "vertices", "--what", "irradiance", "-o", "a.ply"], 65, "no light"),
+        (&none, &["--to", "vertices", "--no-default-light", "-o", "a.ply"], 65, "no light"),
         (&none, &["--to", "points:zero.npy", "--what", "ao", "-o", "./zero.npy"], 2, "zero.npy: is an input"),
         (&none, &["--to", "lightmap", "--what", "irradiance", "-o", "none.obj"], 2, "none.obj: is an input"),
         (&none, &["--to", "vertices", "--what", "ao", "-o", "vertex:a.ply"], 2, "there is no receiver \"vertex\""),

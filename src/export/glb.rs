@@ -92,7 +92,8 @@ pub fn check_finite(path: &Path, column: &Channel, mut rows: impl Iterator<Item 
         return Ok(());
     }
     let problem = format!("{}: {} is not finite everywhere, as glTF wants it", path.display(), column.name);
-    Err(Error::usage(problem, "write a .ply or .npy"))
+    let cure = "write a .ply or .npy; or leave out --per source, with which vertices that no triangle uses have no value";
+    Err(Error::usage(problem, cure))
 }
 
 pub fn write_lightmap(path: &Path, lightmap: &Lightmap, options: &WriteOptions) -> Result<()> {

@@ -280,7 +280,7 @@ fn against_normals(mesh: &Mesh) -> Option<[usize; 2]> {
 /// Makes the camera of this name the first.
 fn choose_camera(world: &mut World, name: &str, path: &Path) -> Result<()> {
     let Some(index) = world.cameras.iter().position(|(known, _)| known == name) else {
-        let known: Vec<_> = world.cameras.iter().map(|(name, _)| name.as_str()).collect();
+        let known: Vec<_> = world.cameras.iter().map(|(name, _)| format!("{name:?}")).collect();
         let cure =
             if known.is_empty() { "leave out --camera".to_owned() } else { format!("name one of these: {}", known.join(", ")) };
         return Err(Error::input(path, None, format!("there is no camera {name:?}"), cure));

@@ -68,6 +68,11 @@ impl StlReader<'_, '_> {
         let Some(claimed) = claimed(bytes) else {
             return Err(Error::input(self.path, None, "this is not an STL: it is neither text nor long enough", CURE));
         };
+        // Numbers of a mesh have bytes that text has not.
+        if !bytes.contains(&0) && std::str::from_utf8(bytes).is_ok() {
+            let cure = "name the file by its kind, or export the model again, as STL";
+            return Err(Error::input(self.path, None, "this is a text that does not begin with \"solid\": it is no STL", cure));
+        }
         let triangles = bytes[HEADER..].as_chunks::<TRIANGLE>().0;
         // Some programs leave the number at 0.
         let count = if claimed == 0 { triangles.len() } else { claimed.min(triangles.len()) };
@@ -91,11 +96,12 @@ impl StlReader<'_, '_> {
     /// Reads the corners of each loop. All else in a text repeats them, or is a name.
     fn text(&mut self, bytes: &[u8]) -> Result<()> {
         let text = String::from_utf8_lossy(bytes);
-        let mut first = 0;
+        let (mut first, mut is_ended) = (0, false);
         for (index, statement) in text.lines().enumerate() {
             let line = Some(index + 1);
             let mut words = statement.split_ascii_whitespace();
             let keyword = words.next().unwrap_or_default().to_ascii_lowercase();
+            is_ended = keyword == "endsolid" || is_ended && keyword.is_empty();
             match keyword.as_str() {
                 "vertex" => {
                     let numbers: [f64; 3] =
@@ -113,6 +119,8 @@ impl StlReader<'_, '_> {
         if self.model.corners.len() > first {
             self.mend(None, "end", &|| "the file ends within a facet".to_owned(), "it is left out")?;
             self.model.corners.truncate(first);
+        } else if !is_ended {
+            self.mend(None, "end", &|| "the file ends before endsolid".to_owned(), "the facets that are there are read")?;
         }
         Ok(())
     }
