@@ -354,7 +354,7 @@ fn faults_of_stl_are_mended_or_refused() {
         (binary_stl(b"solid", u32::MAX), 4, "the header says 4294967295 triangles, and there are bytes for 4; 4 are read"),
         (trailing, 4, "there are bytes for 4; 4 are read"),
         (cut.as_bytes().to_vec(), 3, "the file ends within a facet; it is left out"),
-        (text[..text.rfind("facet normal").unwrap()].as_bytes().to_vec(), 3, "the file ends before endsolid"),
+        (text.as_bytes()[..text.rfind("facet normal").unwrap()].to_vec(), 3, "the file ends before endsolid"),
         (text.replacen("vertex 1e0", "vertex nan", 1).into_bytes(), 3, "m.STL:6: corner 2 is at"),
         (text.replacen("vertex 1e0", "vertex one", 1).into_bytes(), 3, "m.STL:6: corner 2 is at"),
         (text.replacen("vertex 1e0", "vertex 1e10", 1).into_bytes(), 3, "farther than"),
