@@ -61,7 +61,7 @@ fn error(mesh: &Mesh, image: &Image) -> [f32; 2] {
             let weights = if place % 2 == 0 { [1.0 - u - v, u, v] } else { [u, 1.0 - u, 0.0] };
             let vertices = mesh.triangles[triangle].vertices;
             let at: Vec3 = (0..3).map(|k| weights[(k + place) % 3] * mesh.positions[vertices[k] as usize]).sum();
-            let uv: Vec2 = (0..3).map(|k| weights[(k + place) % 3] * mesh.uvs[vertices[k] as usize]).sum();
+            let uv: Vec2 = (0..3).map(|k| weights[(k + place) % 3] * mesh.lightmap_uvs[vertices[k] as usize]).sum();
             let difference = (lookup(image, uv) - wave(at)).abs().max_element();
             worst = worst.max(difference);
             sum += difference * difference;
@@ -76,7 +76,7 @@ fn texel_length(mesh: &Mesh, image: &Image) -> f32 {
     let along = mesh.triangles.iter().flat_map(|triangle| {
         (0..3).map(|k| {
             let [p, q] = [triangle.vertices[k] as usize, triangle.vertices[(k + 1) % 3] as usize];
-            mesh.positions[p].distance(mesh.positions[q]) / ((mesh.uvs[p] - mesh.uvs[q]) * size).length()
+            mesh.positions[p].distance(mesh.positions[q]) / ((mesh.lightmap_uvs[p] - mesh.lightmap_uvs[q]) * size).length()
         })
     });
     along.fold(0.0, f32::max)
@@ -234,7 +234,7 @@ fn charts_do_not_bleed() {
     let mut seen = 0;
     for triangle in (0..scene.mesh.triangles.len()).filter(|&triangle| flat(triangle)) {
         let expected = if scene.mesh.geometric_normal(triangle).y > 0.5 { Vec3::X } else { Vec3::Y };
-        let [a, b, c] = map.mesh().triangles[triangle].vertices.map(|vertex| map.mesh().uvs[vertex as usize]);
+        let [a, b, c] = map.mesh().triangles[triangle].vertices.map(|vertex| map.mesh().lightmap_uvs[vertex as usize]);
         for uv in [a, b, c, a.midpoint(b), b.midpoint(c), c.midpoint(a), (a + b + c) / 3.0] {
             let read = lookup(&image, uv);
             assert!((read - expected).abs().max_element() < 1e-5, "triangle {triangle} reads {read} at {uv}");

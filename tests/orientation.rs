@@ -143,7 +143,7 @@ fn turning_follows_the_normals_where_they_are_against_the_winding() {
     let (mesh, told) = load(&square("-1"), "", false);
     assert_eq!(fronts(&mesh), [1.0, -1.0]);
     let [told] = &told[..] else { panic!("{told:?}") };
-    assert!(told.contains("normals (vn) of m point to the back of 2 of 2 triangles") && told.contains("--flip"), "{told}");
+    assert!(told.contains("normals of m point to the back of 2 of 2 triangles") && told.contains("--flip"), "{told}");
     let (mesh, told) = load(&square("-1"), "flip = true", false);
     assert_eq!((fronts(&mesh), mesh.normals[0], told.len()), ([-1.0, -1.0], Vec3::NEG_Y, 0));
     let (_, told) = load(&square("1"), "materials.grey.two_sided = true", false);

@@ -11,10 +11,10 @@ use crate::scene::gltf::Buffers;
 use crate::scene::{Mesh, Source};
 
 /// Node and primitive.
-pub type Place = (usize, usize);
+pub type PrimitivePlace = (usize, usize);
 
 /// The triangles with results of each primitive.
-pub type Parts = BTreeMap<Place, Vec<BakedTriangle>>;
+pub type Parts = BTreeMap<PrimitivePlace, Vec<BakedTriangle>>;
 
 pub struct BakedTriangle {
     /// Its vertices in the file.

@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 
 use super::super::ExportMesh;
 use super::super::glb::{LIGHTMAP, MARK, UNLIT, VARIANTS, shown_surface};
-use super::baked::Place;
+use super::baked::PrimitivePlace;
 use super::{LIT, LitFile, Maps};
 use crate::scene::Material;
 
@@ -93,7 +93,7 @@ impl LitFile {
     }
 
     /// The unlit copy of a material, which shows the map.
-    fn unlit(&self, surface: &ExportMesh, place: Place, material: usize, map: (usize, usize), exposure: f32) -> Value {
+    fn unlit(&self, surface: &ExportMesh, place: PrimitivePlace, material: usize, map: (usize, usize), exposure: f32) -> Value {
         let row = self.splits[&place].rows.iter().flatten().next();
         let of_scene = row.and_then(|&row| material_of(surface, row));
         let mut unlit = json!({"extensions": {UNLIT: {}}});
@@ -114,7 +114,7 @@ impl LitFile {
     }
 
     /// Adds a mapping of variants to a primitive.
-    fn map(&mut self, place: Place, mapping: Value) {
+    fn map(&mut self, place: PrimitivePlace, mapping: Value) {
         let variants = &mut self.primitive(place)["extensions"][VARIANTS];
         if !variants.is_object() {
             *variants = json!({});

@@ -14,7 +14,7 @@ use std::path::Path;
 use glam::Vec2;
 use serde_json::{Map, Value};
 
-use self::baked::{Parts, Place, baked_parts, separate_meshes};
+use self::baked::{Parts, PrimitivePlace, baked_parts, separate_meshes};
 use self::split::{Renewed, VertexSplit, own_coordinates, renew, split};
 use super::glb::{ARRAY_BUFFER, Builder, check_finite, linear_png, map_sampler, metadata_json};
 use super::{ExportMesh, Lightmap, PointValues};
@@ -81,9 +81,9 @@ struct Maps {
 struct LitFile {
     root: Value,
     builder: Builder,
-    splits: BTreeMap<Place, VertexSplit>,
+    splits: BTreeMap<PrimitivePlace, VertexSplit>,
     /// Coordinates on a light map that the file has, v up.
-    own: BTreeMap<Place, Option<Vec<Vec2>>>,
+    own: BTreeMap<PrimitivePlace, Option<Vec<Vec2>>>,
     sampler: Option<usize>,
 }
 
@@ -118,7 +118,7 @@ impl LitFile {
         Ok(file)
     }
 
-    fn places(&self) -> Vec<Place> {
+    fn places(&self) -> Vec<PrimitivePlace> {
         self.splits.keys().copied().collect()
     }
 
@@ -127,12 +127,12 @@ impl LitFile {
         self.root["nodes"][node]["mesh"].as_u64().unwrap_or_default() as usize
     }
 
-    fn primitive(&mut self, (node, primitive): Place) -> &mut Value {
+    fn primitive(&mut self, (node, primitive): PrimitivePlace) -> &mut Value {
         let mesh = self.mesh(node);
         &mut self.root["meshes"][mesh]["primitives"][primitive]
     }
 
-    fn attributes(&mut self, place: Place) -> &mut Map<String, Value> {
+    fn attributes(&mut self, place: PrimitivePlace) -> &mut Map<String, Value> {
         let Some(attributes) = self.primitive(place)["attributes"].as_object_mut() else {
             unreachable!("a primitive without attributes was not baked")
         };
@@ -140,7 +140,7 @@ impl LitFile {
     }
 
     /// Gives a primitive its split vertices.
-    fn renew(&mut self, place: Place, accessors: Vec<Renewed>) {
+    fn renew(&mut self, place: PrimitivePlace, accessors: Vec<Renewed>) {
         for Renewed { list, name, accessor } in accessors {
             let accessor = accessor.map(|new| {
                 let accessor = self.builder.accessor(&new.bytes, ARRAY_BUFFER, new.json);
@@ -166,7 +166,7 @@ impl LitFile {
     /// Gives all vertices their coordinates on the map, and returns the number of the set.
     fn map_coordinates(&mut self, uvs: &[Vec2]) -> usize {
         let at = |row: &Option<u32>| row.map_or(Vec2::ZERO, |row| uvs[row as usize]);
-        let is_there = |(place, split): (&Place, &VertexSplit)| {
+        let is_there = |(place, split): (&PrimitivePlace, &VertexSplit)| {
             split.corners.is_none()
                 && self.own[place].as_ref().is_some_and(|own| {
                     own.len() == split.rows.len()

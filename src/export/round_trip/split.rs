@@ -8,7 +8,7 @@ use gltf::json::mesh::{Primitive, Semantic};
 use gltf::json::validation::Checked;
 use serde_json::{Value, json};
 
-use super::baked::{BakedTriangle, Place, sorted};
+use super::baked::{BakedTriangle, PrimitivePlace, sorted};
 use crate::error::{Error, Result};
 use crate::scene::gltf::{Buffers, triangles_of};
 
@@ -37,7 +37,7 @@ impl VertexSplit {
 }
 
 /// The primitive at a place of a file that was read again.
-fn primitive<'a>(buffers: &'a Buffers, (node, index): Place) -> Result<&'a Primitive> {
+fn primitive<'a>(buffers: &'a Buffers, (node, index): PrimitivePlace) -> Result<&'a Primitive> {
     let root = &buffers.document.root;
     let mesh = root.nodes.get(node).and_then(|node| node.mesh).and_then(|mesh| root.meshes.get(mesh.value()));
     mesh.and_then(|mesh| mesh.primitives.get(index)).ok_or_else(|| changed(buffers))
@@ -48,13 +48,13 @@ fn changed(buffers: &Buffers) -> Error {
 }
 
 /// The number of vertices of a primitive.
-fn count(buffers: &Buffers, place: Place) -> Result<usize> {
+fn count(buffers: &Buffers, place: PrimitivePlace) -> Result<usize> {
     let positions = primitive(buffers, place)?.attributes.get(&Checked::Valid(Semantic::Positions));
     Ok(buffers.values(positions.ok_or_else(|| changed(buffers))?.value(), &[3])?.count)
 }
 
 /// The corners of all triangles of a primitive.
-pub fn file_triangles(buffers: &Buffers, place: Place) -> Result<Vec<[u32; 3]>> {
+pub fn file_triangles(buffers: &Buffers, place: PrimitivePlace) -> Result<Vec<[u32; 3]>> {
     let json = primitive(buffers, place)?;
     let indices = json.indices.map(|indices| buffers.values(indices.value(), &[1])).transpose()?;
     let Checked::Valid(mode) = json.mode else { return Err(changed(buffers)) };
@@ -63,7 +63,7 @@ pub fn file_triangles(buffers: &Buffers, place: Place) -> Result<Vec<[u32; 3]>> 
 }
 
 /// Finds out which vertices have several rows. `triangles` are those of the bake in this primitive.
-pub fn split(buffers: &Buffers, place: Place, triangles: &[BakedTriangle]) -> Result<VertexSplit> {
+pub fn split(buffers: &Buffers, place: PrimitivePlace, triangles: &[BakedTriangle]) -> Result<VertexSplit> {
     let count = count(buffers, place)?;
     // Many primitives may share an accessor of which each uses a part.
     buffers.take(count)?;
@@ -97,7 +97,7 @@ pub fn split(buffers: &Buffers, place: Place, triangles: &[BakedTriangle]) -> Re
 }
 
 /// The coordinates of a primitive that loaders take for those on a light map, v up. `None`: there are none that can be read.
-pub fn own_coordinates(buffers: &Buffers, place: Place) -> Result<Option<Vec<Vec2>>> {
+pub fn own_coordinates(buffers: &Buffers, place: PrimitivePlace) -> Result<Option<Vec<Vec2>>> {
     let Some(accessor) = primitive(buffers, place)?.attributes.get(&Checked::Valid(Semantic::TexCoords(1))) else {
         return Ok(None);
     };
@@ -124,7 +124,7 @@ pub struct NewAccessor {
 }
 
 /// All attributes of a primitive at its split vertices. `root` is the JSON of the file, which knows more names than the types of the crate.
-pub fn renew(buffers: &Buffers, root: &Value, (node, index): Place, split: &VertexSplit) -> Vec<Renewed> {
+pub fn renew(buffers: &Buffers, root: &Value, (node, index): PrimitivePlace, split: &VertexSplit) -> Vec<Renewed> {
     let mesh = root["nodes"][node]["mesh"].as_u64().unwrap_or_default() as usize;
     let json = &root["meshes"][mesh]["primitives"][index];
     let targets = json["targets"].as_array().map_or(0, Vec::len);
