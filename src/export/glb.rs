@@ -310,7 +310,8 @@ impl Builder {
         self.floats(2, uvs.iter().flat_map(|uv| [uv.x, 1.0 - uv.y]))
     }
 
-    /// Colours for display, of `PointValues::shown`, at vertices that show rows of them; black without a row. Linear values need 16 bits: with 8, dark parts would show bands.
+    /// Colours for display, of `PointValues::shown`, at vertices that show rows of them; black without a row. Linear values need 16 bits: with 8, dark
+    /// parts would show bands.
     pub fn shown_colours(&mut self, shown: &[Vec3], rows: &[Option<u32>]) -> usize {
         let colour = |row: &Option<u32>| row.map_or(Vec3::ZERO, |row| shown[row as usize]).extend(1.0).to_array();
         let numbers = rows.iter().flat_map(colour).map(|value| (value * 65535.0).round() as u16);
@@ -382,10 +383,9 @@ impl Builder {
             "nodes": [node],
             "meshes": [{"primitives": std::mem::take(&mut self.primitives)}],
             "buffers": [{}],
-            "extensionsUsed": extensions_used,
         });
-        if extensions_used.is_empty() {
-            root.as_object_mut().map(|root| root.remove("extensionsUsed"));
+        if !extensions_used.is_empty() {
+            root["extensionsUsed"] = json!(extensions_used);
         }
         if !self.extensions.is_null() {
             root["extensions"] = self.extensions.take();

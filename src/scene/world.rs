@@ -76,6 +76,11 @@ impl World {
         self.environment.as_ref().is_none_or(Environment::is_black) && !self.surfaces().any(Material::is_emissive)
     }
 
+    /// Whether it gets the soft sky when it is to have light. A scene file's own environment stays, even if it is black.
+    pub fn gets_sky(&self, strict: bool, no_default_light: bool) -> bool {
+        self.is_dark() && self.environment.is_none() && !strict && !no_default_light
+    }
+
     /// The first camera, or else one that sees the whole world in a picture of `size`.
     pub fn camera(&self, size: [u32; 2]) -> WorldCamera {
         self.cameras.first().map_or_else(|| WorldCamera::framing(self.bounds(), size), |(_, camera)| *camera)

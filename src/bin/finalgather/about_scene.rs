@@ -26,20 +26,20 @@ pub fn show(request: &SceneRequest, as_json: bool) -> Result<()> {
     // Openness needs no light, so a scene may have none.
     let Loaded { mut world, settings, report, .. } = request.load(false)?;
     // A render would add it, and its time depends on it.
-    let adds_sky = world.is_dark() && world.environment.is_none() && !request.no_default_light && !request.strict;
+    let adds_sky = world.gets_sky(request.strict, request.no_default_light);
     if adds_sky {
         world.environment = Some(Environment::soft_sky());
     }
     let prepared = Prepared::without_glass(&world)?;
+    if adds_sky {
+        // It is not in the scene.
+        world.environment = None;
+    }
     let loading = start.elapsed().as_secs_f64();
     let estimate = estimate(&prepared, &settings);
     let warnings = [report.warnings, prepared.warnings()].concat();
     let mut about = about(&world, &prepared, &estimate);
-    // The sky is not in the scene. It counts for the estimate alone.
     about["adds_sky"] = json!(adds_sky);
-    if adds_sky {
-        about["environment"] = Value::Null;
-    }
     about["load_seconds"] = json!(loading);
     about["size"] = json!(settings.film.size);
     about["directions"] = json!(settings.directions.count);

@@ -1,8 +1,8 @@
 //! Light maps: irradiance or other gathered values as a texture of the scene's surfaces. [`LightMap::new`] lays out the surfaces in the plane
 //! and places gather points in all texels that they touch. [`LightMap::image`] makes the map from the values at these points.
 //!
-//! The layout is the mesh's own coordinates for light maps ([`Mesh::lightmap_uvs`]), or its texture coordinates ([`Mesh::uvs`]), if they cover the surface once within 0 to 1,
-//! or an atlas. Charts of an atlas do not cross creases, because filtering would blur them.
+//! The layout is the mesh's own coordinates for light maps ([`Mesh::lightmap_uvs`]), or its texture coordinates ([`Mesh::uvs`]), if they cover the
+//! surface once within 0 to 1, or an atlas. Charts of an atlas do not cross creases, because filtering would blur them.
 //!
 //! From values to the map:
 //! 1. A texel is the mean of its samples. Samples inside geometry, which see mostly back faces, do not count.

@@ -181,7 +181,7 @@ impl<'a> Loader<'a> {
     /// Gives a world without light a sky, or refuses it.
     fn light(&mut self, world: &mut World, path: &Path, options: &LoadOptions) -> Result<()> {
         let problem = "no light: no material in use emits (Ke, emission), and there is no environment that is not black";
-        if options.no_default_light || options.strict || world.environment.is_some() {
+        if !world.gets_sky(options.strict, options.no_default_light) {
             let cure = "give a material that the model uses Ke in the MTL file, or emission under [materials.NAME] in a scene file; or an \
                         environment, as [environment] in a scene file or by --env";
             return Err(Error::input(path, None, problem, cure));

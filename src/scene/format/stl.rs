@@ -1,7 +1,7 @@
 //! STL meshes, in text and in binary. They become one mesh, one instance and one material. [`load`] is the entry point.
 //!
-//! Corners at one position become one vertex. An STL has no list of vertices, so these are it, in the order in which they come first. The normals and colours of the file are not used: the normals are those of the faces, and there are
-//! two contradicting encodings of colours.
+//! Corners at one position become one vertex. An STL has no list of vertices, so these are it, in the order in which they come first. The normals of the
+//! file are not used, which are those of the faces, nor its colours, of which there are two contradicting encodings.
 //!
 //! The crate `stl_io` is not used: it refuses files of several solids, and binary files that begin with the word `solid`.
 

@@ -23,7 +23,9 @@ pub use self::buffers::Buffers;
 use self::document::{BROKEN, Container, Document, name_of};
 use self::material::FileMaterials;
 use self::nodes::{Placed, Walk};
+pub use self::plain::PlainGltf;
 use self::pose::Pose;
+pub use self::primitive::triangles_of;
 use self::primitive::{Primitives, Tally};
 use super::warnings::{Fault, Place};
 use super::{FARTHEST, Loader};
@@ -51,9 +53,6 @@ const PLACED_SHARE: usize = 16;
 
 /// The most triangles of all instances together: flat scenes count vertices in 32 bits.
 const MOST_PLACED: usize = 1 << 28;
-
-pub use self::plain::PlainGltf;
-pub use self::primitive::triangles_of;
 
 pub(super) fn load(loader: &mut Loader, path: &Path) -> Result<World> {
     let reader = loader.reader;
