@@ -20,7 +20,7 @@ use crate::points::LightMapOptions;
 use crate::quantity::Quantity;
 use crate::render::{blocks_of, memory_of};
 use crate::scene::{Environment, Files, LoadOptions, Loaded, Material, World};
-use crate::settings::{PointSource, Settings};
+use crate::settings::{PointSource, Settings, Squares};
 
 /// A job. Parts of a bake contain it, because a merge makes the receivers again.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -159,6 +159,7 @@ impl JobRequest {
         if let Work::Bake(bake) = &self.work {
             // A bake uses all its directions. The layer size must follow from their number.
             settings.directions.target_error = 0.0;
+            settings.film.interleave = Squares::Auto;
             bake.plan.validate()?;
         }
         settings.validate()?;

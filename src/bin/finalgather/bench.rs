@@ -22,7 +22,7 @@ const HEADS: &str = ",ends,ms/dir,ms/sample,Msamples/s,xFUSED,peel,gather,wait,i
 
 /// Measure all pipelines, and rays on the CPU, side by side: total time, time of stages, error
 #[derive(Debug, clap::Args)]
-#[command(after_help = include_str!("help/bench.txt"), args_override_self = true)]
+#[command(after_long_help = include_str!("help/bench.txt"), args_override_self = true)]
 pub struct BenchArgs {
     /// Scene file (.toml) or model (.obj with its .mtl, .glb, .gltf, .ply, .stl) [default: scenes/cornell.toml, if it exists]
     scene: Option<PathBuf>,

@@ -13,7 +13,7 @@ use crate::report;
 
 /// Compare a picture with a reference: mean, bias, MAE, RMSE, relative MSE, PSNR, FLIP
 #[derive(Debug, clap::Args)]
-#[command(after_help = include_str!("help/compare.txt"), args_override_self = true, allow_negative_numbers = true)]
+#[command(after_long_help = include_str!("help/compare.txt"), args_override_self = true, allow_negative_numbers = true)]
 pub struct CompareArgs {
     /// Picture to judge, .png or .exr
     #[arg(value_name = "A")]

@@ -2,8 +2,10 @@
 
 use std::env;
 use std::os::unix::process::CommandExt;
+use std::path::Path;
 use std::process::{Command, ExitCode};
 
+use clap::error::ErrorKind;
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use finalgather::error::{Error, Result};
 
@@ -20,6 +22,7 @@ mod relight;
 mod render;
 mod report;
 mod scene_file;
+mod shell;
 mod summary;
 mod terminal;
 #[cfg(feature = "window")]
@@ -27,7 +30,7 @@ mod view;
 
 /// Final gathering by rasterised ray bundles: renders global illumination on OpenGL 3.3, headless
 #[derive(Debug, Parser)]
-#[command(version, after_help = include_str!("help/main.txt"))]
+#[command(version, after_long_help = include_str!("help/main.txt"))]
 struct Args {
     #[command(subcommand)]
     command: ToolCommand,
@@ -52,10 +55,18 @@ enum ToolCommand {
     Bench(bench::BenchArgs),
     Info(info::InfoArgs),
     Init(init::InitArgs),
+    Completions(shell::CompletionsArgs),
+    Man(shell::ManArgs),
 }
 
 fn main() -> ExitCode {
-    let matches = Args::command().color(report::color_of(env::args_os())).get_matches();
+    let matches = Args::command().color(report::color_of(env::args_os())).try_get_matches().unwrap_or_else(|error| {
+        if let Some(scene) = scene_without_command(&error) {
+            report::say(&format!("error: {scene}: which command?\n  cure: finalgather render {scene}"));
+            std::process::exit(2);
+        }
+        error.exit()
+    });
     let Args { command, messages, threads } = Args::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
     report::set(messages);
     let limited = threads.map_or(Ok(()), limit_threads);
@@ -76,6 +87,8 @@ fn main() -> ExitCode {
         ToolCommand::Bench(args) => bench::run(&args),
         ToolCommand::Info(args) => info::run(&args),
         ToolCommand::Init(args) => init::run(&args),
+        ToolCommand::Completions(args) => shell::complete(&args, Args::command()),
+        ToolCommand::Man(args) => shell::man(&args, Args::command()),
     });
     match outcome {
         Ok(code) => ExitCode::from(code),
@@ -87,6 +100,12 @@ fn main() -> ExitCode {
             ExitCode::from(exit_code(&error))
         }
     }
+}
+
+/// The file that stands in the place of a command.
+fn scene_without_command(error: &clap::Error) -> Option<String> {
+    let first = (error.kind() == ErrorKind::InvalidSubcommand).then(|| env::args().nth(1))??;
+    Path::new(&first).is_file().then_some(first)
 }
 
 /// Lets Rayon and Mesa's software driver use this many threads. Both read their number from the environment, which a process cannot change safely once

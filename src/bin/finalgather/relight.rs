@@ -24,7 +24,7 @@ const SUBPIXELS: usize = 4;
 
 /// Turn baked radiance transfer into light under an environment
 #[derive(Debug, clap::Args)]
-#[command(after_help = include_str!("help/relight.txt"), allow_negative_numbers = true)]
+#[command(after_long_help = include_str!("help/relight.txt"), allow_negative_numbers = true)]
 pub struct RelightArgs {
     /// Transfer: a .npy of `finalgather bake --what prt`, with its .json beside it
     transfer: PathBuf,

@@ -12,7 +12,7 @@ use crate::terminal;
 ///
 /// Settings come from these options, else from [settings] in the scene file, else from the defaults shown here.
 #[derive(Debug, clap::Args)]
-#[command(after_help = include_str!("help/render.txt"), args_override_self = true, allow_negative_numbers = true)]
+#[command(after_long_help = include_str!("help/render.txt"), args_override_self = true, allow_negative_numbers = true)]
 #[command(mut_arg("photon_depth", |arg| arg.alias("bounces")))]
 pub struct RenderArgs {
     /// Scene file (.toml) or model (.obj with its .mtl, .glb, .gltf, .ply, .stl)

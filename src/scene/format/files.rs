@@ -7,7 +7,7 @@ use std::path::{Component, Path, PathBuf};
 use std::{fs, io};
 
 use crate::error::Error;
-use crate::file::{folder_of, read_file};
+use crate::file::{explained, folder_of, read_file};
 
 /// Where the files of a scene may be.
 #[derive(Clone, Debug, Default)]
@@ -50,7 +50,7 @@ impl<'a> Reader<'a> {
         if !self.is_inside_by_name(path).map_err(unread)? {
             return Err(self.outside());
         }
-        let file = fs::canonicalize(path).map_err(unread)?;
+        let file = fs::canonicalize(path).map_err(|error| unread(explained(path, error)))?;
         if !self.is_free(path) && !file.starts_with(fs::canonicalize(folder_of(self.scene)).map_err(unread)?) {
             return Err(self.outside());
         }

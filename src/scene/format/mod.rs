@@ -6,6 +6,7 @@
 //! A scene file (`toml.rs`) names a model of any such format and changes parts of its world.
 
 use std::borrow::Cow;
+use std::fs;
 use std::path::{Path, PathBuf};
 
 use glam::{DVec3, Vec2};
@@ -13,7 +14,7 @@ use glam::{DVec3, Vec2};
 use super::texture::Textures;
 use super::{Environment, Material, Mesh, UnitSpace, World};
 use crate::error::{Error, Result};
-use crate::file::MOST_BYTES;
+use crate::file::{MOST_BYTES, explained};
 use crate::settings::Settings;
 
 mod files;
@@ -104,6 +105,26 @@ impl World {
         endings
     };
 
+    /// Checks that there is a file of a kind that can be read.
+    ///
+    /// # Errors
+    /// [`Error::Input`] when there is none.
+    pub fn check_path(path: &Path) -> Result<()> {
+        let cure = || format!("give a scene file (.toml) or a model ({})", endings());
+        let about = fs::metadata(path).map_err(|error| Error::input(path, None, explained(path, error).to_string(), cure()))?;
+        if about.is_dir() {
+            let files = fs::read_dir(path).into_iter().flatten().flatten().map(|entry| entry.path());
+            let mut scenes: Vec<_> = files.filter(|file| is_readable(file)).map(|file| file.display().to_string()).collect();
+            scenes.sort_unstable();
+            let cure = if scenes.is_empty() { cure() } else { format!("give a file in it: {}", few(scenes.into_iter())) };
+            return Err(Error::input(path, None, "it is a folder", cure));
+        }
+        if !is_readable(path) {
+            return Err(Error::input(path, None, "not a kind of scene that can be read", cure()));
+        }
+        Ok(())
+    }
+
     /// Reads a scene file (`.toml`) or a model (of any format), with all files that it names. These must be in its folder.
     ///
     /// # Errors
@@ -117,6 +138,9 @@ impl World {
     /// # Errors
     /// As [`Self::load`].
     pub fn load_with(path: &Path, mut options: LoadOptions) -> Result<Loaded> {
+        if !matches!(options.files, Files::Memory(_)) {
+            Self::check_path(path)?;
+        }
         let (environment, scene) = (options.environment.take(), options.scene.take());
         let reader = Reader::new(path, &options.files);
         let textures = Textures::new(&reader);
@@ -149,10 +173,7 @@ impl<'a> Loader<'a> {
         let (mut world, settings) = match format_of(path) {
             _ if ending.eq_ignore_ascii_case("toml") => toml::load(self, path)?,
             Some(load) => (self.model(load, path)?, Settings::default()),
-            None => {
-                let problem = "not a kind of scene that can be read";
-                return Err(Error::input(path, None, problem, format!("give a scene file (.toml) or a model ({})", endings())));
-            }
+            None => return Err(Error::input(path, None, "not a kind of scene that can be read", "give it the ending of one")),
         };
         if let (Some(name), None) = (&self.scene, &world.gltf) {
             let cure = "leave out --gltf-scene, or give a glTF file";
@@ -292,6 +313,11 @@ fn choose_camera(world: &mut World, name: &str, path: &Path) -> Result<()> {
 /// The endings of models for a message.
 fn endings() -> String {
     World::MODELS.map(|ending| format!(".{ending}")).join(", ")
+}
+
+/// Whether the ending is that of a scene file or a model.
+fn is_readable(path: &Path) -> bool {
+    path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("toml")) || format_of(path).is_some()
 }
 
 fn format_of(path: &Path) -> Option<MeshLoader> {
