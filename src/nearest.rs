@@ -51,7 +51,7 @@ mod tests {
     fn likely_files_are_found() {
         let folder = tempfile::tempdir().unwrap();
         let path = |name: &str| folder.path().join(name);
-        ["cornell.toml", "spot.obj", "spot.mtl"].map(|name| fs::write(path(name), "").unwrap());
+        ["cornell.toml", "spot.obj", "spot.mtl"].iter().for_each(|name| fs::write(path(name), "").unwrap());
         for (name, meant) in [
             ("cornell.tml", Some("cornell.toml")),
             ("spto.obj", Some("spot.obj")),

@@ -64,6 +64,9 @@ pub struct BakeRequest {
 pub struct SceneRequest {
     /// A scene file (`.toml`) or a model.
     pub path: PathBuf,
+    /// The bytes of that file, if it is not to be read.
+    #[serde(skip)]
+    pub bytes: Option<Vec<u8>>,
     /// A lat-long picture that replaces the scene's environment.
     pub environment: Option<PathBuf>,
     /// The scene may name files outside its folder.
@@ -100,7 +103,17 @@ impl SceneRequest {
         let (camera, scene) = (self.camera.clone(), self.scene.clone());
         World::load_with(
             &self.path,
-            LoadOptions { environment, files, unlit: !needs_light, no_default_light, strict, flip, camera, scene },
+            LoadOptions {
+                environment,
+                files,
+                unlit: !needs_light,
+                no_default_light,
+                strict,
+                flip,
+                camera,
+                scene,
+                bytes: self.bytes.clone(),
+            },
         )
     }
 

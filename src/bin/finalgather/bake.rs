@@ -12,6 +12,7 @@ use finalgather::settings::PhotonMapKind;
 use serde::Deserialize;
 
 use crate::args::{DeviceArgs, JobArgs, Overrides, checked, choose_photon_map, count, named, side};
+use crate::streams::ToStdout;
 use crate::{report, terminal};
 
 /// Texels along a side of a light map, where nothing else is said.
@@ -34,7 +35,7 @@ const OF_PICTURES: [(&str, &str); 5] = [
 #[command(after_long_help = include_str!("help/bake.txt"), args_override_self = true, allow_negative_numbers = true)]
 #[command(mut_args(|arg| if OF_PICTURES.iter().any(|(key, _)| arg.get_id() == *key && *key != "size") { arg.hide(true) } else { arg }))]
 pub struct BakeArgs {
-    /// Scene file (.toml) or model (.obj with its .mtl, .glb, .gltf, .ply, .stl)
+    /// Scene file (.toml) or model (.obj with its .mtl, .glb, .gltf, .ply, .stl). - is stdin
     scene: PathBuf,
 
     /// Where to bake: vertices, lightmap, camera (one point in each pixel) or points:FILE (.ply, .npy or .csv, in world space); can be given several times
@@ -45,7 +46,7 @@ pub struct BakeArgs {
     #[arg(long, value_name = "QUANTITY", default_value = "irradiance", value_delimiter = ',', value_parser = named::<Quantity>(&["irradiance", "ao", "bent-normal", "sky", "sh", "prt", "prt-unshadowed"]), hide_possible_values = true)]
     what: Vec<Quantity>,
 
-    /// File to write; can be given several times. With several receivers, put the receiver's name before it, as in vertices:box.ply. The formats of each receiver are listed below
+    /// File to write; can be given several times. With several receivers, put the receiver's name before it, as in vertices:box.ply. ENDING:-, as in ply:-, is stdout. The formats of each receiver are listed below
     #[arg(short, long = "output", value_name = "[RECEIVER:]FILE", required = true)]
     outputs: Vec<String>,
 
@@ -121,7 +122,8 @@ enum RadianceChoice {
 }
 
 /// Returns the exit code.
-pub fn run(args: BakeArgs) -> Result<u8> {
+pub fn run(mut args: BakeArgs) -> Result<u8> {
+    let stdout = ToStdout::of(&mut args.outputs, None, args.json)?;
     let BakeArgs { to: receivers, order, gather_bounces, ao_distance, radiance_cache, uvs, padding, samples_per_texel, .. } =
         args;
     // The part of a shard may have the name of a receiver before it, as a result has.
@@ -129,7 +131,10 @@ pub fn run(args: BakeArgs) -> Result<u8> {
         Some((name, path)) if receivers.iter().any(|receiver| receiver.name() == name) => path.into(),
         _ => PathBuf::from(output),
     };
-    let keeping = args.job.keeping(&args.outputs.iter().map(path).collect::<Vec<_>>())?;
+    let mut keeping = args.job.keeping(&args.outputs.iter().map(path).collect::<Vec<_>>())?;
+    if stdout.is_some() {
+        ToStdout::keep(&mut keeping)?;
+    }
     let is_shard = keeping.shard.is_some();
     let outputs = if is_shard { vec![Vec::new(); receivers.len()] } else { outputs_of(&receivers, &args.outputs)? };
     // Removes repeated quantities.
@@ -159,7 +164,7 @@ pub fn run(args: BakeArgs) -> Result<u8> {
     });
     let work = Work::Bake(BakeRequest { receivers, plan, light_map, per: args.per });
     let request = JobRequest { scene, work, outputs, memory: args.memory, device };
-    terminal::run(Job::new(request, &keeping)?, args.json)
+    terminal::run(Job::new(request, &keeping)?, args.json, stdout)
 }
 
 fn bands(text: &str) -> Result<usize, String> {

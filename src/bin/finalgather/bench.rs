@@ -64,9 +64,9 @@ pub struct BenchArgs {
 
 /// Returns the exit code.
 pub fn run(args: &BenchArgs) -> Result<u8> {
-    let mut terminal = Terminal::new(None)?;
+    let mut terminal = Terminal::new(Vec::new())?;
     let file = args.scene.clone().map_or_else(default_scene, Ok)?;
-    let Loaded { world, mut settings, report } = args.files.scene(&file).load(true)?;
+    let Loaded { world, mut settings, report } = args.files.scene(&file)?.load(true)?;
     report.warnings.iter().for_each(|warning| terminal.say(&format!("warning: {warning}")));
     // A round has few directions. But its layers must be as large as in a render.
     settings.gather.layer_size = args.layer_size.unwrap_or(settings.gather.layer_size);

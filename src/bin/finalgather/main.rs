@@ -3,10 +3,10 @@
 use std::env;
 use std::os::unix::process::CommandExt;
 use std::path::Path;
-use std::process::{Command, ExitCode};
+use std::process::ExitCode;
 
 use clap::error::ErrorKind;
-use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
+use clap::{Arg, Command, CommandFactory, FromArgMatches, Parser, Subcommand};
 use finalgather::error::{Error, Result};
 
 mod about_scene;
@@ -23,6 +23,7 @@ mod render;
 mod report;
 mod scene_file;
 mod shell;
+mod streams;
 mod summary;
 mod terminal;
 #[cfg(feature = "window")]
@@ -60,7 +61,7 @@ enum ToolCommand {
 }
 
 fn main() -> ExitCode {
-    let matches = Args::command().color(report::color_of(env::args_os())).try_get_matches().unwrap_or_else(|error| {
+    let matches = brief(Args::command()).color(report::color_of(env::args_os())).try_get_matches().unwrap_or_else(|error| {
         if let Some(scene) = scene_without_command(&error) {
             report::say(&format!("error: {scene}: which command?\n  cure: finalgather render {scene}"));
             std::process::exit(2);
@@ -102,6 +103,19 @@ fn main() -> ExitCode {
     }
 }
 
+/// Shortens the help of `-h` to the first sentence of each option. `--help` has all.
+fn brief(tool: Command) -> Command {
+    let of_argument = |argument: Arg| {
+        let Some(whole) = argument.get_help().filter(|_| argument.get_long_help().is_none()).map(ToString::to_string) else {
+            return argument;
+        };
+        let Some((first, rest)) = whole.split_once(". ") else { return argument };
+        let default = rest.rfind("[default:").map_or(String::new(), |start| format!(" {}", &rest[start..]));
+        argument.help(format!("{first}{default}")).long_help(whole)
+    };
+    tool.mut_subcommands(|command| command.mut_args(of_argument))
+}
+
 /// The file that stands in the place of a command.
 fn scene_without_command(error: &clap::Error) -> Option<String> {
     let first = (error.kind() == ErrorKind::InvalidSubcommand).then(|| env::args().nth(1))??;
@@ -118,7 +132,7 @@ fn limit_threads(count: usize) -> Result<()> {
         return Ok(());
     }
     let error = match env::current_exe() {
-        Ok(program) => Command::new(program).args(env::args_os().skip(1)).envs(wanted).exec(),
+        Ok(program) => std::process::Command::new(program).args(env::args_os().skip(1)).envs(wanted).exec(),
         Err(error) => error,
     };
     Err(Error::usage(format!("--threads: the program cannot begin again: {error}"), "set RAYON_NUM_THREADS and LP_NUM_THREADS"))

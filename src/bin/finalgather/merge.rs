@@ -28,5 +28,5 @@ pub struct MergeArgs {
 
 /// Returns the exit code.
 pub fn run(args: &MergeArgs) -> Result<u8> {
-    finalgather::job::merge(&args.parts, &args.outputs, args.exposure, &mut Terminal::new(None)?).map(|()| 0)
+    finalgather::job::merge(&args.parts, &args.outputs, args.exposure, &mut Terminal::new(Vec::new())?).map(|()| 0)
 }

@@ -77,6 +77,8 @@ pub struct LoadOptions {
     /// Swaps the fronts and backs of all surfaces, as [`Mesh::turn`](super::Mesh::turn) does. A scene file can ask for it too.
     pub flip: bool,
     pub files: Files,
+    /// The bytes of the scene file or model itself, if they are not to be read from its path.
+    pub bytes: Option<Vec<u8>>,
 }
 
 /// Input for all formats, and the results that they share.
@@ -138,11 +140,11 @@ impl World {
     /// # Errors
     /// As [`Self::load`].
     pub fn load_with(path: &Path, mut options: LoadOptions) -> Result<Loaded> {
-        if !matches!(options.files, Files::Memory(_)) {
+        if options.bytes.is_none() && !matches!(options.files, Files::Memory(_)) {
             Self::check_path(path)?;
         }
         let (environment, scene) = (options.environment.take(), options.scene.take());
-        let reader = Reader::new(path, &options.files);
+        let reader = Reader::new(path, &options.files).with_bytes(options.bytes.as_deref());
         let textures = Textures::new(&reader);
         let warnings = Warnings::new(options.strict);
         let mut loader = Loader { reader: &reader, textures, warnings, environment, flip: options.flip, scene };
@@ -152,6 +154,10 @@ impl World {
         match loaded {
             Ok((mut world, settings)) => {
                 world.textures = textures.list;
+                if options.bytes.is_some() {
+                    // It cannot be read again to add results.
+                    world.gltf = None;
+                }
                 Ok(Loaded { world, settings, report: LoadReport { warnings, files: reader.into_done() } })
             }
             Err(error) => Err(error.after(warnings)),

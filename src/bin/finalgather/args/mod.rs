@@ -14,6 +14,8 @@ use finalgather::settings::{Estimator, LayerSize, PhotonMapKind, Pipeline, Point
 use serde::Serialize;
 use serde_json::Value;
 
+use crate::streams::{self, STREAM};
+
 pub use values::{auto_or, checked, count, named, side, size, stops};
 use values::{name, number, setting};
 
@@ -158,11 +160,19 @@ pub struct SceneArgs {
 }
 
 impl SceneArgs {
-    /// The scene with its own settings.
-    pub fn scene(&self, path: &Path) -> SceneRequest {
+    /// The scene with its own settings. `-` is read from stdin.
+    ///
+    /// # Errors
+    /// [`Error::Input`] when stdin cannot be read or is empty.
+    pub fn scene(&self, path: &Path) -> Result<SceneRequest> {
         let Self { allow_outside, flip, strict, no_default_light, ref camera, ref gltf_scene } = *self;
-        SceneRequest {
-            path: path.to_owned(),
+        let (path, bytes) = match path == Path::new(STREAM) {
+            true => streams::scene().map(|(path, bytes)| (path, Some(bytes)))?,
+            false => (path.to_owned(), None),
+        };
+        Ok(SceneRequest {
+            path,
+            bytes,
             allow_outside,
             flip,
             strict,
@@ -170,7 +180,7 @@ impl SceneArgs {
             camera: camera.clone(),
             scene: gltf_scene.clone(),
             ..SceneRequest::default()
-        }
+        })
     }
 }
 
@@ -229,6 +239,6 @@ impl Overrides {
             _ => unreachable!("options are plain values with names"),
         };
         settings.retain(|_, value| !value.is_null());
-        Ok(SceneRequest { environment: self.env.clone(), settings, ..self.files.scene(path) })
+        Ok(SceneRequest { environment: self.env.clone(), settings, ..self.files.scene(path)? })
     }
 }

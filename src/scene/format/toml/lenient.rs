@@ -88,7 +88,9 @@ fn number(value: &DeValue) -> Option<String> {
     let float = text.parse::<f64>().ok()?;
     match value {
         DeValue::Integer(_) => None,
-        _ if float.fract() == 0.0 && float.abs() < INEXACT && !(float == 0.0 && float.is_sign_negative()) => Some((float as i64).to_string()),
+        _ if float.fract() == 0.0 && float.abs() < INEXACT && !(float == 0.0 && float.is_sign_negative()) => {
+            Some((float as i64).to_string())
+        }
         DeValue::String(_) => Some(text),
         _ => None,
     }
