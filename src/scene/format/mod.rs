@@ -207,16 +207,14 @@ impl<'a> Loader<'a> {
 
     /// Gives a world without light a sky, or refuses it.
     fn light(&mut self, world: &mut World, path: &Path, options: &LoadOptions) -> Result<()> {
-        let problem = "no light: no material in use emits (Ke, emission), and there is no environment that is not black";
+        let problem = "no light: no material in use emits, and there is no environment that is not black";
         if !world.gets_sky(options.strict, options.no_default_light) {
             let cure = "give a material that the model uses Ke in the MTL file, or emission under [materials.NAME] in a scene file; or an \
                         environment, as [environment] in a scene file or by --env";
             return Err(Error::input(path, None, problem, cure));
         }
         world.environment = Some(Environment::soft_sky());
-        self.warnings.say(format!(
-            "{problem}; a soft sky is added, of radiance 1 at the horizon (--no-default-light refuses such a scene)"
-        ));
+        self.warnings.say(format!("{}: it has no light, so a soft sky lights it (--env FILE is another)", path.display()));
         Ok(())
     }
 
@@ -236,11 +234,11 @@ impl<'a> Loader<'a> {
                 Err(Error::input(path, None, format!("none of the {total} triangles has an area"), cure))
             }
             1 => {
-                self.warnings.say(format!("1 of {total} triangles has no area and was skipped"));
+                self.warnings.say(format!("{}: 1 of {total} triangles has no area and was skipped", path.display()));
                 Ok(())
             }
             _ => {
-                self.warnings.say(format!("{skipped} of {total} triangles have no area and were skipped"));
+                self.warnings.say(format!("{}: {skipped} of {total} triangles have no area and were skipped", path.display()));
                 Ok(())
             }
         }
