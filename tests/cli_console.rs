@@ -25,7 +25,18 @@ fn the_last_line_says_what_was_made() {
         assert!(said.contains(part), "{part:?}: {said}");
     }
     fs::write(folder.path().join("m.obj"), MODEL).unwrap();
-    let said = stderr(&success(tool(&folder).args(["bake", "m.obj", "--to", "vertices", "--what", "ao", "--directions", "8", "-o", "m.ply"])));
+    let said = stderr(&success(tool(&folder).args([
+        "bake",
+        "m.obj",
+        "--to",
+        "vertices",
+        "--what",
+        "ao",
+        "--directions",
+        "8",
+        "-o",
+        "m.ply",
+    ])));
     let last = said.lines().last().unwrap();
     assert!(last.starts_with("m.ply: 3 points of vertices, 8 directions, "), "{said}");
     assert!(last.ends_with(", 1 warning"), "{said}");
@@ -35,7 +46,8 @@ fn the_last_line_says_what_was_made() {
 fn less_and_more_is_said() {
     let folder = folder();
     fs::write(folder.path().join("m.obj"), MODEL).unwrap();
-    let say = |options: &[&str]| stderr(&success(tool(&folder).args(["render", "m.obj", "-o", "m.png"]).args(QUICK).args(options)));
+    let say =
+        |options: &[&str]| stderr(&success(tool(&folder).args(["render", "m.obj", "-o", "m.png"]).args(QUICK).args(options)));
     let usual = say(&[]);
     assert!(usual.contains("warning: m.obj: 1 of 2 triangles has no area"), "{usual}");
     let quiet = say(&["-q"]);
@@ -70,7 +82,11 @@ fn progress_is_one_line_of_a_terminal() {
     }
     let folder = folder();
     let scene = small_scene(folder.path());
-    let command = format!("stty cols 80; {} render {} -o a.png --size 64 --directions 256", env!("CARGO_BIN_EXE_finalgather"), scene.display());
+    let command = format!(
+        "stty cols 80; {} render {} -o a.png --size 64 --directions 256",
+        env!("CARGO_BIN_EXE_finalgather"),
+        scene.display()
+    );
     let output = success(Command::new("script").args(["-qec", &command, "/dev/null"]).current_dir(&folder).env("TERM", "xterm"));
     let shown = text(&output.stdout);
     // Each state of the line begins after a carriage return or a control sequence.
@@ -115,7 +131,7 @@ fn help_is_short_and_of_the_command() {
     let help = |options: &[&str]| text(&success(tool(&folder).args(options)).stdout);
     let (short, long) = (help(&["render", "-h"]), help(&["render", "--help"]));
     assert!(2 * short.lines().count() < long.lines().count(), "{short}");
-    for option in ["--sequence", "--backend", "--shard", "Exit codes"] {
+    for option in ["--sequence", "--backend", "--checkpoint-every", "Exit codes"] {
         assert!(long.contains(option) && !short.contains(option), "{option}: {short}");
     }
     let bake = help(&["bake", "--help"]);

@@ -21,8 +21,7 @@ fn piped(folder: &Path, name: &str) -> Command {
 fn a_render_is_a_filter() {
     let folder = folder();
     small_scene(folder.path());
-    let file = |ending: &str| format!("a.{ending}");
-    success(tool(&folder).args(["render", "small.toml", "-o", &file("png"), "-o", &file("exr")]).args(QUICK));
+    success(tool(&folder).args(["render", "small.toml", "-o", "a.png", "-o", "a.exr"]).args(QUICK));
     let sent = success(piped(folder.path(), "small.toml").args(["render", "-"]).args(QUICK));
     assert!(sent.stdout == bytes(&folder, "a.png"));
     assert!(stderr(&sent).starts_with("stdout: 16x16, "), "{}", stderr(&sent));
@@ -39,10 +38,10 @@ fn a_bake_is_a_filter() {
     let folder = folder();
     fs::write(folder.path().join("m.obj"), "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
     let bake = ["bake", "-", "--to", "vertices", "--what", "ao", "--directions", "8"];
-    let sent = success(piped(folder.path(), "m.obj").args(bake).args(["-o", "ply:-"])).stdout;
-    success(tool(&folder).args(["bake", "m.obj"]).args(&bake[2..]).args(["-o", "m.ply"]));
-    assert!(sent == bytes(&folder, "m.ply"));
-    assert!(success(piped(folder.path(), "m.obj").args(bake).args(["-o", "vertices:ply:-"])).stdout == sent);
+    let sent = success(piped(folder.path(), "m.obj").args(bake).args(["-o", "npy:-"])).stdout;
+    success(tool(&folder).args(["bake", "m.obj"]).args(&bake[2..]).args(["-o", "m.npy"]));
+    assert!(sent == bytes(&folder, "m.npy"));
+    assert!(success(piped(folder.path(), "m.obj").args(bake).args(["-o", "vertices:npy:-"])).stdout == sent);
     let about = json(piped(folder.path(), "m.obj").args(["info", "-", "--json"]));
     assert_eq!((&about["file"], &about["triangles"]), (&"stdin.obj".into(), &1.into()));
 }
@@ -82,8 +81,11 @@ fn init_writes_a_scene_that_renders_as_the_model() {
     let written = text(&bytes(&folder, "cornell.toml"));
     let (head, body) = written.split_once('\n').unwrap();
     assert!(head.starts_with("# ") && body.contains("# [materials.white]\n# albedo = [0.725, 0.71, 0.68]\n"), "{written}");
-    let used: String = body.lines().filter(|line| !line.contains("sky")).map(|line| format!("{}\n", line.trim_start_matches("# "))).collect();
-    let used = used.replace("Light from outside, beside that of materials that emit.\n", "").replace("Materials, with the values of the model.\n", "");
+    let used: String =
+        body.lines().filter(|line| !line.contains("sky")).map(|line| format!("{}\n", line.trim_start_matches("# "))).collect();
+    let used = used
+        .replace("Light from outside, beside that of materials that emit.\n", "")
+        .replace("Materials, with the values of the model.\n", "");
     fs::write(path("used.toml"), used).unwrap();
     success(tool(&folder).args(["render", "used.toml", "-o", "used.png"]).args(QUICK));
 

@@ -76,7 +76,14 @@ fn faults_are_shown_with_what_was_meant() {
              cure: put it there, or correct its name",
         ),
     ] {
-        let folder_free = |text: String| text.split(' ').map(|word| Path::new(word).file_name().filter(|_| word.starts_with('/')).map_or(word, |name| name.to_str().unwrap())).collect::<Vec<_>>().join(" ");
+        let folder_free = |text: String| {
+            text.split(' ')
+                .map(|word| {
+                    Path::new(word).file_name().filter(|_| word.starts_with('/')).map_or(word, |name| name.to_str().unwrap())
+                })
+                .collect::<Vec<_>>()
+                .join(" ")
+        };
         assert_eq!(folder_free(refused(scene)), message);
     }
     assert!(refused("[settings]\n").contains("it names no model\n  cure: begin it with mesh"), "{}", refused("[settings]\n"));

@@ -8,12 +8,12 @@ use crate::nearest::nearest;
 
 /// The text of a scene file, to say where something stands.
 #[derive(Clone, Copy)]
-pub struct Source<'a> {
+pub struct SceneText<'a> {
     pub path: &'a Path,
     pub text: &'a str,
 }
 
-impl<'a> Source<'a> {
+impl<'a> SceneText<'a> {
     /// The line of a place, from 1.
     pub fn line(self, span: &Range<usize>) -> usize {
         self.before(span).matches('\n').count() + 1
@@ -28,8 +28,11 @@ impl<'a> Source<'a> {
     pub fn refused(self, fault: &toml::de::Error) -> Error {
         let (problem, cure) = explanation(fault.message().trim_end());
         match fault.span() {
-            Some(span) if span.start < self.text.len() => self.error(&span, &problem, &cure),
-            _ => Error::input(self.path, None, problem, cure),
+            // What is missing has no place.
+            Some(span) if span.start < self.text.len() && !fault.message().starts_with("missing") => {
+                self.error(&span, &problem, &cure)
+            }
+            span => Error::input(self.path, span.map(|span| self.line(&span)), problem, cure),
         }
     }
 

@@ -41,7 +41,7 @@ use serde::Deserialize;
 use toml::Spanned;
 use toml::de::DeTable;
 
-use fault::Source;
+use fault::SceneText;
 
 use super::{Loader, Unread, beside, format_of, names, obj};
 use crate::error::{Error, Result};
@@ -111,7 +111,7 @@ pub fn load(loader: &mut Loader, path: &Path) -> Result<(World, Settings)> {
     let bytes = reader.read_named(path, MOST_WORDS).map_err(|unread| unread.error(path, None, "this scene file", cure))?;
     let text = std::str::from_utf8(&bytes)
         .map_err(|error| Error::input(path, None, format!("this scene file is not UTF-8: {error}"), cure))?;
-    let source = Source { path, text };
+    let source = SceneText { path, text };
     let error = |span: Range<usize>, problem: String, cure: &str| source.error(&span, &problem, cure);
     let mut table = DeTable::parse(text).map_err(|fault| source.refused(&fault))?;
     let replacements = lenient::replacements(table.get_ref());
