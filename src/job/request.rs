@@ -19,7 +19,7 @@ use crate::image::check_writable;
 use crate::points::LightMapOptions;
 use crate::quantity::Quantity;
 use crate::render::{blocks_of, memory_of};
-use crate::scene::{Environment, Files, LoadOptions, Loaded, Material, World};
+use crate::scene::{CameraChange, Environment, Files, LoadOptions, Loaded, Material, World};
 use crate::settings::{PointSource, Settings};
 
 /// A job. Parts of a bake contain it, because a merge makes the receivers again.
@@ -79,6 +79,9 @@ pub struct SceneRequest {
     pub camera: Option<String>,
     #[serde(default)]
     pub scene: Option<String>,
+    /// Replaces parts of the camera.
+    #[serde(default)]
+    pub view: CameraChange,
     /// Settings that replace the scene's, by their keys in scene files.
     pub settings: Map<String, Value>,
 }
@@ -92,16 +95,23 @@ pub struct DeviceRequest {
 
 impl SceneRequest {
     /// # Errors
-    /// [`Error::Input`] when a file cannot be used, or `needs_light` and nothing emits light.
+    /// [`Error::Input`] when a file cannot be used, or `needs_light` and nothing emits light; [`Error::Usage`] when the camera or a setting is unusable.
     pub fn load(&self, needs_light: bool) -> Result<Loaded> {
         let environment = self.environment.as_deref().map(Environment::load).transpose()?;
         let files = if self.allow_outside { Files::Anywhere } else { Files::Folder };
         let &Self { strict, no_default_light, flip, .. } = self;
         let (camera, scene) = (self.camera.clone(), self.scene.clone());
-        World::load_with(
+        let mut loaded = World::load_with(
             &self.path,
             LoadOptions { environment, files, unlit: !needs_light, no_default_light, strict, flip, camera, scene },
-        )
+        )?;
+        if self.view != CameraChange::default() {
+            let size = self.settings(&loaded.settings)?.film.size;
+            let camera = loaded.world.changed_camera(size, &self.view).check();
+            let camera = camera.map_err(|(problem, cure)| Error::usage(problem, cure))?;
+            loaded.world.cameras.insert(0, ("options".to_owned(), camera));
+        }
+        Ok(loaded)
     }
 
     /// Returns `of_scene`, changed by [`Self::settings`].

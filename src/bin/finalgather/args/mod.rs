@@ -10,12 +10,14 @@ use finalgather::blocks::Shard;
 use finalgather::error::{Error, Result};
 use finalgather::gpu::{Backend, DeviceChoice};
 use finalgather::job::{DeviceRequest, Keeping, SceneRequest};
+use finalgather::scene::CameraChange;
 use finalgather::settings::{Estimator, LayerSize, PhotonMapKind, Pipeline, PointSource, Sequence, Squares};
+use glam::DVec3;
 use serde::Serialize;
 use serde_json::Value;
 
 pub use values::{auto_or, checked, count, named, size, stops};
-use values::{name, setting};
+use values::{name, setting, vector};
 
 /// The source of OpenGL.
 #[derive(Clone, Copy, Debug, clap::Args)]
@@ -106,6 +108,55 @@ pub struct Overrides {
     #[command(flatten)]
     #[serde(skip)]
     files: SceneArgs,
+
+    #[command(flatten)]
+    #[serde(skip)]
+    pub view: CameraArgs,
+}
+
+/// Parts of the camera. Each replaces only its own.
+#[derive(Clone, Copy, Debug, clap::Args)]
+#[command(next_help_heading = "Camera")]
+pub struct CameraArgs {
+    /// Where the camera is, in the scene's units [default: as the scene says, else where the whole model fills the picture]
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = vector)]
+    eye: Option<[f64; 3]>,
+
+    /// What it looks at [default: as the scene says, else the middle of the model]
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = vector)]
+    target: Option<[f64; 3]>,
+
+    /// Its full vertical angle of view [default: as the scene says, else 40]
+    #[arg(long, value_name = "DEGREES")]
+    fov: Option<f32>,
+
+    /// The direction that points up in the picture. 0,0,1 for a model whose z axis points up [default: as the scene says, else 0,1,0]
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = vector)]
+    up: Option<[f64; 3]>,
+}
+
+impl CameraArgs {
+    /// The scene seen so.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] when the angle of view is infinite or NaN, which a stored request cannot be.
+    pub fn choose(self, scene: SceneRequest) -> Result<SceneRequest> {
+        if let Some(fov) = self.fov.filter(|fov| !fov.is_finite()) {
+            return Err(Error::usage(format!("fov is {fov}"), "give an angle between 0 and 180 degrees"));
+        }
+        let view = CameraChange {
+            eye: self.eye.map(DVec3::from),
+            target: self.target.map(DVec3::from),
+            up: self.up.map(|up| DVec3::from(up).as_vec3()),
+            fov_y_degrees: self.fov,
+        };
+        Ok(SceneRequest { view, ..scene })
+    }
+
+    /// Whether any part is given.
+    pub fn is_given(&self) -> bool {
+        self.eye.is_some() || self.target.is_some() || self.fov.is_some() || self.up.is_some()
+    }
 }
 
 /// The photon map of a picture. Bakes choose it by --radiance-cache.
@@ -229,6 +280,6 @@ impl Overrides {
             _ => unreachable!("options are plain values with names"),
         };
         settings.retain(|_, value| !value.is_null());
-        Ok(SceneRequest { environment: self.env.clone(), settings, ..self.files.scene(path) })
+        self.view.choose(SceneRequest { environment: self.env.clone(), settings, ..self.files.scene(path) })
     }
 }

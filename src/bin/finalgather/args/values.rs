@@ -54,6 +54,17 @@ pub fn stops(text: &str) -> Result<f32, String> {
     checked(text, |stops: &f32| stops.is_finite(), "not a number of stops such as -1.5")
 }
 
+/// Parses three finite numbers with commas between them.
+pub fn vector(text: &str) -> Result<[f64; 3], String> {
+    let numbers: Vec<f64> =
+        text.split(',').filter_map(|number| number.trim().parse().ok()).filter(|number: &f64| number.is_finite()).collect();
+    let whole = text.split(',').count() == numbers.len();
+    <[f64; 3]>::try_from(numbers)
+        .ok()
+        .filter(|_| whole)
+        .ok_or_else(|| "not three numbers with commas between them, such as 0,1.5,-3".into())
+}
+
 /// Parses "auto" or a whole number.
 pub fn auto_or<T: Default>(text: &str, number: fn(u32) -> T) -> Result<T, String> {
     if text == "auto" { Ok(T::default()) } else { count(text).map(number).map_err(|error| format!("{error}, nor auto")) }
@@ -80,6 +91,14 @@ mod tests {
             assert!(count::<u64>(text).is_err(), "{text}");
         }
         assert_eq!(count::<u32>("5e9"), Err("too large".into()));
+    }
+
+    #[test]
+    fn vectors() {
+        assert_eq!(vector("1,-2.5, 1e3"), Ok([1.0, -2.5, 1000.0]));
+        for text in ["", "1,2", "1,2,3,4", "1,,3,4", "1,2,nan", "1,2,inf", "1 2 3"] {
+            assert!(vector(text).is_err(), "{text}");
+        }
     }
 
     #[test]
