@@ -11,10 +11,12 @@ mod bake;
 mod bench;
 mod compare;
 mod info;
+mod init;
 mod merge;
 mod relight;
 mod render;
 mod report;
+mod scene_file;
 mod terminal;
 #[cfg(feature = "window")]
 mod view;
@@ -38,6 +40,7 @@ enum ToolCommand {
     Merge(merge::MergeArgs),
     Bench(bench::BenchArgs),
     Info(info::InfoArgs),
+    Init(init::InitArgs),
 }
 
 fn main() -> ExitCode {
@@ -58,6 +61,7 @@ fn main() -> ExitCode {
         ToolCommand::Merge(args) => merge::run(&args),
         ToolCommand::Bench(args) => bench::run(&args),
         ToolCommand::Info(args) => info::run(&args),
+        ToolCommand::Init(args) => init::run(&args),
     });
     match outcome {
         Ok(code) => ExitCode::from(code),
