@@ -1,18 +1,20 @@
-//! What makes a picture please at once: the camera.
+//! What makes a picture please at once: camera, exposure, background, ground and clay.
 
 mod common;
 
 use std::fs;
 use std::path::PathBuf;
+use std::process::Command;
 
 use finalgather::image::Image;
 use finalgather::job::SceneRequest;
 use finalgather::scene::{CameraChange, WorldCamera};
 use glam::{DVec3, Vec3, dvec3};
-use serde_json::Value;
+use image::DynamicImage;
+use serde_json::{Value, json};
 use tempfile::TempDir;
 
-use common::tool::{bytes, cornell_with, folder, json, refusal, stderr, success, tool};
+use common::tool::{self, bytes, cornell_with, folder, refusal, scene, stderr, success, tool};
 
 /// A roof over a corner: no two of its sides are equally far from its middle.
 const MODEL: &str = "v 0 0 0\nv 5 0 1\nv 1 3 0\nv 0 1 -2\nf 1 2 3\nf 1 3 4\nf 2 3 4\n";
@@ -125,6 +127,179 @@ fn shards_have_the_camera() {
     success(tool(&folder).args(["merge", "1.part", "2.part", "-o", "merged.exr"]));
     assert!(bytes(&folder, "whole.exr") == bytes(&folder, "merged.exr"));
     let bench = ["bench", "model.obj", "--size", "8", "--directions", "4", "--rounds", "1", "--pipelines", "raycast", "--json"];
-    let points = |args: &[&str]| json(tool(&folder).args(bench).args(args))["settings"]["points"].clone();
+    let points = |args: &[&str]| tool::json(tool(&folder).args(bench).args(args))["settings"]["points"].clone();
     assert!(points(&["--fov", "60", "--target", "0,3,0", "--eye", "1,2,9"]).as_u64() < points(&[]).as_u64());
+}
+
+/// Renders `scene` small, with these further arguments.
+fn render(folder: &TempDir, scene: &str, args: &[&str]) -> Command {
+    let mut command = tool(folder);
+    command.args(["render", scene, "--size", "32", "--directions", "64", "--photons", "1e4"]).args(args);
+    command
+}
+
+fn rgba(folder: &TempDir, name: &str) -> DynamicImage {
+    image::open(folder.path().join(name)).unwrap()
+}
+
+/// A bare model under the soft sky has what a picture needs to please; what scene files say stays.
+#[test]
+fn bare_models_please_and_scene_files_stay() {
+    let folder = folder();
+    model(&folder);
+    fs::write(folder.path().join("scene.toml"), "mesh = 'model.obj'").unwrap();
+    let report = tool::json(&mut render(&folder, "model.obj", &["-o", "a.png", "-o", "a.exr", "--json"]));
+    let stops = report["exposure"].as_f64().unwrap() as f32;
+    assert_eq!(
+        [&report["settings"]["exposure"], &report["settings"]["background"], &report["settings"]["ground"]],
+        [&json!("auto"), &json!("transparent"), &json!(true)]
+    );
+    let image = Image::read(&folder.path().join("a.exr")).unwrap();
+    assert_eq!(image.automatic_exposure(), stops);
+    // Alpha is the coverage and the shadow.
+    let seen = image.channel("A").unwrap().iter().zip(image.channel("Shadow").unwrap());
+    let alpha: Vec<u8> = seen.map(|(cover, shadow)| (255.0 * (cover + shadow)).round() as u8).collect();
+    assert!(alpha.iter().any(|&alpha| alpha == 255) && alpha.iter().any(|&alpha| (20..200).contains(&alpha)));
+    let DynamicImage::ImageRgba8(picture) = rgba(&folder, "a.png") else { panic!("no alpha channel") };
+    assert_eq!(picture.pixels().map(|pixel| pixel[3]).collect::<Vec<_>>(), alpha);
+
+    let report = tool::json(&mut render(&folder, "scene.toml", &["-o", "b.png", "-o", "b.exr", "--json"]));
+    assert_eq!((&report["exposure"], &report["settings"]["ground"]), (&json!(0.0), &json!(false)));
+    assert!(matches!(rgba(&folder, "b.png"), DynamicImage::ImageRgb8(_)));
+    // The surfaces are the same: the ground takes no light.
+    let plain = Image::read(&folder.path().join("b.exr")).unwrap();
+    for name in ["R", "G", "B", "A", "Direct.R", "Indirect.G", "Environment.B", "P.X"] {
+        assert!(plain.channel(name) == image.channel(name), "{name}");
+    }
+    assert!(plain.channel("Shadow").is_none());
+    // The options repeat it, with a number for the exposure.
+    let stops = stops.to_string();
+    let same = ["--exposure", &stops, "--background", "transparent", "--ground", "on", "-o", "c.png"];
+    success(&mut render(&folder, "scene.toml", &same));
+    assert!(bytes(&folder, "a.png") == bytes(&folder, "c.png"));
+}
+
+/// What a plate hides of an even sky is a form factor.
+#[test]
+fn the_ground_catches_what_is_taken_of_its_light() {
+    let folder = folder();
+    // A small triangle at the foot makes the ground lie 1 below the plate.
+    let plate = "v -1 1 -1\nv 1 1 -1\nv 1 1 1\nv -1 1 1\nf 1 2 3\nf 1 3 4\nv 5 0 -5\nv 5.01 0 -5\nv 5 .01 -5\nf 5 6 7\n";
+    fs::write(folder.path().join("plate.obj"), format!("mtllib plate.mtl\nusemtl black\n{plate}")).unwrap();
+    fs::write(folder.path().join("plate.mtl"), "newmtl black\nKd 0 0 0\n").unwrap();
+    let scene =
+        "mesh = 'plate.obj'\nenvironment = { radiance = [2, 2, 2] }\ncamera = { eye = [0, 0.6, 9], target = [0, 0, 0] }\n";
+    fs::write(folder.path().join("plate.toml"), scene).unwrap();
+    // A point under a corner of a rectangle a x b at height 1.
+    let corner = |a: f64, b: f64| {
+        let part = |a: f64, b: f64| a / (1.0 + a * a).sqrt() * (b / (1.0 + a * a).sqrt()).atan();
+        (part(a, b) + part(b, a)) / std::f64::consts::TAU
+    };
+    let hidden = |x: f64, z: f64| {
+        let sides = |at: f64| [(1.0 - at).abs().copysign(1.0 - at), (1.0 + at).abs().copysign(1.0 + at)];
+        let parts = sides(x).into_iter().flat_map(|a| sides(z).map(|b| corner(a.abs(), b.abs()) * a.signum() * b.signum()));
+        parts.sum::<f64>()
+    };
+    // Layers show outlines half a texel too large.
+    for (how, bias) in [(&["--pipeline", "fused"][..], 0.02), (&["--pipeline", "raycast-gl", "--interleave", "2"], 0.005)] {
+        let args = ["--ground", "on", "--size", "33", "--directions", "2048", "--fov", "4", "-o", "plate.exr"];
+        success(&mut render(&folder, "plate.toml", &[&args[..], how].concat()));
+        let image = Image::read(&folder.path().join("plate.exr")).unwrap();
+        let shadow = image.channel("Shadow").unwrap();
+        let (mut most, mut sum, mut count) = (0.0_f64, 0.0, 0);
+        for pixel in 0..33 * 33 {
+            // The middle of the pixel on the ground, 9 from the eye.
+            let [across, up] = [pixel % 33, pixel / 33].map(|at| (at as f64 - 16.0) / 16.5 * 2_f64.to_radians().tan());
+            let (forward, right) = (dvec3(0.0, -0.6, -9.0).normalize(), DVec3::X);
+            let ray = forward + across * right - up * right.cross(forward);
+            let place = dvec3(0.0, 0.6, 9.0) - ray * (0.6 / ray.y);
+            if ray.y < -0.02 && place.z > -2.0 && image.channel("A").unwrap()[pixel] == 0.0 {
+                let expected = ((hidden(place.x, place.z) - 0.01) / 0.99).max(0.0);
+                let off = f64::from(shadow[pixel]) - expected;
+                (most, sum, count) = (most.max(off.abs()), sum + off, count + 1);
+            }
+        }
+        let mean = sum / f64::from(count);
+        assert!(count > 200 && most < 0.05 && mean.abs() < bias, "{how:?}: off by {most}, mean {mean}, in {count} pixels");
+        assert!(shadow.iter().any(|&shadow| shadow > 0.5), "{how:?}");
+    }
+}
+
+#[test]
+fn backgrounds_stand_where_there_is_no_surface() {
+    let folder = folder();
+    model(&folder);
+    let first = |args: &[&str]| {
+        let all = ["--ground", "off", "-o", "a.png"];
+        let said = stderr(&success(&mut render(&folder, "model.obj", &[&all[..], args].concat())));
+        assert!(said.contains("soft sky"), "{said}");
+        rgba(&folder, "a.png").into_rgba8().get_pixel(0, 0).0
+    };
+    assert_eq!(first(&[])[3], 0);
+    assert_eq!(first(&["--background", "#336699"]), [0x33, 0x66, 0x99, 255]);
+    assert_eq!(first(&["--background", "1,0,0.2140411"]), [255, 0, 127, 255]);
+    // The sky itself, brighter with more exposure.
+    let dark = first(&["--background", "environment", "--exposure", "-2"]);
+    let bright = first(&["--background", "environment", "--exposure", "0"]);
+    assert!(dark[0] < bright[0] && dark[3] == 255, "{dark:?} {bright:?}");
+    for (args, problem) in
+        [(["--background", "blue"], "#rrggbb"), (["--ground", "yes"], "not on or off"), (["--exposure", "bright"], "nor auto")]
+    {
+        let said = refusal(&mut render(&folder, "model.obj", &args), 2);
+        assert!(said.contains(problem), "{args:?}: {said}");
+    }
+    fs::write(folder.path().join("wrong.toml"), "mesh = 'model.obj'\nsettings.background = 'blue'").unwrap();
+    assert!(refusal(&mut render(&folder, "wrong.toml", &[]), 65).contains("is no background"));
+}
+
+/// A shadow of what lamps do not light would be wrong, so it is told.
+#[test]
+fn the_ground_tells_what_it_cannot_catch() {
+    let folder = folder();
+    let cornell = cornell_with(folder.path(), "box.toml", "photons = 1000\ndirections = 16\nsize = [16, 16]\n");
+    let said = |args: &[&str]| {
+        let mut command = tool(&folder);
+        command.arg("render").arg(&cornell).args(["--ground", "on", "-o", "a.png"]).args(args);
+        stderr(&success(&mut command))
+    };
+    assert!(said(&[]).contains("--ground has no effect"));
+    fs::copy(scene("open_sky.hdr"), folder.path().join("sky.hdr")).unwrap();
+    assert!(said(&["--env", "sky.hdr"]).contains("lamps light the ground too"));
+}
+
+#[test]
+fn clay_is_grey_and_lamps_shine() {
+    let folder = folder();
+    success(tool(&folder).arg("render").arg(scene("cornell_textured.toml")).args([
+        "--clay",
+        "--size",
+        "32",
+        "--directions",
+        "32",
+        "--photons",
+        "1e4",
+        "-o",
+        "a.exr",
+    ]));
+    let image = Image::read(&folder.path().join("a.exr")).unwrap();
+    let channel = |name: &str| image.channel(name).unwrap();
+    assert!(channel("Albedo.R").iter().zip(channel("A")).all(|(albedo, cover)| (albedo - 0.8 * cover).abs() < 1e-4));
+    assert!(channel("Direct.R").iter().any(|&light| light > 0.1));
+}
+
+/// A merge shows what one run shows, or what it is asked for.
+#[test]
+fn merged_pictures_have_exposure_background_and_shadow() {
+    let folder = folder();
+    model(&folder);
+    success(&mut render(&folder, "model.obj", &["-o", "whole.png", "-o", "whole.exr"]));
+    success(&mut render(&folder, "model.obj", &["--shard", "1/2", "-o", "1.part"]));
+    success(&mut render(&folder, "model.obj", &["--shard", "2/2", "-o", "2.part"]));
+    let merge = |args: &[&str]| success(tool(&folder).args(["merge", "1.part", "2.part"]).args(args));
+    merge(&["-o", "merged.png", "-o", "merged.exr"]);
+    for ending in ["png", "exr"] {
+        assert!(bytes(&folder, &format!("whole.{ending}")) == bytes(&folder, &format!("merged.{ending}")), "{ending}");
+    }
+    merge(&["--exposure", "0", "--background", "#ffffff", "-o", "white.png"]);
+    assert_eq!(rgba(&folder, "white.png").into_rgba8().get_pixel(0, 0).0, [255; 4]);
 }

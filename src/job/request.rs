@@ -20,7 +20,7 @@ use crate::points::LightMapOptions;
 use crate::quantity::Quantity;
 use crate::render::{blocks_of, memory_of};
 use crate::scene::{CameraChange, Environment, Files, LoadOptions, Loaded, Material, World};
-use crate::settings::{PointSource, Settings};
+use crate::settings::{DisplaySettings, PointSource, Settings};
 
 /// A job. Parts of a bake contain it, because a merge makes the receivers again.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -79,6 +79,9 @@ pub struct SceneRequest {
     pub camera: Option<String>,
     #[serde(default)]
     pub scene: Option<String>,
+    /// See [`LoadOptions::clay`].
+    #[serde(default)]
+    pub clay: bool,
     /// Replaces parts of the camera.
     #[serde(default)]
     pub view: CameraChange,
@@ -99,11 +102,11 @@ impl SceneRequest {
     pub fn load(&self, needs_light: bool) -> Result<Loaded> {
         let environment = self.environment.as_deref().map(Environment::load).transpose()?;
         let files = if self.allow_outside { Files::Anywhere } else { Files::Folder };
-        let &Self { strict, no_default_light, flip, .. } = self;
+        let &Self { strict, no_default_light, flip, clay, .. } = self;
         let (camera, scene) = (self.camera.clone(), self.scene.clone());
         let mut loaded = World::load_with(
             &self.path,
-            LoadOptions { environment, files, unlit: !needs_light, no_default_light, strict, flip, camera, scene },
+            LoadOptions { environment, files, unlit: !needs_light, no_default_light, strict, flip, clay, camera, scene },
         )?;
         if self.view != CameraChange::default() {
             let size = self.settings(&loaded.settings)?.film.size;
@@ -169,6 +172,7 @@ impl JobRequest {
         if let Work::Bake(bake) = &self.work {
             // A bake uses all its directions. The layer size must follow from their number.
             settings.directions.target_error = 0.0;
+            settings.film.ground = false;
             bake.plan.validate()?;
         }
         settings.validate()?;
@@ -206,6 +210,9 @@ impl JobRequest {
         if settings.film.points == PointSource::Camera && (lens || world.surfaces().any(Material::is_specular)) {
             watch.say("warning: mirrors and glass are drawn as diffuse, through a pinhole; --points traced shows what they are");
         }
+        if settings.film.ground {
+            warning_of_ground(world).iter().for_each(|warning| watch.say(warning));
+        }
         if shard.is_some() && settings.directions.target_error > 0.0 {
             return Err(Error::usage("a shard cannot tell the error of the whole picture", "give --target-error 0"));
         }
@@ -227,7 +234,7 @@ impl JobRequest {
     }
 
     /// Metadata for the files of the picture or of a receiver. `job` made them.
-    pub(super) fn metadata(&self, receiver: usize, job: &Value, exposure: f32, done: (u32, bool)) -> String {
+    pub(super) fn metadata(&self, receiver: usize, job: &Value, display: &DisplaySettings, done: (u32, bool)) -> String {
         let own = match &self.work {
             Work::Render => of_picture(job),
             // Padding is the only light map option that moves no point. So the job does not contain it.
@@ -240,8 +247,20 @@ impl JobRequest {
                 own
             }
         };
-        metadata(job, exposure, &own, done)
+        metadata(job, display, &own, done)
     }
+}
+
+/// What is not right with the shadow on the ground, if anything.
+fn warning_of_ground(world: &World) -> Option<&'static str> {
+    if world.environment.is_none() {
+        return Some(
+            "warning: --ground has no effect: it catches the shadow of the environment's light, and there is none; give --env",
+        );
+    }
+    world.surfaces().any(Material::is_emissive).then_some(
+        "warning: lamps light the ground too, so its shadow is too light: it is that of the environment alone; --ground off leaves it out",
+    )
 }
 
 /// Checks that a render, or a shard of these blocks, fits into `allowed` MiB.

@@ -8,7 +8,8 @@ use glam::{DAffine3, DMat3, DVec3, Vec3};
 
 use super::mesh::has_area;
 use super::{
-    CameraChange, Environment, Files, ImageTexture, Material, Mesh, Scene, Source, SourceLists, Triangle, UnitSpace, WorldCamera,
+    CameraChange, Environment, Files, ImageTexture, Material, Mesh, Scene, Source, SourceLists, Surface, Triangle, UnitSpace,
+    WorldCamera,
 };
 
 /// A world of meshes. Each mesh can be placed several times.
@@ -108,6 +109,16 @@ impl World {
     pub fn bounds(&self) -> [DVec3; 2] {
         let grow = |[min, max]: [DVec3; 2], position: DVec3| [min.min(position), max.max(position)];
         self.positions().fold([DVec3::INFINITY, DVec3::NEG_INFINITY], grow)
+    }
+
+    /// Makes all surfaces diffuse, in one light grey without textures and vertex colours. Lamps stay lamps.
+    pub fn clay(&mut self) {
+        const ALBEDO: Vec3 = Vec3::splat(0.8);
+        for material in &mut self.materials {
+            (material.albedo, material.albedo_texture, material.surface) = (ALBEDO, None, Surface::Diffuse);
+            material.unshaded.clear();
+        }
+        self.meshes.iter_mut().for_each(|mesh| mesh.colors.clear());
     }
 
     /// Joins all instances into one mesh in unit space, in f64 up to there. It drops duplicate triangles, and those too small for normals in f32.

@@ -11,13 +11,15 @@ use finalgather::error::{Error, Result};
 use finalgather::gpu::{Backend, DeviceChoice};
 use finalgather::job::{DeviceRequest, Keeping, SceneRequest};
 use finalgather::scene::CameraChange;
-use finalgather::settings::{Estimator, LayerSize, PhotonMapKind, Pipeline, PointSource, Sequence, Squares};
+use finalgather::settings::{
+    Background, Estimator, Exposure, LayerSize, PhotonMapKind, Pipeline, PointSource, Sequence, Squares,
+};
 use glam::DVec3;
 use serde::Serialize;
 use serde_json::Value;
 
+use values::{OrAuto, name, or_auto, setting, switch, vector};
 pub use values::{auto_or, checked, count, named, size, stops};
-use values::{name, setting, vector};
 
 /// The source of OpenGL.
 #[derive(Clone, Copy, Debug, clap::Args)]
@@ -97,8 +99,24 @@ pub struct Overrides {
     #[arg(long, alias = "until", value_name = "ERROR", help = setting("Stop when the relative standard error of the picture is at most this. It is estimated a few times. Layers of `auto` size are then as large as this error needs. 0: never stop early", |s| s.directions.target_error))]
     target_error: Option<f64>,
 
-    #[arg(long, value_name = "EV", help = setting("Exposure of .png in stops", |s| s.display.exposure))]
-    exposure: Option<f32>,
+    /// Exposure of .png in stops. auto: as bright as the surfaces can be without losing detail [default: the scene file's, else 0; auto for a bare model
+    /// under the soft sky]
+    #[arg(long, value_name = "auto|EV", value_parser = str::parse::<Exposure>)]
+    exposure: Option<Exposure>,
+
+    /// What a .png shows where there is no surface: environment, transparent, #rrggbb, or linear r,g,b from 0 to 1. auto: the scene file's, else the
+    /// environment; transparent for a bare model under the soft sky
+    #[arg(long, value_name = "auto|WHAT", value_parser = |text: &str| or_auto(text, str::parse::<Background>), default_value = "auto")]
+    background: OrAuto<Background>,
+
+    /// A plane under the model that catches its shadow: a shadow catcher. auto: on for a bare model under the soft sky
+    #[arg(long, value_name = "auto|on|off", value_parser = |text: &str| or_auto(text, switch), default_value = "auto")]
+    ground: OrAuto<bool>,
+
+    /// Show all surfaces in one light grey, of albedo 0.8, without textures. Lamps stay lamps
+    #[arg(long)]
+    #[serde(skip)]
+    clay: bool,
 
     /// Environment, a lat-long .hdr or .exr: the light from outside the scene [default: the scene file's, else black]
     #[arg(long, value_name = "FILE")]
@@ -269,8 +287,8 @@ impl Overrides {
     /// # Errors
     /// [`Error::Usage`] when a number is infinite or NaN. Requests are stored as JSON, which has no such numbers.
     pub fn scene(&self, path: &Path) -> Result<SceneRequest> {
-        let (stop_fraction, exposure) = (self.stop_fraction.map(f64::from), self.exposure.map(f64::from));
-        for (name, value) in [("stop-fraction", stop_fraction), ("target-error", self.target_error), ("exposure", exposure)] {
+        let stop_fraction = self.stop_fraction.map(f64::from);
+        for (name, value) in [("stop-fraction", stop_fraction), ("target-error", self.target_error)] {
             if let Some(value) = value.filter(|value| !value.is_finite()) {
                 return Err(Error::usage(format!("{name} is {value}"), "give a finite number"));
             }
@@ -280,6 +298,6 @@ impl Overrides {
             _ => unreachable!("options are plain values with names"),
         };
         settings.retain(|_, value| !value.is_null());
-        self.view.choose(SceneRequest { environment: self.env.clone(), settings, ..self.files.scene(path) })
+        self.view.choose(SceneRequest { environment: self.env.clone(), clay: self.clay, settings, ..self.files.scene(path) })
     }
 }

@@ -50,6 +50,28 @@ pub fn checked<T: std::str::FromStr>(text: &str, right: impl Fn(&T) -> bool, wro
     text.parse().ok().filter(right).ok_or_else(|| wrong.to_owned())
 }
 
+/// The value of an option that may be `auto`: then the scene decides.
+#[derive(Clone, Copy, Debug, Serialize)]
+#[serde(transparent)]
+pub struct OrAuto<T>(pub Option<T>);
+
+/// Parses "auto" or what `parse` takes.
+pub fn or_auto<T, E: Display>(text: &str, parse: impl Fn(&str) -> Result<T, E>) -> Result<OrAuto<T>, String> {
+    if text == "auto" {
+        return Ok(OrAuto(None));
+    }
+    parse(text).map(|value| OrAuto(Some(value))).map_err(|error| format!("{error}; or auto"))
+}
+
+/// Parses "on" or "off".
+pub fn switch(text: &str) -> Result<bool, &'static str> {
+    match text {
+        "on" => Ok(true),
+        "off" => Ok(false),
+        _ => Err("not on or off"),
+    }
+}
+
 pub fn stops(text: &str) -> Result<f32, String> {
     checked(text, |stops: &f32| stops.is_finite(), "not a number of stops such as -1.5")
 }
