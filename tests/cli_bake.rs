@@ -8,9 +8,12 @@ use std::path::Path;
 use std::process::Command;
 
 use common::khronos;
-use common::tool::{bytes, folder, json, names_in, refusal, scene, success, tool};
+use common::tool::{self, bytes, folder, names_in, refusal, scene, success, text, tool};
 use finalgather::export::read_prt;
 use finalgather::image::{Channel, Image, WriteOptions};
+use finalgather::scene::{LoadOptions, Mesh, World};
+use glam::Vec3;
+use serde_json::{Value, json};
 use tempfile::TempDir;
 
 const SMALL: [&str; 8] = ["--size", "24", "--directions", "16", "--layer-size", "64", "--photons", "1e4"];
@@ -88,7 +91,7 @@ fn all_receivers_and_formats_in_one_run() {
         "-o",
         "points:p.ply",
     ];
-    let report = json(&mut bake(&folder, &scene("cornell.toml"), &args));
+    let report = tool::json(&mut bake(&folder, &scene("cornell.toml"), &args));
     let receivers = report["receivers"].as_array().unwrap();
     let names: Vec<_> = receivers.iter().map(|receiver| receiver["to"].as_str().unwrap()).collect();
     assert_eq!(names, ["vertices", "lightmap", "camera", "points"]);

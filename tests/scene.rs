@@ -193,9 +193,10 @@ fn normals_and_texture_coordinates_stay_with_their_corners() {
 fn triangles_without_area_are_skipped_and_counted() {
     let degenerate = "v 5 5 5\nv 6 6 6\nv 7 7 7\nv 7 7 7.0000005\nf 4 5 7\nf 1 1 2\nf 4 6 5 4\nf 1 2 4\n";
     let (mesh, warnings) = load_mesh(degenerate);
-    assert_eq!(warnings, ["4 of 6 triangles have no area and were skipped"]);
+    assert!(warnings[0].ends_with("m.obj: 4 of 6 triangles have no area and were skipped"), "{warnings:?}");
+    assert_eq!(warnings.len(), 1);
     assert_eq!(mesh.triangles.len(), 2);
-    assert_eq!(load_mesh("f 1 1 1").1, ["1 of 2 triangles has no area and was skipped"]);
+    assert!(load_mesh("f 1 1 1").1[0].ends_with("m.obj: 1 of 2 triangles has no area and was skipped"));
     assert!(mesh.bounds().max.max_element() == 5.0, "vertices of skipped triangles stay out");
 }
 
