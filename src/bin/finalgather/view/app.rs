@@ -175,7 +175,7 @@ impl App {
                     self.opening -= 1;
                     self.refused = None;
                     (self.view.camera, self.view.settings, self.view.moving) = (opened.camera, opened.settings, false);
-                    self.shown.exposure = opened.settings.display.exposure;
+                    self.shown.exposure = opened.settings.display.exposure.given();
                     opened.warnings.iter().for_each(|text| self.say(text.clone(), false));
                     self.progress = RenderProgress::default();
                     (self.picture, self.sent, self.moved) = (None, Sent::default(), None);

@@ -1,7 +1,7 @@
 //! The panel beside the picture: progress, display options and settings of the render.
 
 use egui::{Checkbox, Color32, ComboBox, DragValue, Grid, ProgressBar, RichText, ScrollArea, Slider, SliderClamping, Ui, vec2};
-use finalgather::settings::{LayerSize, Pipeline};
+use finalgather::settings::{Exposure, LayerSize, Pipeline};
 
 use super::app::App;
 use super::picture::DisplayContent;
@@ -132,7 +132,7 @@ fn shown(app: &mut App, ui: &mut Ui) {
         row(ui, "Exposure", |ui| ui.add(slider));
     });
     // Saved pictures have the displayed exposure.
-    app.view.settings.display.exposure = shown.exposure;
+    app.view.settings.display.exposure = Exposure::Stops(shown.exposure);
 }
 
 fn settings(app: &mut App, ui: &mut Ui) {
