@@ -44,7 +44,7 @@ use self::method::{method, seen, view_of};
 use self::statistics::layer_size;
 
 pub use crate::memory::of_render as memory_of;
-pub use layer_view::{End, LayerTexel, Layers, Probe};
+pub use layer_view::{End, LayerTexel, Layers, Probe, SeenSurface};
 pub use merge::{RenderMerge, blocks_of};
 pub use statistics::{GatherCounts, RenderStatistics, SceneCounts, StageSeconds};
 

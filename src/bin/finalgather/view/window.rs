@@ -19,7 +19,9 @@ use winit::window::{Window as WinitWindow, WindowAttributes, WindowId};
 use super::ViewArgs;
 use super::app::App;
 use super::latency::{Latency, Times};
+use super::overlays::NoticeKind;
 use super::panel;
+use super::probe::PixelValues;
 
 pub struct Window {
     app: App,
@@ -56,6 +58,8 @@ pub struct WindowSummary {
     /// The library that made the window's context.
     pub api: &'static str,
     pub directions: u32,
+    /// The values that were under the cursor last.
+    pub cursor: Option<PixelValues>,
     /// Whether the renderer has left its driver.
     pub left: bool,
 }
@@ -85,7 +89,8 @@ impl Window {
         // Close the window before waiting for the renderer.
         self.shell = None;
         let left = self.app.end();
-        WindowSummary { outcome: self.outcome, times: self.latency.times(), api, directions: self.app.directions(), left }
+        let (times, directions) = (self.latency.times(), self.app.directions());
+        WindowSummary { outcome: self.outcome, times, api, directions, cursor: self.app.canvas.values, left }
     }
 
     fn open(&self, events: &ActiveEventLoop) -> Result<Shell> {
@@ -111,9 +116,14 @@ impl Window {
     }
 
     fn egui(&self, events: &ActiveEventLoop, screen: &Screen) -> egui_winit::State {
-        let context = egui::Context::default();
-        context.set_theme(egui::Theme::Dark);
-        egui_winit::State::new(context, ViewportId::ROOT, events, self.scale, None, Some(screen.max_texture_side()))
+        egui_winit::State::new(
+            egui::Context::default(),
+            ViewportId::ROOT,
+            events,
+            self.scale,
+            None,
+            Some(screen.max_texture_side()),
+        )
     }
 
     fn redraw(&self) {
@@ -191,7 +201,7 @@ impl Window {
         let screen = Screen::new(window.clone(), &config, window.inner_size().into())?;
         let egui = self.egui(events, &screen);
         self.app.forget_textures();
-        self.app.say(format!("{error}\nA new one was made."), true);
+        self.app.say(format!("{error}\nA new one was made."), NoticeKind::Bad);
         self.shell = Some(Shell { window, config, screen, egui });
         Ok(())
     }
