@@ -40,7 +40,10 @@ pub(crate) fn can_hold(file: &[u8], unpacked: u64) -> bool {
 }
 
 /// Checks before the work that [`write_file`] to this path should succeed.
-pub(crate) fn check_writable(path: &Path) -> Result<()> {
+///
+/// # Errors
+/// [`Error::Usage`] when it should not.
+pub fn check_writable(path: &Path) -> Result<()> {
     let shown = path.display();
     if path.is_dir() {
         return Err(Error::usage(format!("{shown}: is a folder"), "give the path of a file in it"));
@@ -68,7 +71,10 @@ pub(crate) fn check_writable(path: &Path) -> Result<()> {
 }
 
 /// Writes a file. On an error, the file stays as it was.
-pub(crate) fn write_file(path: &Path, bytes: &[u8]) -> Result<()> {
+///
+/// # Errors
+/// [`Error::Output`] when it cannot be written.
+pub fn write_file(path: &Path, bytes: &[u8]) -> Result<()> {
     write_by(path, |mut file| file.write_all(bytes))
 }
 

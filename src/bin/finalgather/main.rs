@@ -1,8 +1,10 @@
 //! The command-line tool. Data go to stdout, messages to stderr. Each kind of failure has an exit code.
 
-use std::process::ExitCode;
+use std::env;
+use std::os::unix::process::CommandExt;
+use std::process::{Command, ExitCode};
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use finalgather::error::{Error, Result};
 
 mod about_scene;
@@ -11,10 +13,14 @@ mod bake;
 mod bench;
 mod compare;
 mod info;
+mod init;
 mod merge;
+mod progress;
 mod relight;
 mod render;
 mod report;
+mod scene_file;
+mod summary;
 mod terminal;
 #[cfg(feature = "window")]
 mod view;
@@ -25,6 +31,13 @@ mod view;
 struct Args {
     #[command(subcommand)]
     command: ToolCommand,
+
+    #[command(flatten)]
+    messages: report::MessageArgs,
+
+    /// CPU threads, also of a software driver [default: all cores]
+    #[arg(long, global = true, value_name = "N", value_parser = threads, help_heading = "Messages and threads")]
+    threads: Option<usize>,
 }
 
 #[derive(Debug, Subcommand)]
@@ -38,17 +51,21 @@ enum ToolCommand {
     Merge(merge::MergeArgs),
     Bench(bench::BenchArgs),
     Info(info::InfoArgs),
+    Init(init::InitArgs),
 }
 
 fn main() -> ExitCode {
-    let command = Args::parse().command;
-    let threads = match &command {
+    let matches = Args::command().color(report::color_of(env::args_os())).get_matches();
+    let Args { command, messages, threads } = Args::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
+    report::set(messages);
+    let limited = threads.map_or(Ok(()), limit_threads);
+    let started = match &command {
         // It starts its own threads, at a lower priority than the window's.
         #[cfg(feature = "window")]
         ToolCommand::View(_) => Ok(()),
         _ => start_threads(),
     };
-    let outcome = threads.and_then(|()| match command {
+    let outcome = limited.and(started).and_then(|()| match command {
         ToolCommand::Render(args) => render::run(&args),
         #[cfg(feature = "window")]
         ToolCommand::View(args) => view::run(&args),
@@ -58,6 +75,7 @@ fn main() -> ExitCode {
         ToolCommand::Merge(args) => merge::run(&args),
         ToolCommand::Bench(args) => bench::run(&args),
         ToolCommand::Info(args) => info::run(&args),
+        ToolCommand::Init(args) => init::run(&args),
     });
     match outcome {
         Ok(code) => ExitCode::from(code),
@@ -69,6 +87,26 @@ fn main() -> ExitCode {
             ExitCode::from(exit_code(&error))
         }
     }
+}
+
+/// Lets Rayon and Mesa's software driver use this many threads. Both read their number from the environment, which a process cannot change safely once
+/// it has threads. So the program begins again in this process, once.
+fn limit_threads(count: usize) -> Result<()> {
+    // With 0 the driver draws on the caller's thread.
+    let of_driver = if count == 1 { 0 } else { count };
+    let wanted = [("RAYON_NUM_THREADS", count.to_string()), ("LP_NUM_THREADS", of_driver.to_string())];
+    if wanted.iter().all(|(name, value)| env::var(name).is_ok_and(|set| set == *value)) {
+        return Ok(());
+    }
+    let error = match env::current_exe() {
+        Ok(program) => Command::new(program).args(env::args_os().skip(1)).envs(wanted).exec(),
+        Err(error) => error,
+    };
+    Err(Error::usage(format!("--threads: the program cannot begin again: {error}"), "set RAYON_NUM_THREADS and LP_NUM_THREADS"))
+}
+
+fn threads(text: &str) -> Result<usize, String> {
+    args::checked(text, |count| (1..=1024).contains(count), "not a number of threads from 1 to 1024")
 }
 
 /// Starts threads for CPU loops. Rayon would start them on demand, but panic on failure.

@@ -5,7 +5,7 @@
 
 use std::cell::Cell;
 use std::fs;
-use std::io::{self, IsTerminal};
+use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU8, Ordering::SeqCst};
@@ -13,20 +13,21 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use finalgather::error::{Error, Result};
-use finalgather::job::{Ending, Job, Watch};
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use finalgather::job::{Ending, Job, Progress, Watch};
+use indicatif::ProgressBar;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGXFSZ};
 use signal_hook::iterator::Signals;
 use signal_hook::{flag, low_level};
 
-use crate::report;
+use crate::progress::ProgressLine;
+use crate::{report, summary};
 
 /// Job systems wait half a minute or more before they kill a process. A person who presses Ctrl-C is less patient.
 const GRACE: Duration = Duration::from_secs(10);
 
-/// Signals, and progress on stderr if that is a terminal. Progress is plain text, so NO_COLOR needs no support.
+/// Signals, and progress on stderr.
 pub struct Terminal {
-    bar: ProgressBar,
+    line: ProgressLine,
     signals: Arc<Caught>,
     /// When the job first noticed the signal.
     noticed: Cell<Option<Instant>>,
@@ -44,9 +45,8 @@ pub fn run(job: Job, json: bool) -> Result<u8> {
     let mut terminal = Terminal::new(job.lock_path())?;
     let outcome = job.run(&mut terminal)?;
     terminal.clear();
-    if outcome.ending == Ending::Finished && io::stderr().is_terminal() {
-        let paths: Vec<_> = outcome.outputs.iter().map(|path| path.display().to_string()).collect();
-        report::say(&format!("written to {} after {:.1} s", paths.join(", "), outcome.report.seconds.total));
+    if outcome.ending == Ending::Finished {
+        report::say(&summary::line(&outcome.report));
     }
     if json {
         report::print_json(&outcome.report)?;
@@ -57,22 +57,17 @@ pub fn run(job: Job, json: bool) -> Result<u8> {
 impl Terminal {
     /// Handles signals for the rest of the process. A signal that ends the process removes the file `lock`.
     pub fn new(lock: Option<&Path>) -> Result<Self> {
-        // The draw target hides the bar if stderr is not a terminal.
-        let bar = ProgressBar::with_draw_target(None, ProgressDrawTarget::stderr()).with_style(style("{spinner} {msg}"));
-        bar.set_message("loading");
-        if !bar.is_hidden() {
-            bar.enable_steady_tick(Duration::from_millis(100));
-        }
+        let line = ProgressLine::new();
         let signals = Arc::default();
-        watch_signals(&signals, bar.clone(), lock.map(Path::to_owned)).map_err(|error| {
+        watch_signals(&signals, line.bar(), lock.map(Path::to_owned)).map_err(|error| {
             Error::usage(format!("signals cannot be caught: {error}"), "run where the system allows signal handlers")
         })?;
-        Ok(Self { bar, signals, noticed: Cell::default() })
+        Ok(Self { line, signals, noticed: Cell::default() })
     }
 
-    /// Removes the progress bar for good.
-    pub fn clear(&self) {
-        self.bar.finish_and_clear();
+    /// Removes the line of progress for good.
+    pub fn clear(&mut self) {
+        self.line.clear();
     }
 }
 
@@ -84,21 +79,19 @@ impl Drop for Terminal {
 
 impl Watch for Terminal {
     fn stage(&mut self, stage: &'static str) {
-        self.bar.set_message(stage);
+        self.line.stage(stage);
     }
 
     fn say(&mut self, line: &str) {
-        self.bar.suspend(|| report::say(line));
+        self.line.suspend(|| report::say(line));
     }
 
-    fn progress(&mut self, [done, total]: [u64; 2]) {
-        if self.bar.length() != Some(total) {
-            self.bar.set_length(total);
-            self.bar.set_style(style("{wide_bar} {pos}/{len} directions, {per_sec}, {eta} left"));
-            // Earlier stages have another rate.
-            self.bar.reset();
-        }
-        self.bar.set_position(done);
+    fn detail(&mut self, line: &str) {
+        self.line.suspend(|| report::detail(line));
+    }
+
+    fn progress(&mut self, progress: Progress) {
+        self.line.progress(progress);
     }
 
     fn has_result(&mut self) {
@@ -113,10 +106,6 @@ impl Watch for Terminal {
         self.noticed.set(Some(noticed));
         !between_blocks && noticed.elapsed() < GRACE
     }
-}
-
-fn style(template: &str) -> ProgressStyle {
-    ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar())
 }
 
 fn watch_signals(caught: &Arc<Caught>, bar: ProgressBar, lock: Option<PathBuf>) -> io::Result<()> {
