@@ -1,6 +1,7 @@
 //! What a window asks of a render. The layer view: the layers of one direction, and how a point samples them by KILL, for people to look at. And
 //! what lies behind a pixel.
 
+use std::collections::{HashMap, HashSet};
 use std::rc::Rc;
 
 use glam::{Mat4, Vec2, Vec3, Vec4};
@@ -36,6 +37,8 @@ pub struct Layers {
     pub size: u32,
     /// Each layer row by row from texel (0, 0).
     pub layers: Vec<Vec<Option<LayerTexel>>>,
+    /// Corners of the triangles in them, in layer space.
+    pub corners: HashMap<u32, [Vec3; 3]>,
 }
 
 /// A surface in a texel of a layer.
@@ -44,8 +47,8 @@ pub struct LayerTexel {
     /// Depth at the texel's centre, and its change to the next texel in x and y.
     pub depth: f32,
     pub slopes: Vec2,
-    /// The least and the greatest depth of its triangle.
-    pub depths: [f32; 2],
+    /// Index of its triangle, for [`Layers::corners`].
+    pub triangle: u32,
     pub albedo: Vec3,
     pub emissive: bool,
     /// Cosine of the angle between the surface's normal and the rays, unsigned.
@@ -106,12 +109,10 @@ impl Render {
             let place = Vec2::new((at as u32 % size) as f32 + 0.5, (at as u32 / size) as f32 + 0.5);
             let position = from_layer.transform_point3(place.extend(texel.x));
             let mesh = &scene.mesh;
-            let ends = mesh.triangles[triangle].vertices.map(|vertex| mesh.positions[vertex as usize]);
-            let ends = ends.map(|end| bundle.to_layer.transform_point3(end).z);
             Some(LayerTexel {
                 depth: texel.x,
                 slopes: Vec2::new(texel.y, texel.z),
-                depths: [ends.into_iter().fold(texel.x, f32::min), ends.into_iter().fold(texel.x, f32::max)],
+                triangle: triangle as u32,
                 albedo: scene.albedo(triangle, mesh.barycentric(triangle, position)),
                 emissive: scene.material(triangle).is_emissive(),
                 cosine: mesh.geometric_normal(triangle).dot(bundle.direction).abs(),
@@ -129,7 +130,13 @@ impl Render {
             layers.push(layer);
         }
         self.gpu.check("peeling for show")?;
-        Ok(Layers { end, direction: bundle.direction, from_layer, to_layer: bundle.to_layer, size, layers })
+        let corners = |triangle: u32| {
+            let vertices = scene.mesh.triangles[triangle as usize].vertices;
+            (triangle, vertices.map(|vertex| bundle.to_layer.transform_point3(scene.mesh.positions[vertex as usize])))
+        };
+        let seen: HashSet<u32> = layers.iter().flatten().flatten().map(|texel: &LayerTexel| texel.triangle).collect();
+        let corners = seen.into_iter().map(corners).collect();
+        Ok(Layers { end, direction: bundle.direction, from_layer, to_layer: bundle.to_layer, size, layers, corners })
     }
 
     /// Samples these layers at the point seen at `place`, as [`Probe::place`]; `None` where the camera sees no surface.

@@ -195,6 +195,11 @@ impl App {
                     let but = if png && !self.shown.is_radiance() { ": all of the radiance, not what is shown" } else { "" };
                     self.say(format!("Saved {}{but}", path.display()), NoticeKind::News);
                 }
+                WorkerReport::SceneSaved(path, needed) => {
+                    let with = if needed.is_empty() { String::new() } else { format!("; render it with {}", needed.join(" ")) };
+                    let kind = if needed.is_empty() { NoticeKind::News } else { NoticeKind::Warning };
+                    self.say(format!("Saved {}{with}", path.display()), kind);
+                }
                 WorkerReport::Refused(error) => self.say(error.to_string(), NoticeKind::Bad),
                 WorkerReport::NotOpened(error) => {
                     self.opening -= 1;

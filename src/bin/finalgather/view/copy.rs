@@ -2,6 +2,8 @@
 
 use finalgather::scene::WorldCamera;
 
+use crate::scene_file::camera_keys;
+
 /// As options of `finalgather render`. A lens has no options: it stays that of the scene.
 pub fn options(camera: &WorldCamera) -> String {
     let WorldCamera { eye, target, up, fov_y_degrees, .. } = camera;
@@ -15,14 +17,8 @@ pub fn options(camera: &WorldCamera) -> String {
 
 /// As the table of a scene file.
 pub fn toml(camera: &WorldCamera) -> String {
-    let WorldCamera { eye, target, up, fov_y_degrees, lens } = camera;
-    let mut text = format!("[camera]\neye = [{}]\n", list(eye.to_array()).replace(',', ", "));
-    text += &format!("target = [{}]\n", list(target.to_array()).replace(',', ", "));
-    text += &format!("up = [{}]\nfov_y_degrees = {fov_y_degrees}\n", list(up.to_array()).replace(',', ", "));
-    if let Some(lens) = lens {
-        text += &format!("aperture = {}\nfocus_distance = {}\n", lens.radius, lens.focus_distance);
-    }
-    text
+    let keys = camera_keys(camera).into_iter().map(|(key, value)| format!("{key} = {value}\n"));
+    format!("[camera]\n{}", keys.collect::<String>())
 }
 
 fn list<T: ToString>(numbers: [T; 3]) -> String {

@@ -62,13 +62,18 @@ impl Histogram {
         } else {
             [(200, 0, 0), (0, 140, 0), (0, 0, 220)]
         };
-        for (counts, (r, g, b)) in self.counts.iter().zip(colors) {
+        let [red, green, blue] = &self.counts;
+        let is_grey = red == green && green == blue;
+        for (counts, (r, g, b)) in self.counts.iter().zip(colors).take(if is_grey { 1 } else { 3 }) {
             let point = |(bin, &count): (usize, &u32)| {
                 let x = egui::lerp(plot.x_range(), (bin as f32 + 0.5) / BINS as f32);
                 pos2(x, plot.bottom() - 1.0 - (plot.height() - 4.0) * (count as f32 / most).sqrt())
             };
             let points = counts.iter().enumerate().map(point).collect();
-            painter.add(Shape::Path(PathShape::line(points, Stroke::new(1.2, Color32::from_rgb(r, g, b)))));
+            painter.add(Shape::Path(PathShape::line(
+                points,
+                Stroke::new(1.2, if is_grey { visuals.text_color() } else { Color32::from_rgb(r, g, b) }),
+            )));
         }
         let (font, weak) = (FontId::proportional(11.0), visuals.weak_text_color());
         for (at, words) in self.axis.marks() {

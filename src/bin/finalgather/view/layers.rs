@@ -13,6 +13,8 @@ use finalgather::math::frame;
 use finalgather::render::{LayerTexel, Layers, Probe};
 use glam::{Mat3, Vec2, Vec3};
 
+use super::quads::{LayerQuad, middles, quads};
+
 /// The approximate number of quads in a stack. Each frame projects, sorts and draws all of them.
 const QUADS: f32 = 60e3;
 /// The longest side of a thumbnail, in pixels.
@@ -80,13 +82,6 @@ pub struct LayerImages {
     quads: Vec<LayerQuad>,
 }
 
-/// A square of texels, placed on its surface.
-struct LayerQuad {
-    layer: usize,
-    corners: [Vec3; 4],
-    color: Color32,
-}
-
 pub struct LayerView {
     pub request: LayerRequest,
     images: Option<LayerImages>,
@@ -119,38 +114,12 @@ impl LayerImages {
             let pixels = places().rev().flat_map(|y| places().map(move |x| (y * size + x) as usize));
             Arc::new(ColorImage::new([places().len(); 2], pixels.map(|at| color(&layer[at])).collect()))
         };
-        Self { images: layers.layers.iter().map(image).collect(), quads: quads(&layers), layers }
+        Self { images: layers.layers.iter().map(image).collect(), quads: quads(&layers, QUADS), layers }
     }
-}
-
-/// Splits the texels of a side into runs of `step`, and returns the middle one of each.
-fn middles(side: u32, step: u32) -> impl DoubleEndedIterator<Item = u32> + ExactSizeIterator {
-    (step / 2..side).step_by(step as usize)
-}
-
-fn quads(layers: &Layers) -> Vec<LayerQuad> {
-    let step = (layers.size as f32 * (layers.layers.len() as f32 / QUADS).sqrt()).ceil().max(1.0) as u32;
-    let half = 0.5 * step as f32;
-    let places = move || middles(layers.size, step);
-    let mut quads = Vec::new();
-    for (layer, texels) in layers.layers.iter().enumerate() {
-        for (y, x) in places().flat_map(|y| places().map(move |x| (y, x))) {
-            let Some(texel) = &texels[(y * layers.size + x) as usize] else { continue };
-            let corner = |offset: Vec2| {
-                let place = Vec2::new(x as f32, y as f32) + 0.5 + offset;
-                // At a grazing angle a quad is long, and at the edge of its triangle it would reach beyond it.
-                let depth = (texel.depth + texel.slopes.dot(offset)).clamp(texel.depths[0], texel.depths[1]);
-                layers.from_layer.transform_point3(place.extend(depth))
-            };
-            let corners = [(-half, -half), (half, -half), (half, half), (-half, half)].map(|offset| corner(offset.into()));
-            quads.push(LayerQuad { layer, corners, color: color(texel) });
-        }
-    }
-    quads
 }
 
 /// The texel's albedo, brighter where the surface faces the rays.
-fn color(texel: &LayerTexel) -> Color32 {
+pub fn color(texel: &LayerTexel) -> Color32 {
     let shade = 0.35 + 0.65 * texel.cosine;
     let [r, g, b] = (if texel.emissive { Vec3::ONE } else { shade * texel.albedo }).to_array();
     egui::Rgba::from_rgb(r, g, b).into()

@@ -14,6 +14,7 @@ mod panel;
 mod picture;
 mod probe;
 mod progressive;
+mod quads;
 mod reference;
 mod watch;
 mod window;

@@ -93,7 +93,10 @@ impl PixelValues {
             Some(surface) => {
                 let SurfaceValues { position, normal, albedo, depth, object, material } = surface;
                 words.push(("position", position.to_array().map(coordinate).join(" ")));
-                words.push(("normal", normal.to_array().map(|part| format!("{part:.2}")).join(" ")));
+                words.push((
+                    "normal",
+                    normal.to_array().map(|part| format!("{:.2}", (100.0 * part).round() / 100.0 + 0.0)).join(" "),
+                ));
                 words.push(("albedo", three(*albedo)));
                 words.push(("depth", short(*depth)));
                 let names = [("object", object), ("material", material)].into_iter().filter(|(_, name)| !name.is_empty());

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use finalgather::error::Result;
+use finalgather::file::{check_writable, write_file};
 use finalgather::gpu::{Gpu, StageClock};
 use finalgather::image::{Image, WriteOptions};
 use finalgather::job::{Openness, SceneRequest, metadata, of_picture};
@@ -12,6 +13,8 @@ use finalgather::render::{End, Layers, Render, SeenSurface};
 use finalgather::scene::{Loaded, WorldCamera};
 use finalgather::settings::LayerSize;
 use glam::{DVec3, Vec2};
+
+use crate::scene_file::SceneView;
 
 use super::layers::{LayerImages, LayerRequest};
 use super::picture::{Developed, DisplayContent, DisplayOptions, develop};
@@ -23,6 +26,7 @@ const SHRINK: u32 = 2;
 /// The open scene and its render.
 pub struct SceneRender {
     gpu: Gpu,
+    request: SceneRequest,
     /// All files that were read.
     files: Vec<PathBuf>,
     render: Render,
@@ -87,7 +91,8 @@ pub fn open(gpu: &Gpu, options: &WorkerOptions, path: &Path) -> Result<(OpenedSc
     };
     let scene = SceneRender {
         gpu: gpu.clone(),
-        files: report.files.into_iter().chain(request.environment).collect(),
+        files: report.files.into_iter().chain(request.environment.clone()).collect(),
+        request,
         render,
         view: ViewState { camera, settings, moving: false, pace: 0 },
         outdated: false,
@@ -300,8 +305,27 @@ impl SceneRender {
         })));
     }
 
-    pub fn save_scene(&self, _path: &Path) -> Result<()> {
-        todo!()
+    /// Writes a scene file of the requested view. Returns the options without which it renders something else.
+    ///
+    /// # Errors
+    /// If the file cannot be written, or the scene can no longer be read.
+    pub fn save_scene(&self, path: &Path) -> Result<Vec<String>> {
+        check_writable(path)?;
+        let Loaded { world, .. } = self.request.load(true)?;
+        let ViewState { camera, settings, .. } = self.view;
+        let view = SceneView { source: &self.request.path, world: &world, camera, settings };
+        write_file(path, view.text(path.parent().unwrap_or(Path::new("")))?.as_bytes())?;
+        let SceneRequest { environment, allow_outside, flip, strict, no_default_light, scene, .. } = &self.request;
+        let named = |name: &str, value: String| format!("{name} {value}");
+        let env = environment.iter().map(|path| named("--env", path.display().to_string()));
+        let part = scene.iter().map(|part| named("--gltf-scene", part.clone()));
+        let switches = [
+            (*allow_outside, "--allow-outside"),
+            (*flip, "--flip"),
+            (*strict, "--strict"),
+            (*no_default_light, "--no-default-light"),
+        ];
+        Ok(env.chain(part).chain(switches.into_iter().filter(|(on, _)| *on).map(|(_, name)| name.to_owned())).collect())
     }
 
     /// Writes the picture so far.

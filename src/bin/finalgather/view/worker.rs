@@ -82,6 +82,8 @@ pub enum WorkerReport {
     /// The reference as it is to be displayed; `None`: it is closed.
     Reference(Option<ReferenceView>),
     Saved(PathBuf),
+    /// A scene file is written. It needs these options to render as here.
+    SceneSaved(PathBuf, Vec<String>),
     /// A command failed. The renderer continues as before.
     Refused(Error),
     /// The render or the layer view stopped: the rest of the directions, or the layers, will not come.
@@ -289,7 +291,7 @@ fn work(options: &WorkerOptions, commands: &Receiver<WorkerCommand>, tell: &dyn 
                 tell(scene.save(&path).map_or_else(WorkerReport::Refused, |()| WorkerReport::Saved(path)));
             }
             (Ok(WorkerCommand::SaveScene(path)), Some(scene)) => {
-                tell(scene.save_scene(&path).map_or_else(WorkerReport::Refused, |()| WorkerReport::Saved(path)));
+                tell(scene.save_scene(&path).map_or_else(WorkerReport::Refused, |needed| WorkerReport::SceneSaved(path, needed)));
             }
             (Ok(_), None) => {}
         }
