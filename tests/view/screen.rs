@@ -130,7 +130,7 @@ impl Display {
 
 /// `finalgather view` with a window of `SIDE` + the panel's width, at the upper left of the screen.
 pub struct View<'a> {
-    display: &'a Display,
+    pub display: &'a Display,
     tool: Child,
     pub window: String,
 }
@@ -214,9 +214,11 @@ impl<'a> View<'a> {
 
     /// Saves by the dialog that a key opens, under the name that it proposes.
     pub fn save(&mut self, key: &str, path: &Path) {
+        // Beside the picture, which the pointer would hide in part.
+        self.xdotool(&["mousemove", "10", "20"]);
         let before = self.whole();
         self.key(key);
-        self.until("the dialog", |view| view.whole() != before);
+        self.until("the dialog", |view| view.picture() != before.crop([0, TOP, SIDE, SIDE]));
         self.until("the file", |view| {
             // The first ends the editing of the name.
             view.key("Return");

@@ -37,6 +37,8 @@ pub struct Window {
     /// When egui asks for the next frame, even without events.
     again: Option<Instant>,
     latency: Latency,
+    /// The library that made the last context.
+    api: &'static str,
     /// Number of contexts lost in a row.
     losses: u32,
     outcome: Result<()>,
@@ -79,18 +81,16 @@ impl Window {
             title: String::new(),
             again: None,
             latency: Latency::new(),
+            api: "none",
             losses: 0,
             outcome: Ok(()),
         }
     }
 
     pub fn end(mut self) -> WindowSummary {
-        let api = self.shell.as_ref().map_or("none", |shell| shell.screen.api());
-        // Close the window before waiting for the renderer.
-        self.shell = None;
         let left = self.app.end();
         let (times, directions) = (self.latency.times(), self.app.directions());
-        WindowSummary { outcome: self.outcome, times, api, directions, cursor: self.app.canvas.values, left }
+        WindowSummary { outcome: self.outcome, times, api: self.api, directions, cursor: self.app.canvas.values, left }
     }
 
     fn open(&self, events: &ActiveEventLoop) -> Result<Shell> {
@@ -211,7 +211,10 @@ impl ApplicationHandler for Window {
     fn resumed(&mut self, events: &ActiveEventLoop) {
         if self.shell.is_none() {
             match self.open(events) {
-                Ok(shell) => self.shell = Some(shell),
+                Ok(shell) => {
+                    self.api = shell.screen.api();
+                    self.shell = Some(shell);
+                }
                 Err(error) => self.fail(events, error),
             }
             self.redraw();
@@ -254,6 +257,11 @@ impl ApplicationHandler for Window {
                 self.latency.event();
             }
         }
+    }
+
+    fn exiting(&mut self, _: &ActiveEventLoop) {
+        // The clipboard's thread uses the connection to the window system, which ends with the event loop.
+        self.shell = None;
     }
 
     fn about_to_wait(&mut self, events: &ActiveEventLoop) {
