@@ -384,7 +384,7 @@ impl App {
 
     /// Shows the picture, and the layer view if it is on.
     fn center(&mut self, ui: &mut Ui) {
-        let (area, strip) = self.canvas.split(ui.available_rect_before_wrap());
+        let (area, strip) = Canvas::split(ui.available_rect_before_wrap());
         if self.layers {
             let (picture, stack, row) = LayerView::split(area);
             let shown = self.picture(ui, picture);

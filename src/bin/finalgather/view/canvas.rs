@@ -12,8 +12,6 @@ use super::probe::PixelValues;
 use super::worker::{DisplayPicture, ReferenceView};
 use super::zoom::{Room, Zoom};
 
-/// Height of the scale of false colours.
-const SCALE: f32 = 46.0;
 /// Height of a line of values.
 const LINE: f32 = 17.0;
 
@@ -21,7 +19,7 @@ const LINE: f32 = 17.0;
 pub struct Canvas {
     pub zoom: Zoom,
     pub picture: Option<Box<DisplayPicture>>,
-    pub reference: Option<ReferenceView>,
+    pub reference: Option<Box<ReferenceView>>,
     /// Whether the reference is shown in place of the picture.
     pub flipped: bool,
     /// The same while a key is held.
@@ -44,7 +42,7 @@ impl Canvas {
         self.picture = picture;
     }
 
-    pub fn set_reference(&mut self, reference: Option<ReferenceView>) {
+    pub fn set_reference(&mut self, reference: Option<Box<ReferenceView>>) {
         self.textures[1] = None;
         self.flipped &= reference.is_some();
         self.reference = reference;
@@ -68,16 +66,16 @@ impl Canvas {
         }
     }
 
-    /// Splits `area` into the place of the picture and a strip below it for the scale and the values.
-    pub fn split(&self, area: Rect) -> (Rect, Rect) {
+    /// Splits `area` into the place of the picture and a strip below it for the values and the scale. What is shown does not change the place: with a
+    /// picture as large as it, the render would begin again.
+    pub fn split(area: Rect) -> (Rect, Rect) {
         let lines = match area.width() {
-            ..420.0 => 4.0,
-            ..720.0 => 3.0,
-            ..1300.0 => 2.0,
-            _ => 1.0,
+            ..420.0 => 5.0,
+            ..720.0 => 4.0,
+            ..1000.0 => 3.0,
+            _ => 2.0,
         };
-        let scaled = matches!(self.developed(), Some(Ok(Developed { scale: Some(_), .. })));
-        let height = LINE * lines + 8.0 + if scaled { SCALE } else { 0.0 };
+        let height = LINE * lines + 12.0;
         area.split_top_bottom_at_y(area.bottom() - height.min(0.5 * area.height()))
     }
 
@@ -163,9 +161,9 @@ impl Canvas {
         painter.rect_filled(area, 0.0, ui.visuals().panel_fill);
         let mut values = area.shrink2(vec2(12.0, 4.0));
         if let Some(Ok(Developed { scale: Some(scale), .. })) = self.developed() {
-            let (bar, rest) = area.split_top_bottom_at_y(area.top() + SCALE);
+            let (left, bar) = area.split_left_right_at_fraction(0.58);
             scale.draw(&painter, bar, ui.visuals().text_color());
-            values = rest.shrink2(vec2(12.0, 2.0));
+            values = left.shrink2(vec2(12.0, 4.0));
         }
         let weak = ui.visuals().weak_text_color();
         let font = FontId::proportional(12.5);

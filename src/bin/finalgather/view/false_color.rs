@@ -4,8 +4,8 @@ use egui::{Align2, Color32, FontId, Mesh, Painter, Rect, pos2, vec2};
 
 /// Steps of a scale's bar.
 const STEPS: usize = 64;
-/// Numbers below a scale's bar.
-const NUMBERS: usize = 5;
+/// Width of a number below a scale's bar, in points.
+const NUMBER: f32 = 70.0;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ColorMap {
@@ -92,13 +92,14 @@ impl ColorScale {
             mesh.add_triangle(2 * step + 1, 2 * step + 2, 2 * step + 3);
         }
         painter.add(mesh);
-        for number in 0..NUMBERS {
-            let at = number as f32 / (NUMBERS - 1) as f32;
+        let numbers = ((bar.width() / NUMBER) as usize).clamp(2, 5);
+        for number in 0..numbers {
+            let at = number as f32 / (numbers - 1) as f32;
             let value = egui::lerp(self.range[0]..=self.range[1], at);
             let words = if self.percent { format!("{} %", short(100.0 * value)) } else { short(value) };
             let align = match number {
                 0 => Align2::LEFT_TOP,
-                _ if number == NUMBERS - 1 => Align2::RIGHT_TOP,
+                _ if number == numbers - 1 => Align2::RIGHT_TOP,
                 _ => Align2::CENTER_TOP,
             };
             painter.text(pos2(egui::lerp(bar.x_range(), at), bar.bottom() + 2.0), align, words, font.clone(), text);
@@ -109,7 +110,7 @@ impl ColorScale {
 /// Three digits that tell.
 pub fn short(value: f32) -> String {
     match value.abs() {
-        size if size == 0.0 || size >= 100.0 && size < 1e5 => format!("{value:.0}"),
+        size if size == 0.0 || (100.0..1e5).contains(&size) => format!("{value:.0}"),
         size if !(1e-3..1e5).contains(&size) => format!("{value:.1e}"),
         size if size >= 10.0 => format!("{value:.1}"),
         size if size >= 1.0 => format!("{value:.2}"),

@@ -57,7 +57,8 @@ pub fn show(app: &mut App, ui: &Ui) {
         .collapsible(false)
         .resizable(false)
         .show(ui.ctx(), |ui| {
-            egui::ScrollArea::vertical().max_height(area.height() - 100.0).show(ui, |ui| {
+            let height = area.height() - 100.0;
+            egui::ScrollArea::vertical().max_height(height).min_scrolled_height(height).show(ui, |ui| {
                 egui::Grid::new("keys").num_columns(2).spacing(vec2(24.0, 4.0)).show(ui, |ui| {
                     for (keys, effect) in KEYS {
                         ui.strong(keys);

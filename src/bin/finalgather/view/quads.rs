@@ -36,11 +36,14 @@ pub fn quads(layers: &Layers, most: f32) -> Vec<LayerQuad> {
         for (y, x) in places().flat_map(|y| places().map(move |x| (y, x))) {
             let Some(texel) = &texels[(y * layers.size + x) as usize] else { continue };
             let middle = Vec2::new(x as f32, y as f32) + 0.5;
-            let mut outline =
-                [(-half, -half), (half, -half), (half, half), (-half, half)].map(|by| middle + Vec2::from(by)).to_vec();
-            for &line in ends.get(&texel.triangle).into_iter().flatten() {
-                outline = cut(&outline, line);
-            }
+            let square =
+                |half: f32| [(-half, -half), (half, -half), (half, half), (-half, half)].map(|by| middle + Vec2::from(by));
+            let lines = ends.get(&texel.triangle).map_or(&[][..], Vec::as_slice);
+            // Near an end, the next texel may miss the surface although a part of it lies there.
+            let wide = square(2.0 * half);
+            let at_end = lines.iter().any(|&line| wide.iter().any(|&place| side(line, place) < 0.0));
+            let outline = if at_end { wide } else { square(half) }.to_vec();
+            let outline = lines.iter().fold(outline, |outline, &line| cut(&outline, line));
             let placed = |place: &Vec2| {
                 let depth = (texel.depth + texel.slopes.dot(*place - middle)).clamp(0.0, 1.0);
                 layers.from_layer.transform_point3(place.extend(depth))
@@ -94,17 +97,21 @@ fn surface_ends(layers: &Layers, step: f32) -> HashMap<u32, Vec<Line>> {
 fn line([a, b]: [Vec2; 2], inner: Vec2) -> Option<Line> {
     let across = (b - a).perp();
     let line = across.extend(-across.dot(a));
-    let side = line.dot(inner.extend(1.0));
+    let side = side(line, inner);
     (side != 0.0).then(|| line * side.signum())
+}
+
+/// The distance of a place from a line, up to a factor. It is negative on the outer side.
+fn side(line: Line, place: Vec2) -> f32 {
+    line.dot(place.extend(1.0))
 }
 
 /// The part of a convex outline on the inner side of a line.
 fn cut(outline: &[Vec2], line: Line) -> Vec<Vec2> {
-    let side = |place: Vec2| line.dot(place.extend(1.0));
     let mut kept = Vec::with_capacity(outline.len() + 1);
     for (index, &to) in outline.iter().enumerate() {
         let from = outline[(index + outline.len() - 1) % outline.len()];
-        let (before, after) = (side(from), side(to));
+        let (before, after) = (side(line, from), side(line, to));
         if (before < 0.0) != (after < 0.0) {
             kept.push(from.lerp(to, before / (before - after)));
         }
@@ -164,12 +171,11 @@ mod tests {
         let places = || quads.iter().flat_map(|quad| quad.corners);
         let most = places().map(|place| place.x).fold(0.0, f32::max);
         assert!((most - 6.75).abs() < 1e-4, "the last quads are cut at the wall's end: {most}");
-        // The diagonal is no end.
-        let area = |quad: &LayerQuad| {
-            let [a, b, c, d] = quad.corners.map(Vec3::truncate);
-            0.5 * ((b - a).perp_dot(c - a).abs() + (c - a).perp_dot(d - a).abs())
+        // The diagonal is no end: beside it, quads reach into the other triangle.
+        let crosses = |quad: &LayerQuad| {
+            let above = quad.corners.map(|corner| corner.y / 8.0 > (corner.x - 2.0) / 4.75);
+            above.contains(&true) && above.contains(&false)
         };
-        let total: f32 = quads.iter().map(area).sum();
-        assert!((total - 8.0 * 4.75).abs() < 1.0, "the quads cover the wall: {total}");
+        assert!(quads.iter().any(crosses));
     }
 }

@@ -80,7 +80,7 @@ pub enum WorkerReport {
     /// The surface at a place that was asked for.
     Surface(Vec2, Option<SeenSurface>),
     /// The reference as it is to be displayed; `None`: it is closed.
-    Reference(Option<ReferenceView>),
+    Reference(Option<Box<ReferenceView>>),
     Saved(PathBuf),
     /// A scene file is written. It needs these options to render as here.
     SceneSaved(PathBuf, Vec<String>),
@@ -304,5 +304,5 @@ fn tell_reference(wanted: &Wanted, tell: &dyn Fn(WorkerReport)) {
         developed: reference.develop(&wanted.shown).map_err(|error| error.to_string()),
         image: reference.image.clone(),
     };
-    tell(WorkerReport::Reference(wanted.reference.as_ref().map(view)));
+    tell(WorkerReport::Reference(wanted.reference.as_ref().map(view).map(Box::new)));
 }
