@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 use tempfile::NamedTempFile;
 
 use crate::error::{Error, Result};
+use crate::nearest::nearest_file;
 
 /// The most bytes of any file.
 pub(crate) const MOST_BYTES: u64 = 4 << 30;
@@ -19,7 +20,10 @@ pub(crate) const MOST_WORDS: u64 = 64 << 20;
 pub(crate) fn read_file(path: &Path, most: u64) -> io::Result<Vec<u8>> {
     let refused = |kind, problem: String| Err(io::Error::new(kind, problem));
     // Checked before opening, because opening a pipe waits for its writer.
-    let about = fs::metadata(path)?;
+    let about = fs::metadata(path).map_err(|error| explained(path, error))?;
+    if about.is_dir() {
+        return refused(ErrorKind::IsADirectory, "it is a folder".into());
+    }
     if !about.is_file() {
         return refused(ErrorKind::InvalidInput, "it is no regular file".into());
     }
@@ -31,6 +35,20 @@ pub(crate) fn read_file(path: &Path, most: u64) -> io::Result<Vec<u8>> {
         true => refused(ErrorKind::FileTooLarge, format!("it has more than {most} bytes")),
         false => Ok(bytes),
     }
+}
+
+/// The error in plain words if there is no such file, with the one that may have been meant.
+pub(crate) fn explained(path: &Path, error: io::Error) -> io::Error {
+    let folder = folder_of(path);
+    let problem = match error.kind() {
+        ErrorKind::NotFound if !folder.exists() => format!("there is no folder {}", folder.display()),
+        ErrorKind::NotFound => {
+            let like = nearest_file(path).map(|like| format!("; like it: {}", like.display()));
+            format!("there is no such file{}", like.unwrap_or_default())
+        }
+        _ => return error,
+    };
+    io::Error::new(ErrorKind::NotFound, problem)
 }
 
 /// Whether a picture file can hold the `unpacked` bytes that its header states: a byte of deflate stands for at most 1032 bytes, and other codes

@@ -23,7 +23,7 @@ use self::remaining::Remaining;
 use self::report::peak_memory_bytes;
 use self::task::Task;
 use crate::error::{Error, Result};
-use crate::scene::Loaded;
+use crate::scene::{Loaded, World};
 
 pub use checkpoint::Keeping;
 pub use estimate::{Estimate, estimate};
@@ -100,15 +100,18 @@ pub struct Outcome {
 
 impl Job {
     /// # Errors
-    /// [`Error::Usage`] when an output cannot be written or would replace an input or earlier sums; [`Error::Output`] while another run writes it.
+    /// [`Error::Input`] when there is no such scene; [`Error::Usage`] when an output cannot be written or would replace an input or earlier sums; [`Error::Output`] while another run writes it.
     pub fn new(request: JobRequest, keeping: &Keeping) -> Result<Self> {
         let started = Instant::now();
-        let outputs = if keeping.shard.is_some() { Vec::from_iter(keeping.file.clone()) } else { request.outputs.concat() };
-        check_kept(&outputs, request.inputs())?;
-        let checkpoint = Checkpoint::new(keeping, &outputs)?;
         if keeping.shard.is_none() {
             request.check_outputs()?;
         }
+        if request.scene.bytes.is_none() {
+            World::check_path(&request.scene.path)?;
+        }
+        let outputs = if keeping.shard.is_some() { Vec::from_iter(keeping.file.clone()) } else { request.outputs.concat() };
+        check_kept(&outputs, request.inputs())?;
+        let checkpoint = Checkpoint::new(keeping, &outputs)?;
         Ok(Self { request, outputs, checkpoint, started })
     }
 

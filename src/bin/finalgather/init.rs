@@ -46,7 +46,7 @@ pub fn run(args: &InitArgs) -> Result<u8> {
             "edit it, give another -o, or replace it by --force",
         ));
     }
-    let Loaded { world, settings, report: load } = args.files.scene(source).load(true)?;
+    let Loaded { world, settings, report: load } = args.files.scene(source)?.load(true)?;
     load.warnings.iter().for_each(|warning| report::say(&format!("warning: {warning}")));
     let view = SceneView { source, world: &world, camera: world.camera(settings.film.size), settings };
     let text = view.text(if to_stdout { Path::new("") } else { folder_of(&output) })?;

@@ -2,9 +2,11 @@
 
 use std::env;
 use std::os::unix::process::CommandExt;
-use std::process::{Command, ExitCode};
+use std::path::Path;
+use std::process::ExitCode;
 
-use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
+use clap::error::ErrorKind;
+use clap::{Arg, Command, CommandFactory, FromArgMatches, Parser, Subcommand};
 use finalgather::error::{Error, Result};
 
 mod about_scene;
@@ -20,6 +22,8 @@ mod relight;
 mod render;
 mod report;
 mod scene_file;
+mod shell;
+mod streams;
 mod summary;
 mod terminal;
 #[cfg(feature = "window")]
@@ -27,7 +31,7 @@ mod view;
 
 /// Final gathering by rasterised ray bundles: renders global illumination on OpenGL 3.3, headless
 #[derive(Debug, Parser)]
-#[command(version, after_help = include_str!("help/main.txt"))]
+#[command(version, after_long_help = include_str!("help/main.txt"))]
 struct Args {
     #[command(subcommand)]
     command: ToolCommand,
@@ -52,10 +56,18 @@ enum ToolCommand {
     Bench(bench::BenchArgs),
     Info(info::InfoArgs),
     Init(init::InitArgs),
+    Completions(shell::CompletionsArgs),
+    Man(shell::ManArgs),
 }
 
 fn main() -> ExitCode {
-    let matches = Args::command().color(report::color_of(env::args_os())).get_matches();
+    let matches = brief(Args::command()).color(report::color_of(env::args_os())).try_get_matches().unwrap_or_else(|error| {
+        if let Some(scene) = scene_without_command(&error) {
+            report::say(&format!("error: {scene}: which command?\n  cure: finalgather render {scene}"));
+            std::process::exit(2);
+        }
+        error.exit()
+    });
     let Args { command, messages, threads } = Args::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
     report::set(messages);
     let limited = threads.map_or(Ok(()), limit_threads);
@@ -76,6 +88,8 @@ fn main() -> ExitCode {
         ToolCommand::Bench(args) => bench::run(&args),
         ToolCommand::Info(args) => info::run(&args),
         ToolCommand::Init(args) => init::run(&args),
+        ToolCommand::Completions(args) => shell::complete(&args, Args::command()),
+        ToolCommand::Man(args) => shell::man(&args, Args::command()),
     });
     match outcome {
         Ok(code) => ExitCode::from(code),
@@ -89,6 +103,25 @@ fn main() -> ExitCode {
     }
 }
 
+/// Shortens the help of `-h` to the first sentence of each option. `--help` has all.
+fn brief(tool: Command) -> Command {
+    let of_argument = |argument: Arg| {
+        let Some(whole) = argument.get_help().filter(|_| argument.get_long_help().is_none()).map(ToString::to_string) else {
+            return argument;
+        };
+        let Some((first, rest)) = whole.split_once(". ") else { return argument };
+        let default = rest.rfind("[default:").map_or(String::new(), |start| format!(" {}", &rest[start..]));
+        argument.help(format!("{first}{default}")).long_help(whole)
+    };
+    tool.mut_subcommands(|command| command.mut_args(of_argument))
+}
+
+/// The file that stands in the place of a command.
+fn scene_without_command(error: &clap::Error) -> Option<String> {
+    let first = (error.kind() == ErrorKind::InvalidSubcommand).then(|| env::args().nth(1))??;
+    Path::new(&first).is_file().then_some(first)
+}
+
 /// Lets Rayon and Mesa's software driver use this many threads. Both read their number from the environment, which a process cannot change safely once
 /// it has threads. So the program begins again in this process, once.
 fn limit_threads(count: usize) -> Result<()> {
@@ -99,7 +132,7 @@ fn limit_threads(count: usize) -> Result<()> {
         return Ok(());
     }
     let error = match env::current_exe() {
-        Ok(program) => Command::new(program).args(env::args_os().skip(1)).envs(wanted).exec(),
+        Ok(program) => std::process::Command::new(program).args(env::args_os().skip(1)).envs(wanted).exec(),
         Err(error) => error,
     };
     Err(Error::usage(format!("--threads: the program cannot begin again: {error}"), "set RAYON_NUM_THREADS and LP_NUM_THREADS"))

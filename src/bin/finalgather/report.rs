@@ -40,6 +40,8 @@ enum ColorWhen {
 
 static MESSAGES: OnceLock<MessageArgs> = OnceLock::new();
 static WARNINGS: AtomicUsize = AtomicUsize::new(0);
+/// A path that messages show under another name.
+static SHOWN_AS: OnceLock<(String, &str)> = OnceLock::new();
 
 /// Sets how much is said from now on. Before, it is as without options.
 pub fn set(args: MessageArgs) {
@@ -49,6 +51,11 @@ pub fn set(args: MessageArgs) {
 
 fn messages() -> MessageArgs {
     MESSAGES.get().copied().unwrap_or_default()
+}
+
+/// Shows a path as `name` from now on. It is set once.
+pub fn show_as(path: &Path, name: &'static str) {
+    let _ = SHOWN_AS.set((path.display().to_string(), name));
 }
 
 /// The number of warnings so far.
@@ -80,6 +87,7 @@ pub fn color_of(mut arguments: impl Iterator<Item = OsString>) -> clap::ColorCho
 /// that names in files cannot control the terminal.
 pub fn say(line: &str) {
     let line = line.replace(|c: char| c.is_control() && c != '\n', "\u{fffd}");
+    let line = SHOWN_AS.get().map_or(line.clone(), |(path, name)| line.replace(path, name));
     let styles = Styles::styled();
     let warning = Style::new().fg_color(Some(clap::builder::styling::AnsiColor::Yellow.into())).bold();
     let (most, style) = match line.split_once(": ").map(|(kind, _)| kind) {

@@ -20,6 +20,7 @@ use signal_hook::iterator::Signals;
 use signal_hook::{flag, low_level};
 
 use crate::progress::ProgressLine;
+use crate::streams::ToStdout;
 use crate::{report, summary};
 
 /// Job systems wait half a minute or more before they kill a process. A person who presses Ctrl-C is less patient.
@@ -40,14 +41,18 @@ struct Caught {
     has_result: AtomicBool,
 }
 
-/// Runs a job, reports it and returns the exit code.
-pub fn run(job: Job, json: bool) -> Result<u8> {
-    let mut terminal = Terminal::new(job.lock_path())?;
+/// Runs a job, reports it, sends its result to stdout if asked, and returns the exit code.
+pub fn run(job: Job, json: bool, stdout: Option<ToStdout>) -> Result<u8> {
+    let leftovers = job.lock_path().map(Path::to_owned).into_iter().chain(stdout.as_ref().map(|to| to.folder().to_owned()));
+    let mut terminal = Terminal::new(leftovers.collect())?;
+    let threads = rayon::current_num_threads();
+    report::detail(&format!("{threads} CPU thread{}", if threads == 1 { "" } else { "s" }));
     let outcome = job.run(&mut terminal)?;
     terminal.clear();
     if outcome.ending == Ending::Finished {
         report::say(&summary::line(&outcome.report));
     }
+    stdout.map_or(Ok(()), ToStdout::send)?;
     if json {
         report::print_json(&outcome.report)?;
     }
@@ -55,11 +60,11 @@ pub fn run(job: Job, json: bool) -> Result<u8> {
 }
 
 impl Terminal {
-    /// Handles signals for the rest of the process. A signal that ends the process removes the file `lock`.
-    pub fn new(lock: Option<&Path>) -> Result<Self> {
+    /// Handles signals for the rest of the process. A signal that ends the process removes the files and folders `leftovers`.
+    pub fn new(leftovers: Vec<PathBuf>) -> Result<Self> {
         let line = ProgressLine::new();
         let signals = Arc::default();
-        watch_signals(&signals, line.bar(), lock.map(Path::to_owned)).map_err(|error| {
+        watch_signals(&signals, line.bar(), leftovers).map_err(|error| {
             Error::usage(format!("signals cannot be caught: {error}"), "run where the system allows signal handlers")
         })?;
         Ok(Self { line, signals, noticed: Cell::default() })
@@ -108,7 +113,7 @@ impl Watch for Terminal {
     }
 }
 
-fn watch_signals(caught: &Arc<Caught>, bar: ProgressBar, lock: Option<PathBuf>) -> io::Result<()> {
+fn watch_signals(caught: &Arc<Caught>, bar: ProgressBar, leftovers: Vec<PathBuf>) -> io::Result<()> {
     // The default action would end the process in the middle of a file. With a handler, the write fails like any other.
     flag::register(SIGXFSZ, Arc::default())?;
 
@@ -129,8 +134,10 @@ fn watch_signals(caught: &Arc<Caught>, bar: ProgressBar, lock: Option<PathBuf>) 
             if !has_result {
                 report::say("stopped before there was a result");
             }
-            // A leftover file does no harm.
-            let _ = lock.as_ref().map(fs::remove_file);
+            for leftover in &leftovers {
+                // One that stays does no harm.
+                let _ = fs::remove_file(leftover).or_else(|_| fs::remove_dir_all(leftover));
+            }
             // process::exit would run exit handlers, which destroy the GL driver while another thread uses it.
             low_level::exit(code.into());
         }
