@@ -48,7 +48,7 @@ use self::source::{PixelSource, View};
 use self::statistics::layer_size;
 
 pub use crate::memory::of_render as memory_of;
-pub use layer_view::{End, LayerTexel, Layers, Probe};
+pub use layer_view::{End, LayerTexel, Layers, Probe, SeenSurface};
 pub use merge::{RenderMerge, blocks_of};
 pub use statistics::{GatherCounts, RenderStatistics, SceneCounts, StageSeconds};
 
