@@ -34,9 +34,7 @@ pub struct Parameters {
 #[derive(Serialize, Deserialize)]
 pub struct FourSteps {
     slice: Slice,
-    /// Of the slice's points: how many find the hit of an exact ray, or like it none.
-    exact: usize,
-    /// Radiance that each finds.
+    /// Radiance that each point of the slice finds.
     light: Vec<[f32; 3]>,
     /// Pixels of the camera that see a surface, and those of them that face the direction.
     pixels: usize,
@@ -71,7 +69,7 @@ impl Figure for FourSteps {
         let stage = Stage::new(parameters.depths, parameters.elevation_degrees)?;
         let points = stage.points_every(parameters.spacing);
         let slice = Slice::measure(&stage, parameters.layer_size, &points)?;
-        let exact = points.len() - slice.off(&stage.ends(&points)).count();
+        slice.check(&stage.ends(&points))?;
 
         let write = |name: &str, picture: &Image, exposure: f32| -> Result<String> {
             let (file, path) = task.picture_file(name);
@@ -113,7 +111,7 @@ impl Figure for FourSteps {
             }
             sums.push(Sum { directions, picture: write(&format!("sum-{directions}"), &picture, exposure)? });
         }
-        Ok(Self { slice, exact, light, pixels, facing, layers, direct, added, sums })
+        Ok(Self { slice, light, pixels, facing, layers, direct, added, sums })
     }
 
     fn draw(&self, _: &Parameters) -> Result<String> {
@@ -146,7 +144,7 @@ impl Step {
             .add(Title::new(format!("Step {number} in a slice of the Cornell box")))
             .add(slice);
         let mut html = format!(
-            "<section class=\"step\" data-frames=\"{}\">\n<h4><span>{number}</span> {title}</h4>\n<p>{text}</p>\n<div class=\"views\">\n\
+            "<section class=\"step\" data-frames=\"{}\">\n<h4><span>{number}</span> {title}</h4>\n<p>{text}</p>\n\
              <div class=\"slice\">{drawing}</div>\n<div class=\"view\">\n",
             pictures.len()
         );
@@ -159,7 +157,7 @@ impl Step {
                 "<figure data-from=\"{frame}\" data-to=\"{frame}\"{early}><img src=\"{file}\" alt=\"{label}\"><figcaption>{label}</figcaption></figure>"
             );
         }
-        html + "</div>\n</div>\n</section>\n"
+        html + "</div>\n</section>\n"
     }
 
     /// A group that is seen from one frame to another, of so many frames.
@@ -207,7 +205,7 @@ impl FourSteps {
             }
         }
         Step {
-            title: "One direction for all points",
+            title: "All points, one direction",
             text: format!(
                 "Every surface point that the camera sees needs the light that arrives from all sides. Here these are {} pixels; the slice shows {} \
                  points like them. All look along the same direction. The {} hollow ones face away from it and get nothing from it.",
@@ -232,7 +230,7 @@ impl FourSteps {
         let label = |layer: usize| format!("Layer {} of {}, as the direction sees it", layer + 1, self.layers.len());
         let pictures = self.layers.iter().enumerate().map(|(layer, pictures)| (pictures.layer.clone(), label(layer)));
         Step {
-            title: "Project, and peel from far to near",
+            title: "Peel from far to near",
             text: format!(
                 "Parallel rays are a parallel projection, and that is what a GPU draws fast. The first drawing keeps the farthest surface in every \
                  texel. The second keeps the farthest of what is nearer than that, and so on: {} layers, each a picture of depths.",
@@ -252,21 +250,19 @@ impl FourSteps {
         let label = |(layer, pictures): (usize, &LayerPictures)| {
             let LayerPictures { sampled, samples, .. } = pictures;
             let text = format!(
-                "After layer {}: {samples} of {} pixels sampled it. Each shows what it sampled last.",
+                "After layer {}, which {samples} of the {} pixels that face the direction sampled. Each shows its last sample.",
                 layer + 1,
                 self.facing
             );
             (sampled.clone(), text)
         };
         Step {
-            title: "Sample the layer ahead, KILL what lies behind",
+            title: "Sample ahead, KILL behind",
             text: format!(
                 "After each layer, every point looks at the texel on its ray. If that lies ahead, it overwrites what the point sampled before. If it \
-                 lies behind (a cross), KILL discards it. So the last sample is the nearest surface ahead: where a ray would have ended. In this slice \
-                 that is true of {} of {} points. A layer of more than {} texels a side makes the others rarer.",
-                self.exact,
-                self.slice.points.len(),
-                self.slice.layer_size
+                 lies behind (a cross), KILL discards it. So the last sample is the nearest surface ahead: where a ray would have ended. Exact rays \
+                 end at the same places for all {} points of this slice.",
+                self.slice.points.len()
             ),
             slice,
             size,
@@ -277,7 +273,10 @@ impl FourSteps {
     /// What the slice's points do with a layer.
     fn sampled(&self, view: &View, layer: usize) -> Group {
         let last = self.slice.layers.len() - 1;
-        let mut group = if layer <= last { view.layer(layer, 9.0) } else { Group::new() };
+        let mut group = Group::new();
+        if layer <= last {
+            group = group.add(view.layer(layer, 9.0));
+        }
         for (_, point) in self.slice.points.iter().enumerate().filter(|&(i, _)| self.faces(i)) {
             let at = view.at(point.place);
             if let Some((from, distance)) = point.last_sample(layer) {
@@ -312,7 +311,7 @@ impl FourSteps {
         });
         let first = (self.added.clone(), "What this direction adds to each pixel, brightened by one stop".into());
         Step {
-            title: "Look up the light, add it, next direction",
+            title: "Add light, next direction",
             text: "A rough photon map tells how much light each hit sends back along the ray (the colours of the arrows). Each point weighs it by the \
                    cosine and adds it to its sum. Then the next direction begins with step 1. Hundreds of directions later the sums are a picture."
                 .into(),

@@ -199,23 +199,23 @@ impl Slice {
         Ok(slice)
     }
 
-    /// Points whose last sample is farther than a hundredth of a texel's width from where their ray ends, with both. A point evaluates the
-    /// texel's plane on its own ray, so that only rounding is left, unless the texel's centre sees another surface.
-    pub fn off<'a>(&'a self, ends: &'a [Option<f32>]) -> impl Iterator<Item = (&'a Point, Option<f32>)> {
+    /// Fails unless each point's last sample is where its ray ends, to a hundredth of a texel's width: the point evaluates the texel's plane
+    /// on its own ray, so that only rounding is left, unless the texel's centre sees another surface.
+    pub fn check(&self, ends: &[Option<f32>]) -> Result<()> {
         let [first, second] = [0, 1].map(|column| Vec2::from(self.rays[column][0]));
         let limit = 0.01 * first.distance(second);
-        let is_off = move |(point, end): &(&Point, Option<f32>)| match (point.hit(), end) {
-            (Some(hit), Some(end)) => (hit - end).abs() > limit,
-            (hit, end) => hit != *end,
-        };
-        self.points.iter().zip(ends.iter().copied()).filter(is_off)
-    }
-
-    /// Fails if a point is [`Self::off`].
-    pub fn check(&self, ends: &[Option<f32>]) -> Result<()> {
-        self.off(ends).next().map_or(Ok(()), |(point, end)| {
-            Err(format!("the point at {:?} samples {:?}, and its ray ends at {end:?}", point.place, point.hit()).into())
-        })
+        for (point, &end) in self.points.iter().zip(ends) {
+            let is_there = match (point.hit(), end) {
+                (Some(hit), Some(end)) => (hit - end).abs() <= limit,
+                (hit, end) => hit == end,
+            };
+            if !is_there {
+                return Err(
+                    format!("the point at {:?} samples {:?}, and its ray ends at {end:?}", point.place, point.hit()).into()
+                );
+            }
+        }
+        Ok(())
     }
 }
 

@@ -152,11 +152,14 @@ fn find(measure: &str, run: &mut Evidence) -> Option<(Vec<String>, Verdict)> {
                 steps.iter().rev().find_map(|step: &Step| Some((step, step.against("raycast-gl")?)))
             };
             let ((points, at_points), (triangles, at_triangles)) = (most("points")?, most("triangles")?);
-            let millions = format!("{:.1}", f64::from(points.points) / 1e6);
+            let points = match points.points {
+                few @ ..1_000_000 => few.to_string(),
+                many => format!("{:.1} million", f64::from(many) / 1e6),
+            };
             let [fused_text, at_points_text] = [fused, at_points].map(|share| format!("{share:.2}"));
             let [kill_text, at_triangles_text] = [kill, at_triangles].map(|share| format!("{share:.1}"));
             let triangles = triangles.triangles.to_string();
-            let values = vec![fused_text, at_points_text, millions, kill_text, triangles, at_triangles_text];
+            let values = vec![fused_text, at_points_text, points, kill_text, triangles, at_triangles_text];
             let always = [kill, fused, at_triangles].into_iter().all(|share| share < 1.0);
             if !always && (fused < 1.0 || at_points < 1.0) {
                 return Some((values, Verdict::InPart));
