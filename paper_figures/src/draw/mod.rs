@@ -5,5 +5,5 @@ mod numbers;
 pub mod plot;
 
 pub use html::{escaped, note, panel, plot_in_page, table};
-pub use numbers::{count, joined, percent, seconds, short_percent};
+pub use numbers::{count, joined, percent, seconds, several, short_percent};
 pub use plot::{Axis, Bar, Curve, Panel, Unit};

@@ -46,6 +46,11 @@ pub fn count(number: u32) -> String {
     }
 }
 
+/// A number of things, such as "1 direction" or "8 directions".
+pub fn several(number: u32, thing: &str) -> String {
+    format!("{number} {thing}{}", if number == 1 { "" } else { "s" })
+}
+
 /// With two or three digits, down to milliseconds.
 pub fn seconds(seconds: f64) -> String {
     let digits = [20.0, 2.0, 0.02].into_iter().filter(|&limit| seconds < limit).count();

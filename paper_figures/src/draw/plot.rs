@@ -215,7 +215,7 @@ fn log_ticks(range: [f64; 2]) -> Ticks {
     if ticks.len() > 1 {
         return (range, ticks, None);
     }
-    let step = even_step(range[1] - range[0]);
+    let step = even_step(0.6 * (range[1] - range[0]));
     let (first, last) = ((range[0] / step).ceil() as i32, (range[1] / step).floor() as i32);
     (range, (first..=last).map(|i| f64::from(i) * step).collect(), Some(step))
 }
@@ -395,7 +395,7 @@ mod tests {
         assert_eq!(number(&[0.001, 0.011]), ["0.001", "0.002", "0.005", "0.01"]);
         assert_eq!(number(&[0.01, 2e6]), ["0.01", "0.1", "1", "10", "100", "1000", "10000", "100000", "1000000"]);
         assert_eq!(number(&[0.0123, 0.0131]), ["0.011", "0.012", "0.013", "0.014", "0.015"]);
-        assert_eq!(number(&[3e-7]), ["2.5e-7", "3e-7", "3.5e-7"]);
+        assert_eq!(number(&[3e-7]), ["2.6e-7", "2.8e-7", "3e-7", "3.2e-7", "3.4e-7", "3.6e-7"]);
         assert_eq!(number(&[0.0, f64::NAN]), ["1", "2", "5", "10"]);
         let ticks = Axis::log_at("", Unit::Percent, [0.0003, 0.001, 0.001, 0.03]);
         assert_eq!(labels(&ticks, &[]), ["0.03 %", "0.1 %", "3 %"]);

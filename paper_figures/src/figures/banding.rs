@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::draw::{Axis, Curve, Panel, Unit, plot};
+use crate::draw::{Axis, Curve, Panel, Unit, plot, several};
 use crate::figure::{Figure, Result, Task};
 use crate::lab::{Image, Measured, Pictures, Pipeline, Squares};
 
@@ -99,7 +99,8 @@ impl Figure for Banding {
         let profiles = self.profiles.iter().zip(colors).map(profile).collect();
         let along = [Axis::linear("pixel", Unit::Number), Axis::linear("radiance, green", Unit::Number)];
         let axes = [Axis::log("directions to a pixel", Unit::Number), Axis::log("against path tracing", Unit::Percent)];
-        let title = format!("A row of the back wall, {} directions to a pixel", self.shown.unwrap_or(parameters.shown));
+        let title =
+            format!("A row of the back wall, {} to a pixel", several(self.shown.unwrap_or(parameters.shown), "direction"));
         plot::svg([
             Panel::lines(430, "Relative RMSE of the Cornell box, 256 x 256", axes, errors),
             Panel::lines(430, title, along, profiles),

@@ -8,10 +8,12 @@ use serde::{Deserialize, Serialize};
 use svg::Document;
 use svg::node::element::{Group, Title};
 
+use crate::draw::several;
 use crate::figure::{Figure, Format, Result, Task};
 use crate::figures::slices::{COLORS, INK, View, arrow, cross, dot, dotted, extent, is_apart};
 use crate::lab::{
-    Cornell, Image, LayerSize, OneDirection, Peeled, Pictures, Pipeline, Settings, Slice, Stage, WriteOptions, sum_of,
+    Cornell, Image, LayerSize, OneDirection, Peeled, Pictures, Pipeline, Point, Settings, Sight, Slice, Stage, WriteOptions,
+    sum_of,
 };
 
 #[derive(Deserialize)]
@@ -130,11 +132,13 @@ struct Step {
     size: Vec2,
     /// Beside it, one picture for each frame: its file and what it is.
     pictures: Vec<(String, String)>,
+    /// The frame that is seen without scripts.
+    still: usize,
 }
 
 impl Step {
     fn html(self, number: u32) -> String {
-        let Self { title, text, slice, size, pictures } = self;
+        let Self { title, text, slice, size, pictures, still } = self;
         let drawing = Document::new()
             .set("viewBox", (0, 0, size.x.round(), size.y.round()))
             .set("font-family", "sans-serif")
@@ -148,22 +152,21 @@ impl Step {
              <div class=\"slice\">{drawing}</div>\n<div class=\"view\">\n",
             pictures.len()
         );
-        let frames = pictures.len();
         for (frame, (file, label)) in pictures.into_iter().enumerate() {
-            let early = if frame + 1 < frames { " class=\"early\"" } else { "" };
+            let hidden = if frame == still { "" } else { " class=\"hidden\"" };
             // Writing to a string does not fail.
             let _ = writeln!(
                 html,
-                "<figure data-from=\"{frame}\" data-to=\"{frame}\"{early}><img src=\"{file}\" alt=\"{label}\"><figcaption>{label}</figcaption></figure>"
+                "<figure data-from=\"{frame}\" data-to=\"{frame}\"{hidden}><img src=\"{file}\" alt=\"{label}\"><figcaption>{label}</figcaption></figure>"
             );
         }
         html + "</div>\n</section>\n"
     }
 
-    /// A group that is seen from one frame to another, of so many frames.
-    fn during(group: Group, [from, to]: [usize; 2], frames: usize) -> Group {
+    /// A group that is seen from one frame to another.
+    fn during(group: Group, [from, to]: [usize; 2], still: usize) -> Group {
         let group = group.set("data-from", from).set("data-to", to);
-        if to + 1 < frames { group.set("class", "early") } else { group }
+        if (from..=to).contains(&still) { group } else { group.set("class", "hidden") }
     }
 }
 
@@ -216,16 +219,17 @@ impl FourSteps {
             slice,
             size,
             pictures: vec![(self.direct.clone(), "What is known so far: direct light. Every pixel is a point.".into())],
+            still: 0,
         }
     }
 
     fn peeling(&self) -> Step {
         let (view, size) = self.view();
-        let frames = self.frames();
+        let last = self.frames() - 1;
         let mut slice = Group::new().add(view.bodies(10.0)).add(view.rays());
         for layer in 0..self.slice.layers.len() {
-            slice = slice.add(Step::during(view.layer(layer, 5.0), [layer, frames - 1], frames));
-            slice = slice.add(Step::during(view.layer(layer, 11.0), [layer, layer], frames));
+            slice = slice.add(Step::during(view.layer(layer, 5.0), [layer, last], last));
+            slice = slice.add(Step::during(view.layer(layer, 11.0), [layer, layer], last));
         }
         let label = |layer: usize| format!("Layer {} of {}, as the direction sees it", layer + 1, self.layers.len());
         let pictures = self.layers.iter().enumerate().map(|(layer, pictures)| (pictures.layer.clone(), label(layer)));
@@ -239,14 +243,17 @@ impl FourSteps {
             slice,
             size,
             pictures: pictures.collect(),
+            still: last,
         }
     }
 
     fn sampling(&self) -> Step {
         let (view, size) = self.view();
-        let frames = self.frames();
-        let slice = (0..frames)
-            .fold(view.bodies(10.0), |slice, layer| slice.add(Step::during(self.sampled(&view, layer), [layer, layer], frames)));
+        // The layer that KILL discards for most points explains it best.
+        let discarded = |layer: &usize| self.slice.points.iter().filter(|point| culled(point, *layer).is_some()).count();
+        let still = (0..self.frames()).max_by_key(discarded).unwrap_or_default();
+        let slice = (0..self.frames())
+            .fold(view.bodies(10.0), |slice, layer| slice.add(Step::during(self.sampled(&view, layer), [layer, layer], still)));
         let label = |(layer, pictures): (usize, &LayerPictures)| {
             let LayerPictures { sampled, samples, .. } = pictures;
             let text = format!(
@@ -267,6 +274,7 @@ impl FourSteps {
             slice,
             size,
             pictures: self.layers.iter().enumerate().map(label).collect(),
+            still,
         }
     }
 
@@ -283,7 +291,7 @@ impl FourSteps {
                 group = group.add(arrow(at, view.on_ray(point, distance), COLORS[from.min(COLORS.len() - 1)], 2.0));
             }
             let sight = point.sights.get(layer).copied().flatten();
-            if let Some(sight) = sight.filter(|sight| !sight.sampled && is_apart(*sight)) {
+            if let Some(sight) = culled(point, layer) {
                 let culled = view.on_ray(point, sight.distance);
                 group = group.add(dotted(at, culled)).add(cross(culled, 5.0));
             }
@@ -306,8 +314,7 @@ impl FourSteps {
                 slice.add(arrow(view.on_ray(point, distance), at, &color, 4.0).set("class", "light")).add(dot(at, 6.0, &color));
         }
         let sums = self.sums.iter().map(|Sum { directions, picture }| {
-            let plural = if *directions == 1 { "" } else { "s" };
-            (picture.clone(), format!("The sums after {directions} direction{plural}, with direct light"))
+            (picture.clone(), format!("The sums after {}, with direct light", several(*directions, "direction")))
         });
         let first = (self.added.clone(), "What this direction adds to each pixel, brightened by one stop".into());
         Step {
@@ -318,8 +325,14 @@ impl FourSteps {
             slice,
             size,
             pictures: [first].into_iter().chain(sums).collect(),
+            still: self.sums.len(),
         }
     }
+}
+
+/// What KILL discards of a layer for a point that faces the direction, unless it is the point's own surface.
+fn culled(point: &Point, layer: usize) -> Option<Sight> {
+    point.sights.get(layer).copied().flatten().filter(|sight| !sight.sampled && is_apart(*sight))
 }
 
 /// A radiance from 0 to 1 as a colour of the page.

@@ -1,5 +1,6 @@
 // Steps that play, sliders between two pictures, and pictures in full. The page is whole without it.
 "use strict";
+document.documentElement.classList.add("scripts");
 
 function element(tag, properties, ...children) {
   const made = Object.assign(document.createElement(tag), properties);
@@ -114,7 +115,7 @@ function story(box) {
     const { step, index, frame } = frames[at];
     for (const other of steps) other.classList.toggle("now", other === step);
     for (const part of step.querySelectorAll("[data-from]")) {
-      part.classList.toggle("early", frame < Number(part.dataset.from) || frame > Number(part.dataset.to));
+      part.classList.toggle("hidden", frame < Number(part.dataset.from) || frame > Number(part.dataset.to));
     }
     chips.forEach((chip, number) => chip.setAttribute("aria-pressed", number === index));
     slider.value = at;
