@@ -15,15 +15,24 @@ pub fn short_percent(share: f64) -> String {
     format!("{percent:.digits$} %")
 }
 
-/// A tick of an axis: with the digits that the step between ticks needs, or with its own, at most three that count.
+/// A tick of an axis: with the digits that the step between ticks needs, or with its own, at most three that count. Large round ones are short,
+/// so that neighbours do not meet.
 pub fn tick_label(tick: f64, step: Option<f64>) -> String {
     let digits = |number: f64| (-number.abs().log10() - 1e-9).ceil().max(0.0) as usize;
     match step {
         _ if tick != 0.0 && tick.abs() < 1e-4 => format!("{}e{}", trimmed(tick / power(tick), 3), power(tick).log10().round()),
+        _ if is_round(tick, 1e6) => trimmed(tick / 1e6, 1) + "M",
+        _ if tick.abs() >= 1e4 && is_round(tick, 1e3) => trimmed(tick / 1e3, 1) + "k",
         Some(step) => format!("{tick:.0$}", digits(step)),
         None if tick == 0.0 => "0".into(),
         None => trimmed(tick, digits(tick) + 2),
     }
+}
+
+/// Whether at least one `unit`, and in its tenths.
+fn is_round(number: f64, unit: f64) -> bool {
+    let tenths = 10.0 * number / unit;
+    tenths.abs() >= 10.0 && (tenths - tenths.round()).abs() < 1e-6
 }
 
 /// The power of ten below.

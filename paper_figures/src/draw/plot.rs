@@ -383,7 +383,7 @@ mod tests {
         assert_eq!(number(&[0.0041]), ["0.000", "0.001", "0.002", "0.003", "0.004", "0.005"]);
         assert_eq!(number(&[0.3, 0.9]), ["0.0", "0.2", "0.4", "0.6", "0.8", "1.0"]);
         assert_eq!(number(&[101.0]), ["0", "50", "100", "150"]);
-        assert_eq!(number(&[-3.0, 2e6]), ["-500000", "0", "500000", "1000000", "1500000", "2000000"]);
+        assert_eq!(number(&[-3.0, 2e6]), ["-500k", "0", "500k", "1M", "1.5M", "2M"]);
         assert_eq!(number(&[f64::NAN, f64::INFINITY]), ["0.0", "0.2", "0.4", "0.6", "0.8", "1.0"]);
         let percent = labels(&Axis::linear("", Unit::Percent), &[0.0002]);
         assert_eq!(percent, ["0.000 %", "0.005 %", "0.010 %", "0.015 %", "0.020 %"]);
@@ -393,10 +393,11 @@ mod tests {
     fn logarithmic_ticks_are_several_in_a_small_range_too() {
         let number = |values: &[f64]| labels(&Axis::log("", Unit::Number), values);
         assert_eq!(number(&[0.001, 0.011]), ["0.001", "0.002", "0.005", "0.01"]);
-        assert_eq!(number(&[0.01, 2e6]), ["0.01", "0.1", "1", "10", "100", "1000", "10000", "100000", "1000000"]);
+        assert_eq!(number(&[0.01, 2e6]), ["0.01", "0.1", "1", "10", "100", "1000", "10k", "100k", "1M"]);
         assert_eq!(number(&[0.0123, 0.0131]), ["0.011", "0.012", "0.013", "0.014", "0.015"]);
         assert_eq!(number(&[3e-7]), ["2.6e-7", "2.8e-7", "3e-7", "3.2e-7", "3.4e-7", "3.6e-7"]);
         assert_eq!(number(&[0.0, f64::NAN]), ["1", "2", "5", "10"]);
+        assert_eq!(labels(&Axis::log_at("", Unit::Number, [16_384.0, 20_000.0]), &[]), ["16384", "20k"]);
         let ticks = Axis::log_at("", Unit::Percent, [0.0003, 0.001, 0.001, 0.03]);
         assert_eq!(labels(&ticks, &[]), ["0.03 %", "0.1 %", "3 %"]);
     }
