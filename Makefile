@@ -2,8 +2,10 @@
 SCENE ?= cornell
 CARGO ?= cargo
 TARGET_DIR := $(or $(CARGO_TARGET_DIR),target)
+DATA := $(or $(XDG_DATA_HOME),$(HOME)/.local/share)
+INSTALLED = $(or $(CARGO_INSTALL_ROOT),$(CARGO_HOME),$(HOME)/.cargo)/bin/finalgather
 
-.PHONY: help setup render check test figures bench
+.PHONY: help setup render check test figures bench install
 .DEFAULT_GOAL := help
 
 help: ## List the targets
@@ -16,6 +18,14 @@ render: setup ## Render scenes/$(SCENE).toml to out/ as PNG and EXR; SCENE=corne
 	$(CARGO) build --release --locked --package finalgather
 	mkdir -p out
 	$(TARGET_DIR)/release/finalgather render scenes/$(SCENE).toml -o out/$(SCENE).png -o out/$(SCENE).exr
+
+install: setup ## Install the tool, its manual pages and completions of bash, zsh and fish, for this user
+	$(CARGO) install --locked --path .
+	mkdir -p $(DATA)/man/man1 $(DATA)/bash-completion/completions $(DATA)/zsh/site-functions $(DATA)/fish/vendor_completions.d
+	$(INSTALLED) man $(DATA)/man/man1
+	$(INSTALLED) completions bash > $(DATA)/bash-completion/completions/finalgather
+	$(INSTALLED) completions zsh > $(DATA)/zsh/site-functions/_finalgather
+	$(INSTALLED) completions fish > $(DATA)/fish/vendor_completions.d/finalgather.fish
 
 check: ## Check format, lints, unit tests, imports among modules and shaders: a minute, once dependencies are built
 	@scripts/setup.sh --tests

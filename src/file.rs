@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 use tempfile::NamedTempFile;
 
 use crate::error::{Error, Result};
+use crate::nearest::nearest_file;
 
 /// The most bytes of any file.
 pub(crate) const MOST_BYTES: u64 = 4 << 30;
@@ -19,7 +20,10 @@ pub(crate) const MOST_WORDS: u64 = 64 << 20;
 pub(crate) fn read_file(path: &Path, most: u64) -> io::Result<Vec<u8>> {
     let refused = |kind, problem: String| Err(io::Error::new(kind, problem));
     // Checked before opening, because opening a pipe waits for its writer.
-    let about = fs::metadata(path)?;
+    let about = fs::metadata(path).map_err(|error| explained(path, error))?;
+    if about.is_dir() {
+        return refused(ErrorKind::IsADirectory, "it is a folder".into());
+    }
     if !about.is_file() {
         return refused(ErrorKind::InvalidInput, "it is no regular file".into());
     }
@@ -33,6 +37,20 @@ pub(crate) fn read_file(path: &Path, most: u64) -> io::Result<Vec<u8>> {
     }
 }
 
+/// The error in plain words if there is no such file, with the one that may have been meant.
+pub(crate) fn explained(path: &Path, error: io::Error) -> io::Error {
+    let folder = folder_of(path);
+    let problem = match error.kind() {
+        ErrorKind::NotFound if !folder.exists() => format!("there is no folder {}", folder.display()),
+        ErrorKind::NotFound => {
+            let like = nearest_file(path).map(|like| format!("; like it: {}", like.display()));
+            format!("there is no such file{}", like.unwrap_or_default())
+        }
+        _ => return error,
+    };
+    io::Error::new(ErrorKind::NotFound, problem)
+}
+
 /// Whether a picture file can hold the `unpacked` bytes that its header states: a byte of deflate stands for at most 1032 bytes, and other codes
 /// pack less. Ask before reserving memory for them.
 pub(crate) fn can_hold(file: &[u8], unpacked: u64) -> bool {
@@ -40,7 +58,10 @@ pub(crate) fn can_hold(file: &[u8], unpacked: u64) -> bool {
 }
 
 /// Checks before the work that [`write_file`] to this path should succeed.
-pub(crate) fn check_writable(path: &Path) -> Result<()> {
+///
+/// # Errors
+/// [`Error::Usage`] when it should not.
+pub fn check_writable(path: &Path) -> Result<()> {
     let shown = path.display();
     if path.is_dir() {
         return Err(Error::usage(format!("{shown}: is a folder"), "give the path of a file in it"));
@@ -68,7 +89,10 @@ pub(crate) fn check_writable(path: &Path) -> Result<()> {
 }
 
 /// Writes a file. On an error, the file stays as it was.
-pub(crate) fn write_file(path: &Path, bytes: &[u8]) -> Result<()> {
+///
+/// # Errors
+/// [`Error::Output`] when it cannot be written.
+pub fn write_file(path: &Path, bytes: &[u8]) -> Result<()> {
     write_by(path, |mut file| file.write_all(bytes))
 }
 

@@ -54,6 +54,7 @@ pub mod image;
 pub mod job;
 pub mod math;
 mod memory;
+pub mod nearest;
 pub mod npy;
 pub mod photon;
 pub mod photon_map;

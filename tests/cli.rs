@@ -51,10 +51,10 @@ fn settings_out_of_range_are_usage_errors() {
         (["--size", "32x0"], "size (height) is 0"),
         (["--directions", "0"], "directions is 0"),
         (["--stop-fraction", "-0.5"], "stop-fraction is -0.5"),
-        (["--exposure", "nan"], "exposure is NaN"),
+        (["--exposure", "nan"], "not a number of stops"),
     ] {
         let said = refusal(tool(&folder).arg("render").arg(scene("cornell.toml")).args(args), 2);
-        assert!(said.contains(problem) && said.contains("\n  cure: "), "{args:?}: {said}");
+        assert!(said.contains(problem) && (said.contains("\n  cure: ") || said.contains("such as")), "{args:?}: {said}");
     }
     assert!(names_in(&folder).is_empty());
 }
@@ -182,9 +182,9 @@ fn a_device_that_is_not_there_is_no_gl() {
 }
 
 #[test]
-fn writes_a_png_beside_the_caller_and_says_nothing() {
+fn writes_a_png_beside_the_caller() {
     let folder = folder();
-    let output = success(&mut small_render(&folder, &[]));
+    let output = success(&mut small_render(&folder, &["-q"]));
     assert_eq!((text(&output.stdout), stderr(&output)), Default::default());
     assert_eq!(names_in(&folder), ["cornell.png"]);
     let image = Image::read(&folder.path().join("cornell.png")).unwrap();
@@ -312,7 +312,7 @@ fn info_tells_what_is_in_a_scene() {
     fs::write(folder.path().join("m.obj"), format!("mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\n{faces}f 1 1 2\n")).unwrap();
     let plain = text(&success(tool(&folder).args(["info", "m.obj"])).stdout);
     assert!(
-        plain.contains("and 30 more") && plain.contains("warning: 1 of 41 triangles") && plain.contains("lights: none"),
+        plain.contains("and 30 more") && plain.contains("warning: m.obj: 1 of 41 triangles") && plain.contains("lights: none"),
         "{plain}"
     );
 }
@@ -320,7 +320,7 @@ fn info_tells_what_is_in_a_scene() {
 #[test]
 fn a_reader_that_goes_away_is_no_failure() {
     let folder = folder();
-    let mut child = small_render(&folder, &["--json"]).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let mut child = small_render(&folder, &["--json", "-q"]).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
     drop(child.stdout.take());
     let output = child.wait_with_output().unwrap();
     assert_eq!((output.status.code(), stderr(&output)), (Some(0), String::new()));
@@ -410,7 +410,8 @@ fn stops_with(signal: &str, code: i32) {
             continue;
         }
         assert!(said.starts_with("stopped after ") && said.contains(" of 1000000000 directions"), "{said}");
-        assert!(said.ends_with("picture so far written to cornell.png\n"), "{said}");
+        let kept = "picture so far written to cornell.png; a run so short keeps no checkpoint, unless --checkpoint names one\n";
+        assert!(said.ends_with(kept), "{said}");
         let report: Value = serde_json::from_slice(&output.stdout).unwrap();
         assert_eq!(report["interrupted"], true);
         assert_eq!(names_in(&folder), ["cornell.png"]);

@@ -203,7 +203,7 @@ fn what_is_no_environment_is_refused() {
     }
     check("a.exr", &liar, "131072 x 65536 texels");
     let missing = Environment::load(&folder.path().join("none.hdr")).unwrap_err().to_string();
-    assert!(missing.contains("none.hdr") && missing.contains("No such file"), "{missing}");
+    assert!(missing.contains("none.hdr") && missing.contains("no such file"), "{missing}");
 }
 
 /// A sky of radiance 1 with a sun of one texel, which fills a share of 1/1304 of the sphere at the equator.

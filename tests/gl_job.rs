@@ -11,7 +11,8 @@ use finalgather::bake::{Plan, RadianceCache};
 use finalgather::error::Error;
 use finalgather::image::Image;
 use finalgather::job::{
-    BakeRequest, Ending, Job, JobRequest, Keeping, Outcome, Per, ReceiverKind, SceneRequest, TaskReport, Watch, Work, merge,
+    BakeRequest, Ending, Job, JobRequest, Keeping, Outcome, Per, Progress, ReceiverKind, SceneRequest, TaskReport, Watch, Work,
+    merge,
 };
 use finalgather::points::LightMapOptions;
 use finalgather::quantity::Quantity;
@@ -45,8 +46,8 @@ impl Watch for Stop {
         self.said.push(line.to_owned());
     }
 
-    fn progress(&mut self, directions: [u64; 2]) {
-        self.directions = directions;
+    fn progress(&mut self, progress: Progress) {
+        self.directions = [progress.done, progress.total];
     }
 
     fn goes_on(&mut self, _: bool) -> bool {

@@ -14,7 +14,7 @@ use common::tool::stderr;
 /// The top-level modules of `src/` by floor, the lowest first. A module imports from lower floors only: never from a higher one, nor from another
 /// module of its own floor.
 const FLOORS: [&[&str]; 11] = [
-    &["error", "harmonics", "math", "random"],
+    &["error", "harmonics", "math", "nearest", "random"],
     &["file", "gpu", "npy", "ply", "quantity", "settings"],
     &["blocks", "direction", "image", "shaders"],
     &["scene"],

@@ -19,7 +19,7 @@ use sha2::{Digest, Sha256};
 use super::Blocks;
 use super::pairwise::{Node, PairwiseSum, Sum};
 use crate::error::{Error, Result};
-use crate::file;
+use crate::file::{self, explained};
 
 /// The format's name and version.
 const FORMAT: &str = "part 1";
@@ -137,7 +137,7 @@ impl<'a> Part<'a> {
     /// # Errors
     /// [`Error::Input`] if the file cannot be read, is no part, or is damaged.
     pub fn read(path: &Path) -> Result<Part<'static>> {
-        let read = || match fs::metadata(path)?.is_file() {
+        let read = || match fs::metadata(path).map_err(|error| explained(path, error))?.is_file() {
             true => fs::read(path),
             false => Err(std::io::Error::other("no regular file")),
         };

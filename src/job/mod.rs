@@ -9,6 +9,7 @@ mod merge;
 mod outputs;
 mod per_source;
 mod receiver;
+mod remaining;
 mod report;
 mod request;
 mod task;
@@ -17,10 +18,11 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use self::checkpoint::Checkpoint;
+use self::remaining::Remaining;
 use self::report::peak_memory_bytes;
 use self::task::Task;
 use crate::error::{Error, Result};
-use crate::scene::Loaded;
+use crate::scene::{Loaded, World};
 
 pub use checkpoint::Keeping;
 pub use estimate::{Estimate, estimate};
@@ -39,8 +41,11 @@ pub trait Watch {
     /// A sentence for the user: a warning, or where the results are.
     fn say(&mut self, _line: &str) {}
 
-    /// Number of directions done and in total.
-    fn progress(&mut self, _directions: [u64; 2]) {}
+    /// A fact about the run, for those who ask for more.
+    fn detail(&mut self, _line: &str) {}
+
+    /// The gather goes on.
+    fn progress(&mut self, _progress: Progress) {}
 
     /// From now on a stopped job leaves a file.
     fn has_result(&mut self) {}
@@ -52,6 +57,17 @@ pub trait Watch {
 }
 
 impl Watch for () {}
+
+/// How far a gather is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Progress {
+    /// Directions done.
+    pub done: u64,
+    /// Directions in total. A target error may be reached before.
+    pub total: u64,
+    /// Predicted seconds to the end of the gather, once enough is known.
+    pub seconds_left: Option<f64>,
+}
 
 /// A checked job, ready to run.
 pub struct Job {
@@ -82,15 +98,18 @@ pub struct Outcome {
 
 impl Job {
     /// # Errors
-    /// [`Error::Usage`] when an output cannot be written or would replace an input or earlier sums; [`Error::Output`] while another run writes it.
+    /// [`Error::Input`] when there is no such scene; [`Error::Usage`] when an output cannot be written or would replace an input or earlier sums; [`Error::Output`] while another run writes it.
     pub fn new(request: JobRequest, keeping: &Keeping) -> Result<Self> {
         let started = Instant::now();
-        let outputs = if keeping.shard.is_some() { Vec::from_iter(keeping.file.clone()) } else { request.outputs.concat() };
-        check_kept(&outputs, request.inputs())?;
-        let checkpoint = Checkpoint::new(keeping, &outputs)?;
         if keeping.shard.is_none() {
             request.check_outputs()?;
         }
+        if request.scene.bytes.is_none() {
+            World::check_path(&request.scene.path)?;
+        }
+        let outputs = if keeping.shard.is_some() { Vec::from_iter(keeping.file.clone()) } else { request.outputs.concat() };
+        check_kept(&outputs, request.inputs())?;
+        let checkpoint = Checkpoint::new(keeping, &outputs)?;
         Ok(Self { request, outputs, checkpoint, started })
     }
 
@@ -112,14 +131,20 @@ impl Job {
         let Loaded { world, settings, report } = request.scene.load(request.needs_light())?;
         check_kept(&outputs, report.files.iter().map(PathBuf::as_path))?;
         report.warnings.iter().for_each(|warning| watch.say(&format!("warning: {warning}")));
+        let files: Vec<_> = report.files.iter().map(|path| path.display().to_string()).collect();
+        watch.detail(&format!("read {}", files.join(", ")));
         let settings = request.settings(&settings)?;
         let load = loading.elapsed().as_secs_f64();
-        let shard = checkpoint.shard().map(|shard| shard.range(request.blocks(&settings).count())).transpose()?;
+        let blocks = request.blocks(&settings);
+        let shard = checkpoint.shard().map(|shard| shard.range(blocks.count())).transpose()?;
+        let mine = shard.clone().unwrap_or(0..blocks.count());
+        let mut remaining = Remaining::new(blocks.directions(mine.clone()).len() as f64 / mine.len().max(1) as f64);
         request.check(&world, &settings, shard.as_ref(), watch)?;
         let found = checkpoint.find(watch)?;
 
         watch.stage("starting OpenGL");
         let gpu = request.device.open()?;
+        watch.detail(&format!("OpenGL: {}", gpu.info().renderer));
         let mut task = Task::begin(&request, &gpu, &world, &settings, shard, watch)?;
         if let Some(part) = found {
             task.resume(checkpoint.path(), &part)?;
@@ -132,14 +157,22 @@ impl Job {
         }
 
         let mut failure = None;
-        watch.progress(task.directions());
+        watch.stage("gathering");
+        watch.detail(&task.about());
+        let progress = |task: &Task, remaining: &Remaining| {
+            let [done, total] = task.directions();
+            Progress { done, total, seconds_left: remaining.seconds(total - done) }
+        };
+        watch.progress(progress(&task, &remaining));
         while !already && failure.is_none() && !task.is_done() && watch.goes_on(task.is_between_blocks()) {
+            let (before, begins, start) = (task.directions()[0], task.is_between_blocks(), Instant::now());
             failure = task.step().err();
+            remaining.add(begins, task.directions()[0].saturating_sub(before), start.elapsed());
             // A checkpoint may exist before each point has a value.
             if task.has_values() || checkpoint.is_kept() {
                 watch.has_result();
             }
-            watch.progress(task.directions());
+            watch.progress(progress(&task, &remaining));
             checkpoint.keep(watch, || task.save());
         }
         let [done, total] = task.directions();
@@ -154,6 +187,7 @@ impl Job {
             (_, true) => Ending::AlreadyFinished,
             _ => Ending::Finished,
         };
+        watch.stage("writing");
         let mut kept = if ended { checkpoint.stop(|| task.save()) } else { Ok(false) };
         let writing = Instant::now();
         let writes = !already && !is_shard && task.has_values();
@@ -167,7 +201,11 @@ impl Job {
                 Ok(true) => format!("kept in {path}"),
                 _ => "nothing kept".to_owned(),
             };
-            let resume = if matches!(kept, Ok(true)) { "; --resume goes on" } else { "" };
+            let resume = match kept {
+                Ok(true) => "; --resume goes on",
+                Ok(false) => "; a run so short keeps no checkpoint, unless --checkpoint names one",
+                Err(_) => "",
+            };
             watch.say(&format!("{how} after {done} of {total} directions; {what}{resume}"));
         } else if unwritten.is_empty() {
             checkpoint.finish(|| task.save())?;

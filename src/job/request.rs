@@ -20,7 +20,7 @@ use crate::points::LightMapOptions;
 use crate::quantity::Quantity;
 use crate::render::{blocks_of, memory_of};
 use crate::scene::{Environment, Files, LoadOptions, Loaded, Material, World};
-use crate::settings::{PointSource, Settings};
+use crate::settings::{PointSource, Settings, Squares};
 
 /// A job. Parts of a bake contain it, because a merge makes the receivers again.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -64,6 +64,9 @@ pub struct BakeRequest {
 pub struct SceneRequest {
     /// A scene file (`.toml`) or a model.
     pub path: PathBuf,
+    /// The bytes of that file, if it is not to be read.
+    #[serde(skip)]
+    pub bytes: Option<Vec<u8>>,
     /// A lat-long picture that replaces the scene's environment.
     pub environment: Option<PathBuf>,
     /// The scene may name files outside its folder.
@@ -100,7 +103,17 @@ impl SceneRequest {
         let (camera, scene) = (self.camera.clone(), self.scene.clone());
         World::load_with(
             &self.path,
-            LoadOptions { environment, files, unlit: !needs_light, no_default_light, strict, flip, camera, scene },
+            LoadOptions {
+                environment,
+                files,
+                unlit: !needs_light,
+                no_default_light,
+                strict,
+                flip,
+                camera,
+                scene,
+                bytes: self.bytes.clone(),
+            },
         )
     }
 
@@ -159,6 +172,7 @@ impl JobRequest {
         if let Work::Bake(bake) = &self.work {
             // A bake uses all its directions. The layer size must follow from their number.
             settings.directions.target_error = 0.0;
+            settings.film.interleave = Squares::Auto;
             bake.plan.validate()?;
         }
         settings.validate()?;

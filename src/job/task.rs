@@ -127,6 +127,20 @@ impl<'a> Task<'a> {
         either!(&self.gather, gather => gather.settings().gather.pipeline)
     }
 
+    /// What is gathered, and how.
+    pub fn about(&self) -> String {
+        let settings = either!(&self.gather, gather => gather.settings());
+        let layers = match settings.gather.pipeline.has_layers() {
+            true => format!(", layers of {0} x {0}", settings.layers()),
+            false => String::new(),
+        };
+        let points = match &self.gather {
+            Gather::Render(_) => String::new(),
+            Gather::Bake(bake, _) => format!(", {} points", bake.statistics().points),
+        };
+        format!("pipeline {}{layers}{points}", settings.gather.pipeline)
+    }
+
     pub fn step(&mut self) -> Result<()> {
         either!(&mut self.gather, gather => gather.step())
     }

@@ -11,20 +11,31 @@ use finalgather::quantity::Quantity;
 use finalgather::settings::PhotonMapKind;
 use serde::Deserialize;
 
-use crate::args::{DeviceArgs, JobArgs, Overrides, checked, choose_photon_map, count, named};
+use crate::args::{DeviceArgs, JobArgs, Overrides, checked, choose_photon_map, count, named, side};
+use crate::streams::ToStdout;
 use crate::{report, terminal};
 
 /// Texels along a side of a light map, where nothing else is said.
 pub const LIGHT_MAP_SIDE: u32 = 512;
+
+/// Options of pictures that bakes accept, each with the reason why it does nothing.
+const OF_PICTURES: [(&str, &str); 5] = [
+    ("size", "it is for --to camera; a light map has --resolution"),
+    ("points", "points of --to camera are rasterised"),
+    ("interleave", "every point gathers along every direction"),
+    ("estimator", "each quantity has its own"),
+    ("target_error", "a bake takes all directions"),
+];
 
 /// Bake vertices, light maps, pixels or points of a file: irradiance, openness, spherical harmonics, radiance transfer
 ///
 /// One gather serves all receivers and all quantities. Settings come from these options, else from [settings] in the scene file, else from the
 /// defaults shown here.
 #[derive(Debug, clap::Args)]
-#[command(after_help = include_str!("help/bake.txt"), args_override_self = true, allow_negative_numbers = true)]
+#[command(after_long_help = include_str!("help/bake.txt"), args_override_self = true, allow_negative_numbers = true)]
+#[command(mut_args(|arg| if OF_PICTURES.iter().any(|(key, _)| arg.get_id() == *key && *key != "size") { arg.hide(true) } else { arg }))]
 pub struct BakeArgs {
-    /// Scene file (.toml) or model (.obj with its .mtl, .glb, .gltf, .ply, .stl)
+    /// Scene file (.toml) or model (.obj with its .mtl, .glb, .gltf, .ply, .stl). - is stdin
     scene: PathBuf,
 
     /// Where to bake: vertices, lightmap, camera (one point in each pixel) or points:FILE (.ply, .npy or .csv, in world space); can be given several times
@@ -35,7 +46,7 @@ pub struct BakeArgs {
     #[arg(long, value_name = "QUANTITY", default_value = "irradiance", value_delimiter = ',', value_parser = named::<Quantity>(&["irradiance", "ao", "bent-normal", "sky", "sh", "prt", "prt-unshadowed"]), hide_possible_values = true)]
     what: Vec<Quantity>,
 
-    /// File to write; can be given several times. With several receivers, put the receiver's name before it, as in vertices:box.ply. The formats of each receiver are listed below
+    /// File to write; can be given several times. With several receivers, put the receiver's name before it, as in vertices:box.ply. ENDING:-, as in ply:-, is stdout. The formats of each receiver are listed below
     #[arg(short, long = "output", value_name = "[RECEIVER:]FILE", required = true)]
     outputs: Vec<String>,
 
@@ -66,7 +77,7 @@ pub struct BakeArgs {
     gather_bounces: Option<u32>,
 
     /// Side of the light map in texels
-    #[arg(long, value_name = "N", default_value_t = LIGHT_MAP_SIDE, value_parser = count::<u32>, conflicts_with = "texels_per_unit", help_heading = "Light map")]
+    #[arg(long, value_name = "N", default_value_t = LIGHT_MAP_SIDE, value_parser = side, conflicts_with = "texels_per_unit", help_heading = "Light map")]
     resolution: u32,
 
     /// Texels along one unit of the scene, instead of --resolution
@@ -111,7 +122,8 @@ enum RadianceChoice {
 }
 
 /// Returns the exit code.
-pub fn run(args: BakeArgs) -> Result<u8> {
+pub fn run(mut args: BakeArgs) -> Result<u8> {
+    let stdout = ToStdout::of(&mut args.outputs, None, args.json)?;
     let BakeArgs { to: receivers, order, gather_bounces, ao_distance, radiance_cache, uvs, padding, samples_per_texel, .. } =
         args;
     // The part of a shard may have the name of a receiver before it, as a result has.
@@ -119,7 +131,10 @@ pub fn run(args: BakeArgs) -> Result<u8> {
         Some((name, path)) if receivers.iter().any(|receiver| receiver.name() == name) => path.into(),
         _ => PathBuf::from(output),
     };
-    let keeping = args.job.keeping(&args.outputs.iter().map(path).collect::<Vec<_>>())?;
+    let mut keeping = args.job.keeping(&args.outputs.iter().map(path).collect::<Vec<_>>())?;
+    if stdout.is_some() {
+        ToStdout::keep(&mut keeping)?;
+    }
     let is_shard = keeping.shard.is_some();
     let outputs = if is_shard { vec![Vec::new(); receivers.len()] } else { outputs_of(&receivers, &args.outputs)? };
     // Removes repeated quantities.
@@ -142,9 +157,14 @@ pub fn run(args: BakeArgs) -> Result<u8> {
     let resolution = args.texels_per_unit.map_or(Resolution::Pixels(args.resolution), Resolution::TexelsPerUnit);
     let light_map = LightMapOptions { resolution, uvs, padding, samples_per_texel };
     let (scene, device) = (choose_photon_map(args.overrides.scene(&args.scene)?, map), args.device.request());
+    let has_pixels = receivers.contains(&ReceiverKind::Camera);
+    let without = OF_PICTURES.iter().filter(|(key, _)| scene.settings.contains_key(*key) && (*key != "size" || !has_pixels));
+    without.for_each(|(key, reason)| {
+        report::say(&format!("warning: --{} has no effect here: {reason}", key.replace('_', "-")));
+    });
     let work = Work::Bake(BakeRequest { receivers, plan, light_map, per: args.per });
     let request = JobRequest { scene, work, outputs, memory: args.memory, device };
-    terminal::run(Job::new(request, &keeping)?, args.json)
+    terminal::run(Job::new(request, &keeping)?, args.json, stdout)
 }
 
 fn bands(text: &str) -> Result<usize, String> {

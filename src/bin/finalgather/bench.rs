@@ -22,7 +22,7 @@ const HEADS: &str = ",ends,ms/dir,ms/sample,Msamples/s,xFUSED,peel,gather,wait,i
 
 /// Measure all pipelines, and rays on the CPU, side by side: total time, time of stages, error
 #[derive(Debug, clap::Args)]
-#[command(after_help = include_str!("help/bench.txt"), args_override_self = true)]
+#[command(after_long_help = include_str!("help/bench.txt"), args_override_self = true)]
 pub struct BenchArgs {
     /// Scene file (.toml) or model (.obj with its .mtl, .glb, .gltf, .ply, .stl) [default: scenes/cornell.toml, if it exists]
     scene: Option<PathBuf>,
@@ -64,9 +64,9 @@ pub struct BenchArgs {
 
 /// Returns the exit code.
 pub fn run(args: &BenchArgs) -> Result<u8> {
-    let mut terminal = Terminal::new(None)?;
+    let mut terminal = Terminal::new(Vec::new())?;
     let file = args.scene.clone().map_or_else(default_scene, Ok)?;
-    let Loaded { world, mut settings, report } = args.files.scene(&file).load(true)?;
+    let Loaded { world, mut settings, report } = args.files.scene(&file)?.load(true)?;
     report.warnings.iter().for_each(|warning| terminal.say(&format!("warning: {warning}")));
     // A round has few directions. But its layers must be as large as in a render.
     settings.gather.layer_size = args.layer_size.unwrap_or(settings.gather.layer_size);

@@ -13,7 +13,7 @@ use crate::report;
 
 /// Compare a picture with a reference: mean, bias, MAE, RMSE, relative MSE, PSNR, FLIP
 #[derive(Debug, clap::Args)]
-#[command(after_help = include_str!("help/compare.txt"), args_override_self = true, allow_negative_numbers = true)]
+#[command(after_long_help = include_str!("help/compare.txt"), args_override_self = true, allow_negative_numbers = true)]
 pub struct CompareArgs {
     /// Picture to judge, .png or .exr
     #[arg(value_name = "A")]
@@ -26,6 +26,11 @@ pub struct CompareArgs {
     /// Count only the pixels where R of this picture, or its first channel if it has no R, is above 0.5
     #[arg(long, value_name = "M")]
     mask: Option<PathBuf>,
+
+    /// Compare this layer of EXR files, such as PhotonMap, Indirect or Direct, in place of the picture. A,B: A of the first with B of the second, where an
+    /// empty name is the picture
+    #[arg(long, value_name = "NAME|A,B")]
+    layer: Option<String>,
 
     /// Leave out this fraction of the counted pixels: those with the largest squared error
     #[arg(long, value_name = "SHARE", default_value_t = 0.0, value_parser = share)]
@@ -50,7 +55,15 @@ pub fn run(args: &CompareArgs) -> Result<u8> {
     args.outputs.iter().try_for_each(|path| check_writable(path))?;
     check_kept(&args.outputs, [&args.picture, &args.reference].into_iter().chain(&args.mask).map(PathBuf::as_path))?;
 
-    let (picture, reference) = (read(&args.picture)?, read(&args.reference)?);
+    let layers = args.layer.as_deref().unwrap_or_default();
+    let [of_picture, of_reference] = layers.split_once(',').map_or([layers, layers], |(a, b)| [a, b]);
+    let (picture, reference) = (read(&args.picture, of_picture)?, read(&args.reference, of_reference)?);
+    if is_png(&args.picture) != is_png(&args.reference) {
+        report::say(
+            "warning: one is a PNG, with the exposure and the tone curve of a picture to look at, and the other an EXR with linear values: \
+             their numbers differ even where they show the same",
+        );
+    }
     let mask = args.mask.as_deref().map(|path| read_mask(path, &picture)).transpose()?;
     let selection = Selection { mask: mask.as_deref(), trim: args.trim };
     let view = ViewingConditions { exposure: args.exposure, toned: [is_png(&args.picture), is_png(&args.reference)] };
@@ -77,9 +90,22 @@ fn share(text: &str) -> Result<f32, String> {
     checked(text, |share| (0.0..1.0).contains(share), "not a share from 0 up to, not including, 1")
 }
 
-/// A picture with R, G and B.
-fn read(path: &Path) -> Result<Image> {
-    let image = Image::read(path)?;
+/// A picture with R, G and B: its own or, with a name, those of a layer.
+fn read(path: &Path, layer: &str) -> Result<Image> {
+    let mut image = Image::read(path)?;
+    if !layer.is_empty() {
+        image.channels.retain_mut(|channel| match channel.name.split_once('.') {
+            Some((name, component)) if name == layer => {
+                channel.name = component.to_owned();
+                true
+            }
+            _ => false,
+        });
+    }
+    if !layer.is_empty() && image.channels.is_empty() {
+        let cure = "name a layer that it has, such as PhotonMap; a render writes all to .exr";
+        return Err(Error::input(path, None, format!("it has no layer {layer:?}"), cure));
+    }
     match image.rgb() {
         Err(Error::Usage { problem, cure }) => Err(Error::input(path, None, problem, cure)),
         _ => Ok(image),

@@ -26,7 +26,7 @@ pub struct InfoArgs {
 /// Returns exit code 0 for a scene that can be read, or if a render can get a context, else an error with the exit code of a render.
 pub fn run(args: &InfoArgs) -> Result<u8> {
     if let Some(scene) = &args.scene {
-        about_scene::show(&args.files.scene(scene), args.json)?;
+        about_scene::show(&args.files.scene(scene)?, args.json)?;
         return Ok(0);
     }
     let probe = |name, backend| match Gpu::headless(backend, DeviceChoice::Auto) {

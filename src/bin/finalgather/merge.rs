@@ -11,7 +11,7 @@ use crate::terminal::Terminal;
 ///
 /// It needs no OpenGL. A picture needs only the parts. A bake also reads its scene and files of points, from the paths that its command gave.
 #[derive(Debug, clap::Args)]
-#[command(after_help = include_str!("help/merge.txt"), args_override_self = true, allow_negative_numbers = true)]
+#[command(after_long_help = include_str!("help/merge.txt"), args_override_self = true, allow_negative_numbers = true)]
 pub struct MergeArgs {
     /// Parts of all shards, in any order. A finished --checkpoint is a part too
     #[arg(value_name = "PART", required = true)]
@@ -28,5 +28,5 @@ pub struct MergeArgs {
 
 /// Returns the exit code.
 pub fn run(args: &MergeArgs) -> Result<u8> {
-    finalgather::job::merge(&args.parts, &args.outputs, args.exposure, &mut Terminal::new(None)?).map(|()| 0)
+    finalgather::job::merge(&args.parts, &args.outputs, args.exposure, &mut Terminal::new(Vec::new())?).map(|()| 0)
 }

@@ -24,7 +24,7 @@ const SUBPIXELS: usize = 4;
 
 /// Turn baked radiance transfer into light under an environment
 #[derive(Debug, clap::Args)]
-#[command(after_help = include_str!("help/relight.txt"), allow_negative_numbers = true)]
+#[command(after_long_help = include_str!("help/relight.txt"), allow_negative_numbers = true)]
 pub struct RelightArgs {
     /// Transfer: a .npy of `finalgather bake --what prt`, with its .json beside it
     transfer: PathBuf,
@@ -81,7 +81,7 @@ pub fn run(args: &RelightArgs) -> Result<u8> {
     check_kept(&args.outputs, [&args.transfer, &args.env].into_iter().chain(&args.scene).map(PathBuf::as_path))?;
     let transfer = read_prt(&args.transfer)?;
     let environment = Environment::load(&args.env)?;
-    let model = args.scene.as_deref().map(|path| Model::load(&args.files.scene(path))).transpose()?;
+    let model = args.scene.as_deref().map(|path| Model::load(&args.files.scene(path)?)).transpose()?;
     if let Some(Model { loaded, .. }) = &model {
         check_kept(&args.outputs, loaded.report.files.iter().map(PathBuf::as_path))?;
     }

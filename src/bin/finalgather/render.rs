@@ -1,26 +1,27 @@
 //! `finalgather render`: renders a scene to picture files.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use finalgather::error::Result;
 use finalgather::job::{Job, JobRequest, SceneRequest, Work};
 
 use crate::args::{DeviceArgs, JobArgs, Overrides, PhotonMapArg, count};
+use crate::streams::{STREAM, ToStdout};
 use crate::terminal;
 
 /// Render a scene to picture files
 ///
 /// Settings come from these options, else from [settings] in the scene file, else from the defaults shown here.
 #[derive(Debug, clap::Args)]
-#[command(after_help = include_str!("help/render.txt"), args_override_self = true, allow_negative_numbers = true)]
+#[command(after_long_help = include_str!("help/render.txt"), args_override_self = true, allow_negative_numbers = true)]
 #[command(mut_arg("photon_depth", |arg| arg.alias("bounces")))]
 pub struct RenderArgs {
-    /// Scene file (.toml) or model (.obj with its .mtl, .glb, .gltf, .ply, .stl)
+    /// Scene file (.toml) or model (.obj with its .mtl, .glb, .gltf, .ply, .stl). - is stdin
     scene: PathBuf,
 
-    /// Picture to write, .png or .exr; can be given several times [default: the scene's name with .png, in the current folder]
+    /// Picture to write, .png or .exr; can be given several times. - is stdout, as PNG; exr:- as EXR [default: the scene's name with .png, in the current folder]
     #[arg(short, long = "output", value_name = "FILE")]
-    outputs: Vec<PathBuf>,
+    outputs: Vec<String>,
 
     /// Print one JSON object about the run on stdout
     #[arg(long)]
@@ -45,13 +46,12 @@ pub struct RenderArgs {
 
 impl RenderArgs {
     /// The files to write, at least one.
-    pub fn outputs(&self) -> Vec<PathBuf> {
+    pub fn outputs(&self) -> Vec<String> {
         match self.scene.file_stem() {
+            _ if self.outputs.is_empty() && self.scene == Path::new(STREAM) => vec![STREAM.to_owned()],
             Some(stem) if self.outputs.is_empty() => {
                 // Appended, because the name may contain more dots.
-                let mut name = stem.to_owned();
-                name.push(".png");
-                vec![name.into()]
+                vec![format!("{}.png", stem.to_string_lossy())]
             }
             _ => self.outputs.clone(),
         }
@@ -64,11 +64,16 @@ impl RenderArgs {
 
 /// Returns the exit code.
 pub fn run(args: &RenderArgs) -> Result<u8> {
-    let outputs = args.outputs();
-    let keeping = args.job.keeping(&outputs)?;
+    let mut outputs = args.outputs();
+    let stdout = ToStdout::of(&mut outputs, Some("png"), args.json)?;
+    let outputs: Vec<_> = outputs.iter().map(PathBuf::from).collect();
+    let mut keeping = args.job.keeping(&outputs)?;
+    if stdout.is_some() {
+        ToStdout::keep(&mut keeping)?;
+    }
     let (scene, device) = (args.scene()?, args.device.request());
     let request = JobRequest { scene, work: Work::Render, outputs: vec![outputs], memory: args.memory, device };
-    terminal::run(Job::new(request, &keeping)?, args.json)
+    terminal::run(Job::new(request, &keeping)?, args.json, stdout)
 }
 
 #[cfg(test)]
@@ -124,9 +129,9 @@ mod tests {
 
     #[test]
     fn output_beside_the_caller_by_default() {
-        assert_eq!(parse("render scenes/box.2.toml").outputs(), [PathBuf::from("box.2.png")]);
+        assert_eq!(parse("render scenes/box.2.toml").outputs(), ["box.2.png"]);
         let two = parse("render a.toml -o b.png --output c.exr").outputs();
-        assert_eq!(two, [PathBuf::from("b.png"), PathBuf::from("c.exr")]);
+        assert_eq!(two, ["b.png", "c.exr"]);
     }
 
     /// Scripts can append options that override earlier ones.

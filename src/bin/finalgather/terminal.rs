@@ -5,7 +5,7 @@
 
 use std::cell::Cell;
 use std::fs;
-use std::io::{self, IsTerminal};
+use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU8, Ordering::SeqCst};
@@ -13,20 +13,22 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use finalgather::error::{Error, Result};
-use finalgather::job::{Ending, Job, Watch};
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use finalgather::job::{Ending, Job, Progress, Watch};
+use indicatif::ProgressBar;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGXFSZ};
 use signal_hook::iterator::Signals;
 use signal_hook::{flag, low_level};
 
-use crate::report;
+use crate::progress::ProgressLine;
+use crate::streams::ToStdout;
+use crate::{report, summary};
 
 /// Job systems wait half a minute or more before they kill a process. A person who presses Ctrl-C is less patient.
 const GRACE: Duration = Duration::from_secs(10);
 
-/// Signals, and progress on stderr if that is a terminal. Progress is plain text, so NO_COLOR needs no support.
+/// Signals, and progress on stderr.
 pub struct Terminal {
-    bar: ProgressBar,
+    line: ProgressLine,
     signals: Arc<Caught>,
     /// When the job first noticed the signal.
     noticed: Cell<Option<Instant>>,
@@ -39,15 +41,18 @@ struct Caught {
     has_result: AtomicBool,
 }
 
-/// Runs a job, reports it and returns the exit code.
-pub fn run(job: Job, json: bool) -> Result<u8> {
-    let mut terminal = Terminal::new(job.lock_path())?;
+/// Runs a job, reports it, sends its result to stdout if asked, and returns the exit code.
+pub fn run(job: Job, json: bool, stdout: Option<ToStdout>) -> Result<u8> {
+    let leftovers = job.lock_path().map(Path::to_owned).into_iter().chain(stdout.as_ref().map(|to| to.folder().to_owned()));
+    let mut terminal = Terminal::new(leftovers.collect())?;
+    let threads = rayon::current_num_threads();
+    report::detail(&format!("{threads} CPU thread{}", if threads == 1 { "" } else { "s" }));
     let outcome = job.run(&mut terminal)?;
     terminal.clear();
-    if outcome.ending == Ending::Finished && io::stderr().is_terminal() {
-        let paths: Vec<_> = outcome.outputs.iter().map(|path| path.display().to_string()).collect();
-        report::say(&format!("written to {} after {:.1} s", paths.join(", "), outcome.report.seconds.total));
+    if outcome.ending == Ending::Finished {
+        report::say(&summary::line(&outcome.report));
     }
+    stdout.map_or(Ok(()), ToStdout::send)?;
     if json {
         report::print_json(&outcome.report)?;
     }
@@ -55,24 +60,19 @@ pub fn run(job: Job, json: bool) -> Result<u8> {
 }
 
 impl Terminal {
-    /// Handles signals for the rest of the process. A signal that ends the process removes the file `lock`.
-    pub fn new(lock: Option<&Path>) -> Result<Self> {
-        // The draw target hides the bar if stderr is not a terminal.
-        let bar = ProgressBar::with_draw_target(None, ProgressDrawTarget::stderr()).with_style(style("{spinner} {msg}"));
-        bar.set_message("loading");
-        if !bar.is_hidden() {
-            bar.enable_steady_tick(Duration::from_millis(100));
-        }
+    /// Handles signals for the rest of the process. A signal that ends the process removes the files and folders `leftovers`.
+    pub fn new(leftovers: Vec<PathBuf>) -> Result<Self> {
+        let line = ProgressLine::new();
         let signals = Arc::default();
-        watch_signals(&signals, bar.clone(), lock.map(Path::to_owned)).map_err(|error| {
+        watch_signals(&signals, line.bar(), leftovers).map_err(|error| {
             Error::usage(format!("signals cannot be caught: {error}"), "run where the system allows signal handlers")
         })?;
-        Ok(Self { bar, signals, noticed: Cell::default() })
+        Ok(Self { line, signals, noticed: Cell::default() })
     }
 
-    /// Removes the progress bar for good.
-    pub fn clear(&self) {
-        self.bar.finish_and_clear();
+    /// Removes the line of progress for good.
+    pub fn clear(&mut self) {
+        self.line.clear();
     }
 }
 
@@ -84,21 +84,19 @@ impl Drop for Terminal {
 
 impl Watch for Terminal {
     fn stage(&mut self, stage: &'static str) {
-        self.bar.set_message(stage);
+        self.line.stage(stage);
     }
 
     fn say(&mut self, line: &str) {
-        self.bar.suspend(|| report::say(line));
+        self.line.suspend(|| report::say(line));
     }
 
-    fn progress(&mut self, [done, total]: [u64; 2]) {
-        if self.bar.length() != Some(total) {
-            self.bar.set_length(total);
-            self.bar.set_style(style("{wide_bar} {pos}/{len} directions, {per_sec}, {eta} left"));
-            // Earlier stages have another rate.
-            self.bar.reset();
-        }
-        self.bar.set_position(done);
+    fn detail(&mut self, line: &str) {
+        self.line.suspend(|| report::detail(line));
+    }
+
+    fn progress(&mut self, progress: Progress) {
+        self.line.progress(progress);
     }
 
     fn has_result(&mut self) {
@@ -115,11 +113,7 @@ impl Watch for Terminal {
     }
 }
 
-fn style(template: &str) -> ProgressStyle {
-    ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar())
-}
-
-fn watch_signals(caught: &Arc<Caught>, bar: ProgressBar, lock: Option<PathBuf>) -> io::Result<()> {
+fn watch_signals(caught: &Arc<Caught>, bar: ProgressBar, leftovers: Vec<PathBuf>) -> io::Result<()> {
     // The default action would end the process in the middle of a file. With a handler, the write fails like any other.
     flag::register(SIGXFSZ, Arc::default())?;
 
@@ -140,8 +134,10 @@ fn watch_signals(caught: &Arc<Caught>, bar: ProgressBar, lock: Option<PathBuf>) 
             if !has_result {
                 report::say("stopped before there was a result");
             }
-            // A leftover file does no harm.
-            let _ = lock.as_ref().map(fs::remove_file);
+            for leftover in &leftovers {
+                // One that stays does no harm.
+                let _ = fs::remove_file(leftover).or_else(|_| fs::remove_dir_all(leftover));
+            }
             // process::exit would run exit handlers, which destroy the GL driver while another thread uses it.
             low_level::exit(code.into());
         }

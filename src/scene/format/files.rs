@@ -7,7 +7,7 @@ use std::path::{Component, Path, PathBuf};
 use std::{fs, io};
 
 use crate::error::Error;
-use crate::file::{folder_of, read_file};
+use crate::file::{explained, folder_of, read_file};
 
 /// Where the files of a scene may be.
 #[derive(Clone, Debug, Default)]
@@ -26,6 +26,8 @@ pub struct Reader<'a> {
     /// The scene file or model. It may be anywhere.
     scene: &'a Path,
     files: &'a Files,
+    /// The bytes of the scene file or model, if they are not to be read.
+    given: Option<&'a [u8]>,
     /// All files read so far, as paths that [`Self::find`] returned.
     done: RefCell<Vec<PathBuf>>,
 }
@@ -38,19 +40,24 @@ pub struct Unread {
 
 impl<'a> Reader<'a> {
     pub fn new(scene: &'a Path, files: &'a Files) -> Self {
-        Self { scene, files, done: RefCell::default() }
+        Self { scene, files, given: None, done: RefCell::default() }
+    }
+
+    /// The same with these bytes for the scene file or model.
+    pub fn with_bytes(self, given: Option<&'a [u8]>) -> Self {
+        Self { given, ..self }
     }
 
     /// Returns the canonical path of a file, if the scene may read it. Different names of one file give the same path.
     pub fn find(&self, path: &Path) -> Result<PathBuf, Unread> {
-        if let Files::Memory(_) = self.files {
+        if self.is_given(path) || matches!(self.files, Files::Memory(_)) {
             return Ok(path.to_owned());
         }
         // Checked before the file system is asked, because even a look-up touches the file.
         if !self.is_inside_by_name(path).map_err(unread)? {
             return Err(self.outside());
         }
-        let file = fs::canonicalize(path).map_err(unread)?;
+        let file = fs::canonicalize(path).map_err(|error| unread(explained(path, error)))?;
         if !self.is_free(path) && !file.starts_with(fs::canonicalize(folder_of(self.scene)).map_err(unread)?) {
             return Err(self.outside());
         }
@@ -60,10 +67,15 @@ impl<'a> Reader<'a> {
     /// Reads a file that [`Self::find`] returned, at most `most` bytes.
     pub fn read(&self, file: &Path, most: u64) -> Result<Cow<'_, [u8]>, Unread> {
         self.done.borrow_mut().push(file.to_owned());
-        match self.files {
-            Files::Memory(files) => files.get(file).map(Cow::from).ok_or_else(|| unread(io::ErrorKind::NotFound.into())),
+        match (self.files, self.given) {
+            (_, Some(bytes)) if self.is_given(file) => Ok(bytes.into()),
+            (Files::Memory(files), _) => files.get(file).map(Cow::from).ok_or_else(|| unread(io::ErrorKind::NotFound.into())),
             _ => read_file(file, most).map(Cow::from).map_err(unread),
         }
+    }
+
+    fn is_given(&self, path: &Path) -> bool {
+        self.given.is_some() && path == self.scene
     }
 
     /// The scene file or model, and where its files may be.

@@ -6,6 +6,7 @@
 //! A scene file (`toml.rs`) names a model of any such format and changes parts of its world.
 
 use std::borrow::Cow;
+use std::fs;
 use std::path::{Path, PathBuf};
 
 use glam::{DVec3, Vec2};
@@ -13,7 +14,7 @@ use glam::{DVec3, Vec2};
 use super::texture::Textures;
 use super::{Environment, Material, Mesh, UnitSpace, World};
 use crate::error::{Error, Result};
-use crate::file::MOST_BYTES;
+use crate::file::{MOST_BYTES, explained};
 use crate::settings::Settings;
 
 mod files;
@@ -76,6 +77,8 @@ pub struct LoadOptions {
     /// Swaps the fronts and backs of all surfaces, as [`Mesh::turn`](super::Mesh::turn) does. A scene file can ask for it too.
     pub flip: bool,
     pub files: Files,
+    /// The bytes of the scene file or model itself, if they are not to be read from its path.
+    pub bytes: Option<Vec<u8>>,
 }
 
 /// Input for all formats, and the results that they share.
@@ -104,6 +107,26 @@ impl World {
         endings
     };
 
+    /// Checks that there is a file of a kind that can be read.
+    ///
+    /// # Errors
+    /// [`Error::Input`] when there is none.
+    pub fn check_path(path: &Path) -> Result<()> {
+        let cure = || format!("give a scene file (.toml) or a model ({})", endings());
+        let about = fs::metadata(path).map_err(|error| Error::input(path, None, explained(path, error).to_string(), cure()))?;
+        if about.is_dir() {
+            let files = fs::read_dir(path).into_iter().flatten().flatten().map(|entry| entry.path());
+            let mut scenes: Vec<_> = files.filter(|file| is_readable(file)).map(|file| file.display().to_string()).collect();
+            scenes.sort_unstable();
+            let cure = if scenes.is_empty() { cure() } else { format!("give a file in it: {}", few(scenes.into_iter())) };
+            return Err(Error::input(path, None, "it is a folder", cure));
+        }
+        if !is_readable(path) {
+            return Err(Error::input(path, None, "not a kind of scene that can be read", cure()));
+        }
+        Ok(())
+    }
+
     /// Reads a scene file (`.toml`) or a model (of any format), with all files that it names. These must be in its folder.
     ///
     /// # Errors
@@ -117,8 +140,11 @@ impl World {
     /// # Errors
     /// As [`Self::load`].
     pub fn load_with(path: &Path, mut options: LoadOptions) -> Result<Loaded> {
+        if options.bytes.is_none() && !matches!(options.files, Files::Memory(_)) {
+            Self::check_path(path)?;
+        }
         let (environment, scene) = (options.environment.take(), options.scene.take());
-        let reader = Reader::new(path, &options.files);
+        let reader = Reader::new(path, &options.files).with_bytes(options.bytes.as_deref());
         let textures = Textures::new(&reader);
         let warnings = Warnings::new(options.strict);
         let mut loader = Loader { reader: &reader, textures, warnings, environment, flip: options.flip, scene };
@@ -128,6 +154,10 @@ impl World {
         match loaded {
             Ok((mut world, settings)) => {
                 world.textures = textures.list;
+                if options.bytes.is_some() {
+                    // It cannot be read again to add results.
+                    world.gltf = None;
+                }
                 Ok(Loaded { world, settings, report: LoadReport { warnings, files: reader.into_done() } })
             }
             Err(error) => Err(error.after(warnings)),
@@ -149,10 +179,7 @@ impl<'a> Loader<'a> {
         let (mut world, settings) = match format_of(path) {
             _ if ending.eq_ignore_ascii_case("toml") => toml::load(self, path)?,
             Some(load) => (self.model(load, path)?, Settings::default()),
-            None => {
-                let problem = "not a kind of scene that can be read";
-                return Err(Error::input(path, None, problem, format!("give a scene file (.toml) or a model ({})", endings())));
-            }
+            None => return Err(Error::input(path, None, "not a kind of scene that can be read", "give it the ending of one")),
         };
         if let (Some(name), None) = (&self.scene, &world.gltf) {
             let cure = "leave out --gltf-scene, or give a glTF file";
@@ -180,16 +207,14 @@ impl<'a> Loader<'a> {
 
     /// Gives a world without light a sky, or refuses it.
     fn light(&mut self, world: &mut World, path: &Path, options: &LoadOptions) -> Result<()> {
-        let problem = "no light: no material in use emits (Ke, emission), and there is no environment that is not black";
+        let problem = "no light: no material in use emits, and there is no environment that is not black";
         if !world.gets_sky(options.strict, options.no_default_light) {
             let cure = "give a material that the model uses Ke in the MTL file, or emission under [materials.NAME] in a scene file; or an \
                         environment, as [environment] in a scene file or by --env";
             return Err(Error::input(path, None, problem, cure));
         }
         world.environment = Some(Environment::soft_sky());
-        self.warnings.say(format!(
-            "{problem}; a soft sky is added, of radiance 1 at the horizon (--no-default-light refuses such a scene)"
-        ));
+        self.warnings.say(format!("{}: it has no light, so a soft sky lights it (--env FILE is another)", path.display()));
         Ok(())
     }
 
@@ -209,11 +234,11 @@ impl<'a> Loader<'a> {
                 Err(Error::input(path, None, format!("none of the {total} triangles has an area"), cure))
             }
             1 => {
-                self.warnings.say(format!("1 of {total} triangles has no area and was skipped"));
+                self.warnings.say(format!("{}: 1 of {total} triangles has no area and was skipped", path.display()));
                 Ok(())
             }
             _ => {
-                self.warnings.say(format!("{skipped} of {total} triangles have no area and were skipped"));
+                self.warnings.say(format!("{}: {skipped} of {total} triangles have no area and were skipped", path.display()));
                 Ok(())
             }
         }
@@ -292,6 +317,11 @@ fn choose_camera(world: &mut World, name: &str, path: &Path) -> Result<()> {
 /// The endings of models for a message.
 fn endings() -> String {
     World::MODELS.map(|ending| format!(".{ending}")).join(", ")
+}
+
+/// Whether the ending is that of a scene file or a model.
+fn is_readable(path: &Path) -> bool {
+    path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("toml")) || format_of(path).is_some()
 }
 
 fn format_of(path: &Path) -> Option<MeshLoader> {

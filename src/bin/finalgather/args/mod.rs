@@ -14,19 +14,21 @@ use finalgather::settings::{Estimator, LayerSize, PhotonMapKind, Pipeline, Point
 use serde::Serialize;
 use serde_json::Value;
 
-pub use values::{auto_or, checked, count, named, size, stops};
-use values::{name, setting};
+use crate::streams::{self, STREAM};
+
+pub use values::{auto_or, checked, count, named, side, size, stops};
+use values::{name, number, setting};
 
 /// The source of OpenGL.
 #[derive(Clone, Copy, Debug, clap::Args)]
 #[command(next_help_heading = "OpenGL")]
 pub struct DeviceArgs {
     /// Library that makes the OpenGL context. auto: EGL, else OSMesa
-    #[arg(long, default_value = "auto", value_parser = PossibleValuesParser::new(["auto", "egl", "osmesa"]).try_map(|name| name.parse::<Backend>()))]
+    #[arg(long, hide_short_help = true, default_value = "auto", value_parser = PossibleValuesParser::new(["auto", "egl", "osmesa"]).try_map(|name| name.parse::<Backend>()))]
     backend: Backend,
 
     /// EGL device: auto, sw (a software renderer), or an index that `finalgather info` lists
-    #[arg(long, default_value = "auto", value_name = "auto|sw|INDEX")]
+    #[arg(long, hide_short_help = true, default_value = "auto", value_name = "auto|sw|INDEX")]
     gl_device: DeviceChoice,
 }
 
@@ -35,11 +37,11 @@ pub struct DeviceArgs {
 #[command(next_help_heading = "Long jobs")]
 pub struct JobArgs {
     /// Keep the sums in this file, for --resume [default: the first output's name with .checkpoint, for a job longer than twice --checkpoint-every; removed at the end]
-    #[arg(long, value_name = "FILE", conflicts_with = "shard")]
+    #[arg(long, hide_short_help = true, value_name = "FILE", conflicts_with = "shard")]
     checkpoint: Option<PathBuf>,
 
     /// Seconds between two writes of the checkpoint. A write waits for the end of a block of directions, and comes less often if it takes long. 0: after every block
-    #[arg(long, value_name = "SECONDS", default_value_t = 30, value_parser = |text: &str| count(text).ok().filter(|&seconds: &u64| seconds <= 86_400).ok_or("not whole seconds, 86400 at most"))]
+    #[arg(long, hide_short_help = true, value_name = "SECONDS", default_value_t = 30, value_parser = |text: &str| count(text).ok().filter(|&seconds: &u64| seconds <= 86_400).ok_or("not whole seconds, 86400 at most"))]
     checkpoint_every: u64,
 
     /// Go on from the checkpoint or, with --shard, from its part, if the file exists. Without --checkpoint: if every output records that this job finished (.exr, .npy and .ply can), leave the outputs as they are
@@ -48,7 +50,7 @@ pub struct JobArgs {
 
     /// Do part I of N of the directions, counted from 1, and write it to the one -o, a .part file for `finalgather merge`. {shard} in its name stands for I. auto: take I and N from an
     /// array job of Slurm or AWS Batch. auto/N: take I from a system that does not tell N, such as Kubernetes or PBS
-    #[arg(long, value_name = "I/N|auto|auto/N")]
+    #[arg(long, hide_short_help = true, value_name = "I/N|auto|auto/N")]
     shard: Option<String>,
 }
 
@@ -62,7 +64,7 @@ pub struct Overrides {
     #[arg(long, value_name = "N", value_parser = count::<u32>, help = setting("Number of global directions. All points share them", |s| s.directions.count))]
     directions: Option<u32>,
 
-    #[arg(long, value_name = "auto|N", value_parser = |text: &str| auto_or(text, LayerSize::Texels), help = setting("Side of the depth layers in texels. auto grows with the number of directions: 128 up to a thousand, 256 at four thousand, 1024 at most", |s| s.gather.layer_size))]
+    #[arg(long, hide_short_help = true, value_name = "auto|N", value_parser = |text: &str| auto_or(text, LayerSize::Texels), help = setting("Side of the depth layers in texels. auto grows with the number of directions: 128 up to a thousand, 256 at four thousand, 1024 at most", |s| s.gather.layer_size))]
     layer_size: Option<LayerSize>,
 
     #[arg(long, value_parser = named::<PointSource>(&["camera", "traced"]), help = setting("How the camera finds its points: by rasterisation, or by rays through mirrors, glass and the lens", |s| name(s.film.points)))]
@@ -74,28 +76,28 @@ pub struct Overrides {
     #[arg(long, value_name = "N", value_parser = count::<u64>, help = setting("Photons that the lights emit, new ones for every 1024 directions. 1e6 and 1_000_000 are numbers too", |s| s.photons.count))]
     photons: Option<u64>,
 
-    #[arg(long, value_name = "N", value_parser = count::<u32>, help = setting("The most surfaces that store one photon", |s| s.photons.depth))]
+    #[arg(long, hide_short_help = true, value_name = "N", value_parser = count::<u32>, help = setting("The most surfaces that store one photon", |s| s.photons.depth))]
     photon_depth: Option<u32>,
 
-    #[arg(long, value_parser = named::<Estimator>(&["self-normalised", "plain"]), help = setting("What divides the sum of radiance: the sum of its weights, or the expected sum", |s| name(s.directions.estimator)))]
+    #[arg(long, hide_short_help = true, value_parser = named::<Estimator>(&["self-normalised", "plain"]), help = setting("What divides the sum of radiance: the sum of its weights, or the expected sum", |s| name(s.directions.estimator)))]
     estimator: Option<Estimator>,
 
-    #[arg(long, value_parser = named::<Sequence>(&["random", "r2", "sobol"]), help = setting("Sequence of the directions", |s| name(s.directions.sequence)))]
+    #[arg(long, hide_short_help = true, value_parser = named::<Sequence>(&["random", "r2", "sobol"]), help = setting("Sequence of the directions", |s| name(s.directions.sequence)))]
     sequence: Option<Sequence>,
 
-    #[arg(long, value_name = "auto|1|2|4", value_parser = |text: &str| auto_or(text, Squares::Pixels), help = setting("Divide the directions among the pixels of squares of N by N. Neighbours share the light that they find. auto: 1, but where --pipeline auto chooses rays, eight times as many directions in squares of 4", |s| s.film.interleave))]
+    #[arg(long, hide_short_help = true, value_name = "auto|1|2|4", value_parser = |text: &str| auto_or(text, Squares::Pixels), help = setting("Divide the directions among the pixels of squares of N by N. Neighbours share the light that they find. auto: 1, but where --pipeline auto chooses rays, eight times as many directions in squares of 4", |s| s.film.interleave))]
     interleave: Option<Squares>,
 
     #[arg(long, value_name = "N", value_parser = count::<u64>, help = setting("Seed of all random numbers", |s| s.seed))]
     seed: Option<u64>,
 
-    #[arg(long, value_name = "F", help = setting("Stop peeling when fewer than this fraction of the points sample a layer", |s| s.gather.stop_fraction))]
+    #[arg(long, hide_short_help = true, value_name = "F", value_parser = number::<f32>, help = setting("Stop peeling when fewer than this fraction of the points sample a layer", |s| s.gather.stop_fraction))]
     stop_fraction: Option<f32>,
 
-    #[arg(long, alias = "until", value_name = "ERROR", help = setting("Stop when the relative standard error of the picture is at most this. It is estimated a few times. Layers of `auto` size are then as large as this error needs. 0: never stop early", |s| s.directions.target_error))]
+    #[arg(long, alias = "until", value_name = "ERROR", value_parser = number::<f64>, help = setting("Stop when the relative standard error of the picture is at most this. It is estimated a few times. Layers of `auto` size are then as large as this error needs. 0: never stop early", |s| s.directions.target_error))]
     target_error: Option<f64>,
 
-    #[arg(long, value_name = "EV", help = setting("Exposure of .png in stops", |s| s.display.exposure))]
+    #[arg(long, value_name = "EV", value_parser = stops, help = setting("Exposure of .png in stops", |s| s.display.exposure))]
     exposure: Option<f32>,
 
     /// Environment, a lat-long .hdr or .exr: the light from outside the scene [default: the scene file's, else black]
@@ -158,11 +160,19 @@ pub struct SceneArgs {
 }
 
 impl SceneArgs {
-    /// The scene with its own settings.
-    pub fn scene(&self, path: &Path) -> SceneRequest {
+    /// The scene with its own settings. `-` is read from stdin.
+    ///
+    /// # Errors
+    /// [`Error::Input`] when stdin cannot be read or is empty.
+    pub fn scene(&self, path: &Path) -> Result<SceneRequest> {
         let Self { allow_outside, flip, strict, no_default_light, ref camera, ref gltf_scene } = *self;
-        SceneRequest {
-            path: path.to_owned(),
+        let (path, bytes) = match path == Path::new(STREAM) {
+            true => streams::scene().map(|(path, bytes)| (path, Some(bytes)))?,
+            false => (path.to_owned(), None),
+        };
+        Ok(SceneRequest {
+            path,
+            bytes,
             allow_outside,
             flip,
             strict,
@@ -170,7 +180,7 @@ impl SceneArgs {
             camera: camera.clone(),
             scene: gltf_scene.clone(),
             ..SceneRequest::default()
-        }
+        })
     }
 }
 
@@ -229,6 +239,6 @@ impl Overrides {
             _ => unreachable!("options are plain values with names"),
         };
         settings.retain(|_, value| !value.is_null());
-        Ok(SceneRequest { environment: self.env.clone(), settings, ..self.files.scene(path) })
+        Ok(SceneRequest { environment: self.env.clone(), settings, ..self.files.scene(path)? })
     }
 }

@@ -54,6 +54,10 @@ pub fn stops(text: &str) -> Result<f32, String> {
     checked(text, |stops: &f32| stops.is_finite(), "not a number of stops such as -1.5")
 }
 
+pub fn number<T: std::str::FromStr>(text: &str) -> Result<T, String> {
+    checked(text, |_| true, "not a number such as 0.5")
+}
+
 /// Parses "auto" or a whole number.
 pub fn auto_or<T: Default>(text: &str, number: fn(u32) -> T) -> Result<T, String> {
     if text == "auto" { Ok(T::default()) } else { count(text).map(number).map_err(|error| format!("{error}, nor auto")) }
@@ -62,8 +66,17 @@ pub fn auto_or<T: Default>(text: &str, number: fn(u32) -> T) -> Result<T, String
 /// Parses `WxH`, or `N` for a square.
 pub fn size(text: &str) -> Result<[u32; 2], String> {
     let (width, height) = text.split_once(['x', 'X']).unwrap_or((text, text));
-    let side = |side: &str| count(side).map_err(|_| format!("{side:?} is not a number of pixels; give 640x480 or 512"));
+    let side = |side: &str| count(side).map_err(|_| "not a size such as 640x480, or 512 for a square".to_owned());
     Ok([side(width)?, side(height)?])
+}
+
+/// Parses the side of a square, `N` or `NxN`.
+pub fn side(text: &str) -> Result<u32, String> {
+    match size(text) {
+        Ok([width, height]) if width == height => Ok(width),
+        Ok([width, height]) => Err(format!("not a square; give {}", width.max(height))),
+        Err(_) => Err("not a whole number such as 512".to_owned()),
+    }
 }
 
 #[cfg(test)]

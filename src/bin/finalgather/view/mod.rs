@@ -28,7 +28,7 @@ use worker::WorkerOptions;
 ///
 /// It renders as `render` does, by the same settings. F1 in the window lists the keys.
 #[derive(Debug, clap::Args)]
-#[command(after_help = include_str!("../help/view.txt"), args_override_self = true, allow_negative_numbers = true)]
+#[command(after_long_help = include_str!("../help/view.txt"), args_override_self = true, allow_negative_numbers = true)]
 #[command(mut_arg("photon_depth", |arg| arg.alias("bounces")))]
 pub struct ViewArgs {
     /// Scene file (.toml) or model (.obj with its .mtl, .glb, .gltf, .ply, .stl) [default: the Cornell box]

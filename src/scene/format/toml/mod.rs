@@ -29,6 +29,9 @@
 //! surface = "mirror"           # or "diffuse", or { glass = { index = 1.5, filter = [1, 1, 1] } }; a mirror reflects its albedo
 //! ```
 
+mod fault;
+mod lenient;
+
 use std::collections::{BTreeMap, HashMap};
 use std::ops::{Range, RangeInclusive};
 use std::path::Path;
@@ -36,8 +39,11 @@ use std::path::Path;
 use glam::{DVec3, Vec3};
 use serde::Deserialize;
 use toml::Spanned;
+use toml::de::DeTable;
 
-use super::{Loader, beside, format_of, names, obj};
+use fault::SceneText;
+
+use super::{Loader, Unread, beside, format_of, names, obj};
 use crate::error::{Error, Result};
 use crate::file::{MOST_BYTES, MOST_WORDS};
 use crate::scene::{Camera, Environment, Lens, Surface, World, WorldCamera};
@@ -46,7 +52,7 @@ use crate::settings::Settings;
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct SceneFile {
-    mesh: String,
+    mesh: Spanned<String>,
     #[serde(default)]
     flip: bool,
     camera: Option<Spanned<CameraTable>>,
@@ -105,32 +111,28 @@ pub fn load(loader: &mut Loader, path: &Path) -> Result<(World, Settings)> {
     let bytes = reader.read_named(path, MOST_WORDS).map_err(|unread| unread.error(path, None, "this scene file", cure))?;
     let text = std::str::from_utf8(&bytes)
         .map_err(|error| Error::input(path, None, format!("this scene file is not UTF-8: {error}"), cure))?;
-    let line = |span: Range<usize>| text.bytes().take(span.start).filter(|&byte| byte == b'\n').count() + 1;
-    let error = |span, problem: String, cure: &str| Error::input(path, Some(line(span)), problem, cure);
-    let file: SceneFile = toml::from_str(text).map_err(|fault| {
-        let cure = "a scene file has mesh, [camera], [environment], [settings] and [materials.NAME]; see the examples in scenes/";
-        Error::input(path, fault.span().map(line), fault.message().trim_end(), cure)
-    })?;
+    let source = SceneText { path, text };
+    let error = |span: Range<usize>, problem: String, cure: &str| source.error(&span, &problem, cure);
+    let mut table = DeTable::parse(text).map_err(|fault| source.refused(&fault))?;
+    let replacements = lenient::replacements(table.get_ref());
+    let places = lenient::settle(table.get_mut(), &replacements);
+    let file = SceneFile::deserialize(toml::Deserializer::from(table)).map_err(|fault| source.refused(&fault))?;
 
     file.settings.validate().map_err(|fault| match fault {
         Error::Usage { problem, cure } => {
             // The problem starts with the name of the setting.
             let key = problem.split_whitespace().next().unwrap_or_default().replace('-', "_");
-            let named = |line: &str| line.split('=').next().is_some_and(|name| Settings::key_of(name.trim()) == key);
-            let line = text.lines().position(named).map(|index| index + 1);
-            Error::input(path, line, problem, cure)
+            match places.get(&key) {
+                Some(span) => source.error(span, &problem, &cure),
+                None => Error::input(path, None, problem, cure),
+            }
         }
         other => other,
     })?;
 
-    for (number, text) in (1..).zip(text.lines()) {
-        // Also as settings.KEY and in a table on one line.
-        let is_name = |c: char| c.is_alphanumeric() || c == '_';
-        let code = text.split('#').next().unwrap_or_default();
-        let mut names = code.split('=').map(|part| part.trim_end().rsplit(|c| !is_name(c)).next().unwrap_or_default());
-        let without = Settings::WITHOUT_EFFECT.iter().find(|(key, _)| names.any(|name| name == *key));
-        if let Some((key, reason)) = without {
-            let warning = format!("{}:{number}: {key} has no effect, for {reason}; leave it out", path.display());
+    for (key, reason) in Settings::WITHOUT_EFFECT {
+        if let Some(span) = places.get(key) {
+            let warning = format!("{}:{}: {key} has no effect, for {reason}; leave it out", path.display(), source.line(span));
             loader.warnings.say(warning);
         }
     }
@@ -180,7 +182,12 @@ pub fn load(loader: &mut Loader, path: &Path) -> Result<(World, Settings)> {
     }
 
     // A model of unknown ending is read as OBJ.
-    let mesh = beside(path, &file.mesh);
+    let mesh = beside(path, file.mesh.get_ref());
+    let missing = |unread: Unread| match unread.error(&mesh, None, "this model", "put it there, or correct its name") {
+        Error::Input { path, problem, cure, .. } => error(file.mesh.span(), format!("{}: {problem}", path.display()), &cure),
+        other => other,
+    };
+    reader.find(&mesh).map_err(missing)?;
     let mut world = loader.model(format_of(&mesh).unwrap_or(obj::load), &mesh)?;
     loader.flip |= file.flip;
     world.cameras.splice(0..0, camera.map(|camera| ("camera".to_owned(), camera)));
@@ -215,7 +222,7 @@ pub fn load(loader: &mut Loader, path: &Path) -> Result<(World, Settings)> {
         if let Some(two_sided) = table.two_sided {
             material.two_sided = *two_sided.get_ref();
             if material.two_sided && !material.is_emissive() {
-                let place = format!("{}:{}", path.display(), line(two_sided.span()));
+                let place = format!("{}:{}", path.display(), source.line(&two_sided.span()));
                 loader.warnings.say(format!("{place}: two_sided has no effect: material \"{}\" does not emit", material.name));
             }
         }
@@ -223,7 +230,7 @@ pub fn load(loader: &mut Loader, path: &Path) -> Result<(World, Settings)> {
             world.meshes.iter_mut().for_each(|mesh| mesh.turn(|triangle| triangle.material as usize == index));
         }
         if let Some(texture) = table.albedo_texture {
-            let named_at = format!("{}:{}", path.display(), line(texture.span()));
+            let named_at = format!("{}:{}", path.display(), source.line(&texture.span()));
             material.albedo_texture = Some(loader.textures.load(&beside(path, texture.get_ref()), &named_at)?);
         }
         if let Some(surface) = table.surface {
