@@ -297,8 +297,7 @@ fn texture_files_of_any_depth_are_loaded_once() {
     assert_eq!(scene.textures[2].texels, [[128, 128, 128, 255]]);
     assert_eq!(scene.flatten().albedo(1, Vec3::X), vec3(0.5, 0.0, 0.0));
     let warnings = report.warnings.join("\n");
-    for part in ["glow.png: cannot read this texture, named at ", "m.mtl:9: there is no such", "1 triangle with a texture has no"]
-    {
+    for part in ["glow.png: cannot read this texture, named at ", "m.mtl:9: there is no", "1 triangle with a texture has no"] {
         assert!(warnings.contains(part), "{warnings}");
     }
     assert_eq!(report.warnings.len(), 2);
