@@ -146,3 +146,22 @@ fn taps(at: DVec2, [width, height]: [u32; 2]) -> [(u32, f64); 4] {
         (row * width + column, along(part.x, x) * along(part.y, y))
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn texels_stay_in_the_gathered_range_and_seams_close() {
+        // The mean of texels 0 and 1 lies on one side, and texel 2 on the other.
+        let none = (0, 0.0);
+        let row = [(0, 0.5), (1, 0.5), none, none, (2, -1.0), none, none, none];
+        let seams = Seams { rows: vec![row], texels: vec![0, 1, 2] };
+        let mut plane = [1.0, 0.0, 1.0];
+        seams.close(&mut plane);
+        // Without the range, texel 0 would be 1.16.
+        assert_eq!(plane[0], 1.0);
+        let step = 0.5 * plane[0] + 0.5 * plane[1] - plane[2];
+        assert!(step.abs() < 0.02 && plane[1] > 0.1 && plane[2] < 0.9, "{plane:?}");
+    }
+}

@@ -6,8 +6,9 @@ use std::time::{Duration, Instant};
 
 use egui::{CentralPanel, Color32, Context, Frame, Key, KeyboardShortcut, Modifiers, Panel, Rect, Sense, ThemePreference, Ui};
 use finalgather::error::{Error, Result};
+use finalgather::image::Image;
 use finalgather::scene::WorldCamera;
-use finalgather::settings::Settings;
+use finalgather::settings::{DisplaySettings, Exposure, Settings};
 use glam::{DVec3, Vec2};
 use winit::event_loop::EventLoopProxy;
 
@@ -182,7 +183,10 @@ impl App {
                     self.say(format!("Read {} again, because a file has changed", opened.path.display()), NoticeKind::News);
                     self.show_scene(*opened);
                 }
-                WorkerReport::Picture(picture) => self.canvas.set_picture(Some(picture)),
+                WorkerReport::Picture(picture) => {
+                    self.expose(&picture.image);
+                    self.canvas.set_picture(Some(picture));
+                }
                 WorkerReport::Reference(reference) => self.canvas.set_reference(reference),
                 WorkerReport::Surface(place, surface) => {
                     self.canvas.surface = surface.map(|surface| (place, surface));
@@ -222,11 +226,19 @@ impl App {
         }
     }
 
+    /// Finds the automatic exposure of a scene that asks for it, and begins with that.
+    fn expose(&mut self, picture: &Image) {
+        let Some(scene) = self.scene.as_mut().filter(|scene| scene.settings.display.exposure == Exposure::Auto) else { return };
+        self.shown.exposure = picture.automatic_exposure();
+        scene.settings.display.exposure = Exposure::Stops(self.shown.exposure);
+    }
+
     /// Takes over a scene that was opened.
     fn show_scene(&mut self, opened: OpenedScene) {
         self.refused = None;
         self.view.moving = false;
-        self.shown.exposure = self.view.settings.display.exposure.given();
+        let DisplaySettings { exposure, background } = self.view.settings.display;
+        (self.shown.exposure, self.shown.background) = (exposure.given(), background);
         opened.warnings.iter().for_each(|text| self.say(text.clone(), NoticeKind::Warning));
         self.progress = RenderProgress::default();
         (self.sent, self.moved) = (Sent::default(), None);

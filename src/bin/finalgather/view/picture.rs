@@ -5,6 +5,7 @@ use std::sync::Arc;
 use egui::ColorImage;
 use finalgather::error::{Error, Result};
 use finalgather::image::{Channel, Image};
+use finalgather::settings::Background;
 
 use super::false_color::{ColorMap, ColorScale, automatic_range};
 use super::histogram::{Axis, Histogram};
@@ -20,6 +21,8 @@ pub struct DisplayOptions {
     pub emission: bool,
     /// In stops.
     pub exposure: f32,
+    /// Stands where there is no surface. A transparent one shows the environment.
+    pub background: Background,
     pub false_color: bool,
     /// Values of the first and the last false colour; `None`: by the picture.
     pub range: Option<[f32; 2]>,
@@ -55,6 +58,7 @@ impl Default for DisplayOptions {
             caustics: true,
             emission: true,
             exposure: 0.0,
+            background: Background::default(),
             false_color: false,
             range: None,
             difference: false,
@@ -222,6 +226,11 @@ fn bytes(picture: &Image, planes: Planes, shown: &DisplayOptions) -> Result<Vec<
         // Normals and openness are data: no exposure, no curve.
         DisplayContent::Normals => by(&|value| 0.5 * (1.0 + value)),
         DisplayContent::Openness => by(&|value| value.clamp(0.0, 1.0)),
+        _ if shown.is_radiance() => {
+            let opaque = if shown.background == Background::Transparent { Background::Environment } else { shown.background };
+            let rgba = picture.to_srgba8(shown.exposure, opaque)?;
+            rgba.chunks_exact(4).flat_map(|pixel| &pixel[..3]).copied().collect()
+        }
         DisplayContent::Albedo => by(&|value| finalgather::image::encode_srgb(value)),
         _ => {
             let channels = ["R", "G", "B"].into_iter().zip(planes);

@@ -315,13 +315,14 @@ impl SceneRender {
         let ViewState { camera, settings, .. } = self.view;
         let view = SceneView { source: &self.request.path, world: &world, camera, settings };
         write_file(path, view.text(path.parent().unwrap_or(Path::new("")))?.as_bytes())?;
-        let SceneRequest { environment, allow_outside, flip, strict, no_default_light, scene, .. } = &self.request;
+        let SceneRequest { environment, allow_outside, flip, clay, strict, no_default_light, scene, .. } = &self.request;
         let named = |name: &str, value: String| format!("{name} {value}");
         let env = environment.iter().map(|path| named("--env", path.display().to_string()));
         let part = scene.iter().map(|part| named("--gltf-scene", part.clone()));
         let switches = [
             (*allow_outside, "--allow-outside"),
             (*flip, "--flip"),
+            (*clay, "--clay"),
             (*strict, "--strict"),
             (*no_default_light, "--no-default-light"),
         ];
