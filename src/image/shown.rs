@@ -62,21 +62,17 @@ impl Image {
             let behind = environment.map_or([0.0; 3], |samples| samples.map(|samples| samples[i]));
             let shadow = shadow.map_or(0.0, |shadow| shadow[i].clamp(0.0, 1.0 - cover));
             // The curve is of the surface alone. Otherwise the edge of a bright surface would turn dark.
-            let surface =
-                [0, 1, 2].map(|k| if cover > 0.0 { cover * tone((radiance[k] - behind[k]) / cover * scale) } else { 0.0 });
-            let (shown, alpha) = match background {
-                Background::Environment if shadow > 0.0 => {
-                    let dark = shadow / (1.0 - cover);
-                    ([0, 1, 2].map(|k| tone((radiance[k] - dark * behind[k]) * scale)), 1.0)
-                }
-                Background::Environment => (radiance.map(|value| tone(value * scale)), 1.0),
-                Background::Color(color) => ([0, 1, 2].map(|k| surface[k] + color[k] * (1.0 - cover - shadow)), 1.0),
-                Background::Transparent => {
-                    let alpha = cover + shadow;
-                    (surface.map(|value| if alpha > 0.0 { value / alpha } else { 0.0 }), alpha)
-                }
+            let surface = |k: usize| if cover > 0.0 { tone((radiance[k] - behind[k]) / cover * scale) } else { 0.0 };
+            let alpha = if background == Background::Transparent { cover + shadow } else { 1.0 };
+            let dark = if shadow > 0.0 { shadow / (1.0 - cover) } else { 0.0 };
+            let shown = |k: usize| match background {
+                Background::Environment => encode_srgb(tone((radiance[k] - dark * behind[k]) * scale)),
+                Background::Color(color) => encode_srgb(cover * surface(k) + color[k] * (1.0 - cover - shadow)),
+                // Viewers lay encoded values over each other. So surface and shadow meet in these too, and no edge is lighter than both.
+                Background::Transparent if alpha > 0.0 => encode_srgb(surface(k)) * cover / alpha,
+                Background::Transparent => 0.0,
             };
-            let [r, g, b] = shown.map(|value| (encode_srgb(value) * 255.0).round() as u8);
+            let [r, g, b] = [0, 1, 2].map(|k| (shown(k) * 255.0).round() as u8);
             [r, g, b, (alpha * 255.0).round() as u8]
         };
         Ok((0..self.width * self.height).into_par_iter().flat_map_iter(pixel).collect())
@@ -96,7 +92,11 @@ mod tests {
     /// Pixels of these channels, one sample each.
     fn image(pixels: usize, channels: &[(&str, &[f32])]) -> Image {
         let rgb = |name: &str, samples: &[f32]| {
-            let names = if name == "A" { vec!["A".to_owned()] } else { ["R", "G", "B"].map(|of| format!("{name}{of}")).into() };
+            let names = if ["A", "Shadow"].contains(&name) {
+                vec![name.to_owned()]
+            } else {
+                ["R", "G", "B"].map(|of| format!("{name}{of}")).into()
+            };
             names.into_iter().map(|name| Channel { name, samples: samples.to_vec() }).collect::<Vec<_>>()
         };
         let channels = channels.iter().flat_map(|(name, samples)| rgb(name, samples)).collect();
@@ -129,5 +129,17 @@ mod tests {
         let [r, g, b] = [0.0, 1.0, 0.5].map(|behind: f32| byte(0.25 * 0.8 + 0.75 * behind));
         assert_eq!(shown(Background::Color([0.0, 1.0, 0.5])), [r, g, b, 255]);
         assert_eq!(shown(Background::Environment)[..3], edge.to_srgb8(1.0).unwrap());
+    }
+
+    #[test]
+    fn an_edge_before_a_shadow_is_not_lighter_than_both() {
+        let picture = |cover: f32| image(1, &[("", &[0.4 * cover]), ("A", &[cover]), ("Shadow", &[0.3 * (1.0 - cover)])]);
+        // As a viewer lays it over white.
+        let on_white = |cover| match picture(cover).to_srgba8(0.0, Background::Transparent).unwrap()[..] {
+            [r, _, _, alpha] => f32::from(r) * f32::from(alpha) / 255.0 + 255.0 - f32::from(alpha),
+            _ => unreachable!("one pixel"),
+        };
+        let [shadow, edge, surface] = [0.0, 0.5, 1.0].map(on_white);
+        assert!((edge - 0.5 * (shadow + surface)).abs() < 1.0, "{shadow} {edge} {surface}");
     }
 }
