@@ -17,6 +17,7 @@ mod vertex_cache;
 
 use std::ops::Range;
 use std::path::Path;
+use std::rc::Rc;
 use std::time::Instant;
 
 use glam::Vec3;
@@ -71,8 +72,8 @@ pub struct Seconds {
 /// A bake in progress.
 pub struct Bake {
     gpu: Gpu,
-    prepared: Prepared,
-    geometry: Geometry,
+    prepared: Rc<Prepared>,
+    geometry: Rc<Geometry>,
     settings: Settings,
     plan: Plan,
     points: Vec<GatherPoint>,
@@ -92,18 +93,19 @@ pub struct Bake {
 }
 
 impl Bake {
-    /// `geometry` is uploaded from the scene of `prepared`, and `points` are in its unit space.
+    /// `geometry` is uploaded from the scene of `prepared`, and `points` are in its unit space. A render may share both.
     ///
     /// # Errors
     /// [`Error::Usage`] when a setting is out of range or not for bakes, or there are no points; [`Error::Gl`] when the device fails.
     pub fn new(
         gpu: &Gpu,
-        prepared: Prepared,
-        geometry: Geometry,
+        prepared: impl Into<Rc<Prepared>>,
+        geometry: impl Into<Rc<Geometry>>,
         points: Vec<GatherPoint>,
         settings: &Settings,
         plan: &Plan,
     ) -> Result<Self> {
+        let (prepared, geometry) = (prepared.into(), geometry.into());
         settings.validate()?;
         plan.validate()?;
         if settings.directions.target_error > 0.0 {

@@ -6,6 +6,7 @@ mod checkpoint;
 mod estimate;
 mod inside_out;
 mod merge;
+mod openness;
 mod outputs;
 mod per_source;
 mod receiver;
@@ -27,6 +28,7 @@ use crate::scene::{Loaded, World};
 pub use checkpoint::Keeping;
 pub use estimate::{Estimate, estimate};
 pub use merge::merge;
+pub use openness::Openness;
 pub use outputs::{check_kept, metadata, of_picture};
 pub use per_source::Per;
 pub use receiver::{Receiver, ReceiverKind, ReceiverValues, outputs_of};
@@ -101,15 +103,15 @@ impl Job {
     /// [`Error::Input`] when there is no such scene; [`Error::Usage`] when an output cannot be written or would replace an input or earlier sums; [`Error::Output`] while another run writes it.
     pub fn new(request: JobRequest, keeping: &Keeping) -> Result<Self> {
         let started = Instant::now();
-        if keeping.shard.is_none() {
-            request.check_outputs()?;
-        }
-        if request.scene.bytes.is_none() {
+        if request.scene.bytes.is_none() && request.scene.path.exists() {
             World::check_path(&request.scene.path)?;
         }
         let outputs = if keeping.shard.is_some() { Vec::from_iter(keeping.file.clone()) } else { request.outputs.concat() };
         check_kept(&outputs, request.inputs())?;
         let checkpoint = Checkpoint::new(keeping, &outputs)?;
+        if keeping.shard.is_none() {
+            request.check_outputs()?;
+        }
         Ok(Self { request, outputs, checkpoint, started })
     }
 

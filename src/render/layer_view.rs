@@ -1,4 +1,8 @@
-//! The layer view of a render: the layers of one direction, and how a point samples them by KILL, for people to look at.
+//! What a window asks of a render. The layer view: the layers of one direction, and how a point samples them by KILL, for people to look at. And
+//! what lies behind a pixel.
+
+use std::collections::{HashMap, HashSet};
+use std::rc::Rc;
 
 use glam::{Mat4, Vec2, Vec3, Vec4};
 
@@ -6,9 +10,11 @@ use super::Render;
 use crate::direction::Direction;
 use crate::error::Result;
 use crate::gather::{Bundle, Kill, Peel};
-use crate::geometry::triangle_order;
+use crate::geometry::{Geometry, triangle_order};
 use crate::gpu::Gpu;
 use crate::points::{GatherPoint, PointList};
+use crate::prepared::Prepared;
+use crate::scene::Camera;
 
 /// One end of one of a render's directions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -31,6 +37,8 @@ pub struct Layers {
     pub size: u32,
     /// Each layer row by row from texel (0, 0).
     pub layers: Vec<Vec<Option<LayerTexel>>>,
+    /// Corners of the triangles in them, in layer space.
+    pub corners: HashMap<u32, [Vec3; 3]>,
 }
 
 /// A surface in a texel of a layer.
@@ -39,6 +47,8 @@ pub struct LayerTexel {
     /// Depth at the texel's centre, and its change to the next texel in x and y.
     pub depth: f32,
     pub slopes: Vec2,
+    /// Index of its triangle, for [`Layers::corners`].
+    pub triangle: u32,
     pub albedo: Vec3,
     pub emissive: bool,
     /// Cosine of the angle between the surface's normal and the rays, unsigned.
@@ -55,6 +65,13 @@ pub struct Probe {
     pub sampled: Vec<bool>,
     /// Position of the last sample.
     pub hit: Option<Vec3>,
+}
+
+/// The names of the surface behind a pixel, as its files give them. They may be empty.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct SeenSurface {
+    pub object: String,
+    pub material: String,
 }
 
 /// Most texels that [`Layers`] keeps: 64 layers of 512², half a gigabyte.
@@ -95,6 +112,7 @@ impl Render {
             Some(LayerTexel {
                 depth: texel.x,
                 slopes: Vec2::new(texel.y, texel.z),
+                triangle: triangle as u32,
                 albedo: scene.albedo(triangle, mesh.barycentric(triangle, position)),
                 emissive: scene.material(triangle).is_emissive(),
                 cosine: mesh.geometric_normal(triangle).dot(bundle.direction).abs(),
@@ -112,7 +130,13 @@ impl Render {
             layers.push(layer);
         }
         self.gpu.check("peeling for show")?;
-        Ok(Layers { end, direction: bundle.direction, from_layer, to_layer: bundle.to_layer, size, layers })
+        let corners = |triangle: u32| {
+            let vertices = scene.mesh.triangles[triangle as usize].vertices;
+            (triangle, vertices.map(|vertex| bundle.to_layer.transform_point3(scene.mesh.positions[vertex as usize])))
+        };
+        let seen: HashSet<u32> = layers.iter().flatten().flatten().map(|texel: &LayerTexel| texel.triangle).collect();
+        let corners = seen.into_iter().map(corners).collect();
+        Ok(Layers { end, direction: bundle.direction, from_layer, to_layer: bundle.to_layer, size, layers, corners })
     }
 
     /// Samples these layers at the point seen at `place`, as [`Probe::place`]; `None` where the camera sees no surface.
@@ -143,6 +167,22 @@ impl Render {
         self.gpu.check("sampling for show")?;
         let hit = (hit.y > 0.0).then(|| point.position + hit.x * bundle.direction);
         Ok(Some(Probe { place, point, sampled, hit }))
+    }
+
+    /// The surface seen at `place`, as [`Probe::place`]. Mirrors and glass count as surfaces.
+    pub fn surface_at(&self, place: Vec2) -> Option<SeenSurface> {
+        let [width, height] = self.settings.film.size.map(|side| side as f32);
+        let Prepared { scene, bvh, .. } = &*self.all;
+        let triangle = bvh.nearest(self.camera.eye, self.camera.ray(place, width / height), None)?.triangle;
+        let vertex = scene.mesh.triangles[triangle].vertices[0];
+        let instance = scene.mesh.sources.get(vertex as usize).and_then(|source| scene.instances.get(source.instance as usize));
+        let object = instance.map_or_else(String::new, |instance| instance.name.clone());
+        Some(SeenSurface { object, material: scene.material(triangle).name.clone() })
+    }
+
+    /// The scene that gather rays meet, its GL side, and the camera in unit space: for a bake beside the render.
+    pub fn gathered(&self) -> (Rc<Prepared>, Rc<Geometry>, Camera) {
+        (Rc::clone(&self.gathered), Rc::clone(&self.gathered_geometry), self.camera)
     }
 
     fn bundle(&self, end: End) -> Bundle {

@@ -85,7 +85,7 @@ impl Figure for PictureComparison {
         let directions = task.scale.of(parameters.directions, 8);
         let mut settings = pictures.settings(directions);
         (settings.film.size, settings.gather.pipeline) = ([size; 2], parameters.pipeline);
-        let exposure = settings.display.exposure;
+        let exposure = settings.display.exposure.given();
         let (picture, statistics) = pictures.render(&settings)?;
 
         let direct = sum_of(&picture, &["Direct", "Emission"])?;

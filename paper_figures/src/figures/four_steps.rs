@@ -109,7 +109,7 @@ impl Figure for FourSteps {
                 (s.film.size, s.photons.count) = ([size; 2], photons);
                 (s.gather.pipeline, s.gather.layer_size) = (parameters.pipeline, LayerSize::Texels(parameters.picture_layers));
             });
-            let exposure = settings.display.exposure;
+            let exposure = settings.display.exposure.given();
             let picture = pictures.render(&settings)?.0;
             if direct.is_empty() {
                 direct = write("direct", &sum_of(&picture, &["Direct", "Emission"])?, exposure)?;

@@ -78,7 +78,8 @@ impl SceneView<'_> {
         }
         let named = |scene: &mut DocumentMut, path: [&str; 3]| -> Result<()> {
             let keys = path.iter().filter(|key| !key.is_empty());
-            let item = keys.fold(Some(scene.as_item_mut()), |item, key| item?.get_mut(key));
+            // An item's own get_mut would make a missing table.
+            let item = { keys }.try_fold(scene.as_item_mut(), |item, key| item.as_table_like_mut()?.get_mut(key));
             if let Some(item) = item
                 && let Some(name) = item.as_str()
             {

@@ -1,23 +1,26 @@
-//! The interface: lays out the picture, notices and dialogs, and sends commands to the renderer.
+//! The interface: lays out the picture, the panel and dialogs, and sends commands to the renderer.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::mpsc::TryRecvError;
 use std::time::{Duration, Instant};
 
-use egui::{
-    Align2, CentralPanel, Color32, Context, Frame, Image, Key, KeyboardShortcut, Modifiers, Panel, Rect, RichText, Sense,
-    TextureHandle, TextureOptions, Ui, Vec2, pos2, vec2,
-};
-use egui_file_dialog::FileDialog;
+use egui::{CentralPanel, Color32, Context, Frame, Key, KeyboardShortcut, Modifiers, Panel, Rect, Sense, ThemePreference, Ui};
 use finalgather::error::{Error, Result};
-use finalgather::scene::{World, WorldCamera};
+use finalgather::scene::WorldCamera;
+use finalgather::settings::Settings;
+use glam::{DVec3, Vec2};
 use winit::event_loop::EventLoopProxy;
 
-use super::camera::{KEYS, move_camera};
+use super::camera::move_camera;
+use super::canvas::Canvas;
+use super::copy;
+use super::dialogs::{Dialogs, Purpose};
 use super::layers::{LayerRequest, LayerView};
+use super::overlays::{self, Notice, NoticeKind};
 use super::panel;
 use super::picture::DisplayOptions;
 use super::worker::{DisplayPicture, OpenedScene, RenderProgress, ViewState, Worker, WorkerCommand, WorkerOptions, WorkerReport};
+use super::zoom::Zoom;
 
 /// The camera counts as still this long after its last move. Then the picture is gathered in full quality.
 const STILL: Duration = Duration::from_millis(150);
@@ -36,25 +39,25 @@ pub struct App {
     sent: Sent,
     /// When the camera last moved, if it is not still yet.
     moved: Option<Instant>,
-    picture: Option<DisplayPicture>,
-    texture: Option<TextureHandle>,
+    pub canvas: Canvas,
     pub progress: RenderProgress,
     pub notices: Vec<Notice>,
     /// The error that ended the renderer.
     failure: Option<Error>,
+    /// The reference that is open, or being opened.
+    reference: Option<PathBuf>,
     /// The error that stopped the last scene from opening, or the render or layer view from finishing.
     refused: Option<Error>,
-    dialog: FileDialog,
-    /// Whether the dialog saves a picture; otherwise it opens a scene.
-    saving: bool,
+    dialogs: Dialogs,
+    pub theme: ThemePreference,
     pub panel: bool,
     pub help: bool,
     pub quit: bool,
     /// Whether the layer view is on.
     pub layers: bool,
     pub layer_view: LayerView,
-    /// The folder in which dialogs begin.
-    folder: Option<PathBuf>,
+    /// Whether the picture is as large as the window has room for.
+    pub fill: bool,
 }
 
 /// The values that were last sent to the renderer.
@@ -63,11 +66,7 @@ struct Sent {
     view: Option<ViewState>,
     shown: Option<DisplayOptions>,
     layers: Option<Option<LayerRequest>>,
-}
-
-pub struct Notice {
-    pub text: String,
-    pub bad: bool,
+    surface: Option<Vec2>,
 }
 
 fn spawn(options: &WorkerOptions, proxy: &EventLoopProxy<()>) -> Result<Worker> {
@@ -80,7 +79,7 @@ fn spawn(options: &WorkerOptions, proxy: &EventLoopProxy<()>) -> Result<Worker> 
 }
 
 impl App {
-    pub fn new(options: WorkerOptions, path: PathBuf, layers: bool, proxy: EventLoopProxy<()>) -> Result<Self> {
+    pub fn new(options: WorkerOptions, path: PathBuf, proxy: EventLoopProxy<()>) -> Result<Self> {
         let worker = spawn(&options, &proxy)?;
         let camera =
             WorldCamera { eye: glam::DVec3::Z, target: glam::DVec3::ZERO, up: glam::Vec3::Y, fov_y_degrees: 40.0, lens: None };
@@ -96,20 +95,20 @@ impl App {
             shown: DisplayOptions::default(),
             sent: Sent::default(),
             moved: None,
-            picture: None,
-            texture: None,
+            canvas: Canvas::default(),
             progress: RenderProgress::default(),
             notices: Vec::new(),
             failure: None,
             refused: None,
-            dialog: FileDialog::new(),
-            saving: false,
+            reference: None,
+            dialogs: Dialogs::new(),
+            theme: ThemePreference::System,
             panel: true,
             help: false,
             quit: false,
-            layers,
+            layers: false,
             layer_view: LayerView::default(),
-            folder: std::env::current_dir().ok(),
+            fill: false,
         };
         app.open(path);
         Ok(app)
@@ -143,12 +142,12 @@ impl App {
     pub fn finished(&self) -> bool {
         let layered = !self.layers || self.layer_view.count() > 0 || self.refused.is_some();
         let shown = |picture: &DisplayPicture| picture.sharp && picture.directions == self.directions();
-        let pictured = self.directions() == 0 || self.picture.as_ref().is_some_and(shown);
+        let pictured = self.directions() == 0 || self.canvas.picture.as_deref().is_some_and(shown);
         self.failure.is_some() || self.opening == 0 && (self.scene.is_none() || self.done() && layered && pictured)
     }
 
     pub fn has_picture(&self) -> bool {
-        self.picture.is_some()
+        self.canvas.picture.is_some()
     }
 
     pub fn directions(&self) -> u32 {
@@ -173,18 +172,20 @@ impl App {
             match report {
                 WorkerReport::Opened(opened) => {
                     self.opening -= 1;
-                    self.refused = None;
-                    (self.view.camera, self.view.settings, self.view.moving) = (opened.camera, opened.settings, false);
-                    self.shown.exposure = opened.settings.display.exposure;
-                    opened.warnings.iter().for_each(|text| self.say(text.clone(), false));
-                    self.progress = RenderProgress::default();
-                    (self.picture, self.sent, self.moved) = (None, Sent::default(), None);
-                    self.layer_view.set(None);
-                    self.scene = Some(*opened);
+                    (self.view.camera, self.view.settings) = (opened.camera, opened.settings);
+                    self.canvas.zoom = Zoom::default();
+                    self.show_scene(*opened);
                 }
-                WorkerReport::Picture(picture) => {
-                    self.texture = None;
-                    self.picture = Some(picture);
+                WorkerReport::Reloaded(opened) => {
+                    self.keep_view(&opened);
+                    self.notices.clear();
+                    self.say(format!("Read {} again, because a file has changed", opened.path.display()), NoticeKind::News);
+                    self.show_scene(*opened);
+                }
+                WorkerReport::Picture(picture) => self.canvas.set_picture(Some(picture)),
+                WorkerReport::Reference(reference) => self.canvas.set_reference(reference),
+                WorkerReport::Surface(place, surface) => {
+                    self.canvas.surface = surface.map(|surface| (place, surface));
                 }
                 WorkerReport::Progress(progress) => self.progress = *progress,
                 WorkerReport::Layers(images) => self.layer_view.set(Some(images)),
@@ -192,12 +193,17 @@ impl App {
                 WorkerReport::Saved(path) => {
                     let png = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("png"));
                     let but = if png && !self.shown.is_radiance() { ": all of the radiance, not what is shown" } else { "" };
-                    self.say(format!("Saved {}{but}", path.display()), false);
+                    self.say(format!("Saved {}{but}", path.display()), NoticeKind::News);
                 }
-                WorkerReport::Refused(error) => self.say(error.to_string(), true),
+                WorkerReport::SceneSaved(path, needed) => {
+                    let with = if needed.is_empty() { String::new() } else { format!("; render it with {}", needed.join(" ")) };
+                    let kind = if needed.is_empty() { NoticeKind::News } else { NoticeKind::Warning };
+                    self.say(format!("Saved {}{with}", path.display()), kind);
+                }
+                WorkerReport::Refused(error) => self.say(error.to_string(), NoticeKind::Bad),
                 WorkerReport::NotOpened(error) => {
                     self.opening -= 1;
-                    self.say(error.to_string(), true);
+                    self.say(error.to_string(), NoticeKind::Bad);
                     match &self.scene {
                         Some(scene) if self.opening == 0 => self.path.clone_from(&scene.path),
                         Some(_) => {}
@@ -205,7 +211,7 @@ impl App {
                     }
                 }
                 WorkerReport::Halted(error) => {
-                    self.say(error.to_string(), true);
+                    self.say(error.to_string(), NoticeKind::Bad);
                     self.refused = Some(error);
                 }
                 WorkerReport::Failed(error) => {
@@ -216,14 +222,51 @@ impl App {
         }
     }
 
-    pub fn say(&mut self, text: String, bad: bool) {
+    /// Takes over a scene that was opened.
+    fn show_scene(&mut self, opened: OpenedScene) {
+        self.refused = None;
+        self.view.moving = false;
+        self.shown.exposure = self.view.settings.display.exposure.given();
+        opened.warnings.iter().for_each(|text| self.say(text.clone(), NoticeKind::Warning));
+        self.progress = RenderProgress::default();
+        (self.sent, self.moved) = (Sent::default(), None);
+        self.canvas.set_picture(None);
+        self.layer_view.set(None);
+        self.scene = Some(opened);
+    }
+
+    /// Keeps the camera and the settings that the user has changed. The others become those of the scene's files, now read again.
+    fn keep_view(&mut self, opened: &OpenedScene) {
+        let Some(before) = &self.scene else { return };
+        if self.view.camera == before.camera {
+            self.view.camera = opened.camera;
+        }
+        let settings = &mut self.view.settings;
+        *settings = if *settings == before.settings {
+            opened.settings
+        } else {
+            // The photons are those of the files.
+            Settings { photons: opened.settings.photons, seed: opened.settings.seed, ..*settings }
+        };
+    }
+
+    pub fn say(&mut self, text: String, kind: NoticeKind) {
         self.notices.retain(|notice| notice.text != text);
-        self.notices.push(Notice { text, bad });
+        self.notices.push(Notice::new(text, kind));
+    }
+
+    pub fn is_opening(&self) -> bool {
+        self.opening > 0
+    }
+
+    /// The error that ended the renderer.
+    pub fn failed(&self) -> Option<&Error> {
+        self.failure.as_ref()
     }
 
     /// Drops all textures, because their context is lost.
     pub fn forget_textures(&mut self) {
-        self.texture = None;
+        self.canvas.forget_textures();
         self.layer_view.forget_textures();
     }
 
@@ -232,43 +275,64 @@ impl App {
         self.worker.end(Duration::from_secs(3))
     }
 
-    fn restart(&mut self) {
+    /// Starts another renderer in place of one that failed.
+    pub fn restart(&mut self) {
         self.worker.end(Duration::from_secs(1));
         match spawn(&self.options, &self.proxy) {
-            Err(error) => self.say(error.to_string(), true),
+            Err(error) => self.say(error.to_string(), NoticeKind::Bad),
             Ok(worker) => {
                 self.worker = worker;
                 self.failure = None;
                 let path = self.path.clone();
                 self.open(path);
+                self.compare_with(self.reference.clone());
             }
         }
     }
 
     /// Lays out one frame.
     pub fn show(&mut self, ui: &mut Ui) {
-        self.keys(ui.ctx());
+        ui.ctx().set_theme(self.theme);
+        self.dialogs.escape(ui.ctx());
+        // Keys belong to the dialog while it is open.
+        if !self.dialogs.is_open() {
+            self.keys(ui.ctx());
+        }
         if self.panel {
             Panel::right("panel").exact_size(panel::WIDTH).resizable(false).show(ui, |ui| panel::show(self, ui));
         }
-        CentralPanel::no_frame().frame(Frame::NONE.fill(Color32::from_gray(16))).show(ui, |ui| self.center(ui));
-        self.overlays(ui);
-        self.dialogs(ui);
+        let around = Color32::from_gray(if ui.visuals().dark_mode { 16 } else { 215 });
+        CentralPanel::no_frame().frame(Frame::NONE.fill(around)).show(ui, |ui| self.center(ui));
+        overlays::show(self, ui);
+        if let Some((purpose, path)) = self.dialogs.show(ui) {
+            self.chosen(purpose, path);
+        }
         self.send(ui.ctx());
     }
 
     fn keys(&mut self, ctx: &Context) {
         let shortcut = |modifiers, key| ctx.input_mut(|input| input.consume_shortcut(&KeyboardShortcut::new(modifiers, key)));
-        if shortcut(Modifiers::CTRL, Key::O) {
-            self.ask_open();
-        }
-        if shortcut(Modifiers::CTRL, Key::S) {
-            self.ask_save();
+        // Shift first: without it the shortcut would match too.
+        for (modifiers, key, purpose) in [
+            (Modifiers::CTRL | Modifiers::SHIFT, Key::S, Purpose::SaveScene),
+            (Modifiers::CTRL, Key::S, Purpose::SavePicture),
+            (Modifiers::CTRL, Key::O, Purpose::OpenScene),
+            (Modifiers::CTRL, Key::R, Purpose::OpenReference),
+        ] {
+            if shortcut(modifiers, key) {
+                self.ask(purpose);
+            }
         }
         self.quit |= shortcut(Modifiers::CTRL, Key::Q);
+        self.canvas.held = false;
         if ctx.egui_wants_keyboard_input() {
             return;
         }
+        if ctx.input_mut(|input| take(&mut input.events, |event| matches!(event, egui::Event::Copy))) {
+            ctx.copy_text(copy::options(&self.view.camera));
+            self.say("Copied the view as options".into(), NoticeKind::News);
+        }
+        self.canvas.held = ctx.input(|input| input.modifiers.is_none() && input.key_down(Key::X));
         self.help ^= shortcut(Modifiers::NONE, Key::F1);
         self.panel ^= shortcut(Modifiers::NONE, Key::P);
         self.layers ^= shortcut(Modifiers::NONE, Key::L);
@@ -276,6 +340,12 @@ impl App {
             if self.layers && shortcut(Modifiers::NONE, key) {
                 self.layer_view.step(by, self.view.settings.directions.count);
             }
+        }
+        if shortcut(Modifiers::NONE, Key::F) {
+            self.canvas.zoom = Zoom::default();
+        }
+        if shortcut(Modifiers::NONE, Key::Num1) {
+            self.canvas.enlarge_to(1.0, ctx.pointer_hover_pos());
         }
         if shortcut(Modifiers::NONE, Key::Escape) {
             self.help = false;
@@ -288,147 +358,65 @@ impl App {
         }
     }
 
-    pub fn ask_open(&mut self) {
-        self.saving = false;
-        self.dialog = dialog(self.folder.as_deref())
-            .title("Open a scene")
-            .add_file_filter_extensions("Scenes", ["toml"].into_iter().chain(World::MODELS).collect())
-            .default_file_filter("Scenes");
-        self.dialog.pick_file();
-    }
-
-    pub fn ask_save(&mut self) {
-        if self.picture.is_none() {
-            return;
-        }
-        self.saving = true;
-        let name = self.path.with_extension("png");
-        let name = name.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        self.dialog = dialog(self.folder.as_deref())
-            .title("Save the picture")
-            .default_file_name(&name)
-            .add_save_extension("PNG, 8 bit to look at", "png")
-            .add_save_extension("EXR, all channels", "exr");
-        self.dialog.save_file();
-    }
-
-    fn dialogs(&mut self, ui: &Ui) {
-        self.dialog.update(ui.ctx());
-        match self.dialog.take_picked() {
-            Some(path) if self.saving => self.worker.send(WorkerCommand::Save(path)),
-            Some(path) => self.open_chosen(path),
-            None => {}
-        }
-        let dropped = ui.ctx().input(|input| input.raw.dropped_files.first().map(|file| file.path().to_owned()));
-        if let Some(path) = dropped {
-            self.open_chosen(path);
+    /// Opens the dialog for this.
+    pub fn ask(&mut self, purpose: Purpose) {
+        let saves = matches!(purpose, Purpose::SavePicture | Purpose::SaveScene);
+        if !saves || self.has_picture() {
+            self.dialogs.ask(purpose, &self.path);
         }
     }
 
-    fn open_chosen(&mut self, path: PathBuf) {
-        self.folder = path.parent().map(Path::to_owned);
-        self.open(path);
+    fn chosen(&mut self, purpose: Purpose, path: PathBuf) {
+        match purpose {
+            Purpose::OpenScene => self.open(path),
+            Purpose::OpenReference => self.compare_with(Some(path)),
+            Purpose::SavePicture => self.worker.send(WorkerCommand::Save(path)),
+            Purpose::SaveScene => self.worker.send(WorkerCommand::SaveScene(path)),
+        }
+    }
+
+    /// Opens a reference, or closes it.
+    pub fn compare_with(&mut self, path: Option<PathBuf>) {
+        self.shown.difference &= path.is_some();
+        self.reference.clone_from(&path);
+        self.worker.send(WorkerCommand::Reference(path));
     }
 
     /// Shows the picture, and the layer view if it is on.
     fn center(&mut self, ui: &mut Ui) {
-        let area = ui.available_rect_before_wrap();
-        if !self.layers {
+        let (area, strip) = Canvas::split(ui.available_rect_before_wrap());
+        if self.layers {
+            let (picture, stack, row) = LayerView::split(area);
+            let shown = self.picture(ui, picture);
+            self.layer_view.point(ui, shown, self.canvas.cursor);
+            if let Some(scene) = &self.scene {
+                self.layer_view.stack(ui, stack, scene.extent.normalize());
+            }
+            self.layer_view.row(ui, row);
+        } else {
             self.picture(ui, area);
-            return;
         }
-        let (picture, stack, row) = LayerView::split(area);
-        let shown = self.picture(ui, picture);
-        self.layer_view.point(ui, shown);
-        if let Some(scene) = &self.scene {
-            self.layer_view.stack(ui, stack, scene.extent.normalize());
-        }
-        self.layer_view.row(ui, row);
+        let origin = self.scene.as_ref().map_or(DVec3::ZERO, |scene| scene.origin);
+        self.canvas.strip(ui, strip, origin);
     }
 
-    /// Shows the picture as large as fits in `area`, and returns its place.
+    /// Shows the picture in `area`, and returns its place.
     fn picture(&mut self, ui: &mut Ui, area: Rect) -> Rect {
+        if self.fill {
+            // Lengths in pixels of a window are no more than the device's limits.
+            let size: [f32; 2] = (area.size() * ui.pixels_per_point()).into();
+            self.view.settings.film.size = size.map(|side| side.round().max(16.0) as u32);
+        }
         let response = ui.interact(area, ui.id().with("picture"), Sense::click_and_drag());
         if let Some(scene) = &self.scene
-            && move_camera(ui, &response, &mut self.view.camera, scene.extent.length())
+            && !self.dialogs.is_open()
         {
-            self.moved = Some(Instant::now());
-        }
-        let [width, height] = self.view.settings.film.size.map(|side| side as f32);
-        let shown = fitted(area, vec2(width, height), ui.pixels_per_point());
-        let Some(picture) = &self.picture else { return shown };
-        let texture =
-            self.texture.get_or_insert_with(|| ui.ctx().load_texture("picture", picture.image.clone(), TextureOptions::LINEAR));
-        Image::new(&*texture).paint_at(ui, shown);
-        shown
-    }
-
-    fn overlays(&mut self, ui: &Ui) {
-        let area = ui.ctx().content_rect();
-        let left = area.left() + 12.0;
-        let card = Frame::popup(&ui.ctx().global_style()).inner_margin(12.0);
-        if self.opening > 0 {
-            egui::Area::new("opening".into())
-                .anchor(Align2::LEFT_BOTTOM, vec2(12.0, -12.0))
-                .show(ui.ctx(), |ui| card.show(ui, |ui| ui.label(format!("Opening {}", self.path.display()))));
-        }
-        let width = (area.width() - if self.panel { panel::WIDTH } else { 0.0 } - 24.0).clamp(160.0, 560.0);
-        let mut dismissed = None;
-        let mut again = false;
-        egui::Area::new("notices".into()).fixed_pos(pos2(left, area.top() + 12.0)).show(ui.ctx(), |ui| {
-            ui.set_max_width(width);
-            if let Some(error) = &self.failure {
-                card.stroke((1.0, panel::BAD)).show(ui, |ui| {
-                    ui.label(RichText::new("The renderer has stopped").strong().color(panel::BAD));
-                    ui.label(error.to_string());
-                    ui.add_space(6.0);
-                    again = ui.button("Start again").clicked();
-                });
+            let pans = self.canvas.navigate(ui, &response);
+            if move_camera(ui, &response, &mut self.view.camera, scene.extent.length(), pans) {
+                self.moved = Some(Instant::now());
             }
-            for (index, notice) in self.notices.iter().enumerate() {
-                let color = if notice.bad { panel::BAD } else { ui.visuals().weak_text_color() };
-                card.stroke((1.0, color)).show(ui, |ui| {
-                    // A shader's log has many lines.
-                    egui::ScrollArea::vertical().max_height(0.6 * area.height()).id_salt(index).show(ui, |ui| {
-                        ui.horizontal_top(|ui| {
-                            if ui.small_button("✖").clicked() {
-                                dismissed = Some(index);
-                            }
-                            let text = RichText::new(&notice.text);
-                            let long = notice.text.lines().count() > 4;
-                            ui.add(egui::Label::new(if long { text.monospace() } else { text }).wrap());
-                        });
-                    });
-                });
-                ui.add_space(6.0);
-            }
-        });
-        if let Some(index) = dismissed {
-            self.notices.remove(index);
         }
-        if again {
-            self.restart();
-        }
-        let mut open = self.help;
-        egui::Window::new("Keys and mouse")
-            .open(&mut open)
-            .anchor(Align2::CENTER_CENTER, Vec2::ZERO)
-            .collapsible(false)
-            .resizable(false)
-            .show(ui.ctx(), |ui| {
-                egui::Grid::new("keys").num_columns(2).spacing(vec2(24.0, 6.0)).show(ui, |ui| {
-                    for (keys, effect) in KEYS {
-                        ui.strong(keys);
-                        ui.label(effect);
-                        ui.end_row();
-                    }
-                });
-                if let Some(scene) = &self.scene {
-                    ui.separator();
-                    ui.weak(format!("finalgather {} on {}", env!("CARGO_PKG_VERSION"), scene.renderer));
-                }
-            });
-        self.help = open;
+        self.canvas.show(ui, area, self.view.settings.film.size, &response)
     }
 
     /// Sends changed values to the renderer.
@@ -444,10 +432,13 @@ impl App {
                 self.moved = None;
             }
         }
-        let layers = self.layers.then_some(self.layer_view.request);
+        let layers = self.layers.then(|| self.layer_view.wanted());
         send_changed(&self.worker, &mut self.sent.layers, &layers, WorkerCommand::Layers);
         send_changed(&self.worker, &mut self.sent.shown, &self.shown, WorkerCommand::Display);
         send_changed(&self.worker, &mut self.sent.view, &self.view, WorkerCommand::SetView);
+        if let Some(place) = self.canvas.cursor {
+            send_changed(&self.worker, &mut self.sent.surface, &place, WorkerCommand::Surface);
+        }
     }
 }
 
@@ -459,19 +450,8 @@ fn send_changed<T: Clone + PartialEq>(worker: &Worker, sent: &mut Option<T>, val
     }
 }
 
-fn dialog(folder: Option<&Path>) -> FileDialog {
-    let dialog = FileDialog::new().as_modal(true).default_size([560.0, 360.0]);
-    match folder {
-        Some(folder) => dialog.initial_directory(folder.to_owned()),
-        None => dialog,
-    }
-}
-
-/// The largest rectangle of these proportions in the centre of `area`, with its corners on pixels.
-fn fitted(area: Rect, size: Vec2, pixels_per_point: f32) -> Rect {
-    let room = area * pixels_per_point;
-    let scale = (room.width() / size.x).min(room.height() / size.y);
-    let size = (size * scale).round();
-    let min = (room.center() - 0.5 * size).round();
-    Rect::from_min_size(min, size) / pixels_per_point
+/// Removes the first such event, and returns whether there was one.
+fn take(events: &mut Vec<egui::Event>, is_it: impl Fn(&egui::Event) -> bool) -> bool {
+    let place = events.iter().position(is_it);
+    place.map(|place| events.remove(place)).is_some()
 }

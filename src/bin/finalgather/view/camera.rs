@@ -7,19 +7,26 @@ use finalgather::scene::WorldCamera;
 use glam::{Quat, Vec2, Vec3};
 
 /// Keys and their effects, for the list that F1 shows.
-pub const KEYS: [(&str, &str); 15] = [
+pub const KEYS: [(&str, &str); 22] = [
     ("left drag", "orbit"),
     ("right drag", "look around"),
     ("middle or Shift + left drag", "pan"),
-    ("wheel, pinch", "zoom"),
+    ("wheel", "move nearer or farther"),
     ("W A S D, arrows", "fly forward, left, back, right"),
     ("Q E", "fly down, up"),
     ("Shift", "fly faster"),
     ("R", "the scene's own view"),
+    ("Ctrl + wheel, pinch", "enlarge the picture at the pointer"),
+    ("Ctrl or Space + left drag", "move the enlarged picture"),
+    ("1, F", "one pixel to one of the screen; all of the picture"),
+    ("X, held", "the reference in place of the picture"),
     ("L", "layer view"),
     (", .", "direction before, next"),
+    ("Ctrl + C", "copy the view as options of a command"),
     ("Ctrl + O", "open a scene"),
+    ("Ctrl + R", "open a reference"),
     ("Ctrl + S", "save the picture"),
+    ("Ctrl + Shift + S", "save a scene file with this view"),
     ("Ctrl + Q", "end"),
     ("P", "hide or show the panel"),
     ("F1", "this list"),
@@ -28,8 +35,9 @@ pub const KEYS: [(&str, &str); 15] = [
 /// The least distance of the eye from its target, as a fraction of the scene's diagonal.
 const NEAREST: f32 = 1e-3;
 
-/// Moves `camera` by the frame's input over the picture. `diagonal` is that of the scene. Returns whether there was such input.
-pub fn move_camera(ui: &Ui, response: &Response, camera: &mut WorldCamera, diagonal: f32) -> bool {
+/// Moves `camera` by the frame's input over the picture. `diagonal` is that of the scene. `busy`: the left button does something else. Returns
+/// whether there was such input.
+pub fn move_camera(ui: &Ui, response: &Response, camera: &mut WorldCamera, diagonal: f32, busy: bool) -> bool {
     let before = *camera;
     let (shift, time) = ui.input(|input| (input.modifiers.shift, input.stable_dt.min(0.1)));
     let height = response.rect.height().max(1.0);
@@ -37,7 +45,7 @@ pub fn move_camera(ui: &Ui, response: &Response, camera: &mut WorldCamera, diago
     let mut held = true;
     if response.dragged_by(PointerButton::Middle) || (shift && response.dragged_by(PointerButton::Primary)) {
         pan(camera, drag);
-    } else if response.dragged_by(PointerButton::Primary) {
+    } else if response.dragged_by(PointerButton::Primary) && !busy {
         orbit(camera, drag);
     } else if response.dragged_by(PointerButton::Secondary) {
         look(camera, drag);
@@ -45,8 +53,7 @@ pub fn move_camera(ui: &Ui, response: &Response, camera: &mut WorldCamera, diago
         held = false;
     }
     if response.contains_pointer() {
-        let (scroll, pinch) = ui.input(|input| (input.smooth_scroll_delta().y, input.zoom_delta()));
-        let factor = (-scroll / 400.0).exp() / pinch;
+        let factor = (-ui.input(|input| input.smooth_scroll_delta().y) / 400.0).exp();
         if factor != 1.0 {
             zoom(camera, factor, NEAREST * diagonal);
         }

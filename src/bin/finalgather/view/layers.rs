@@ -13,19 +13,55 @@ use finalgather::math::frame;
 use finalgather::render::{LayerTexel, Layers, Probe};
 use glam::{Mat3, Vec2, Vec3};
 
+use super::quads::{LayerQuad, middles, quads};
+
 /// The approximate number of quads in a stack. Each frame projects, sorts and draws all of them.
 const QUADS: f32 = 60e3;
 /// The longest side of a thumbnail, in pixels.
-const THUMBNAIL: u32 = 160;
+const THUMBNAIL: u32 = 320;
 /// The distance between two layers of a stack that is fully apart, in unit space, where the scene's radius is 1.
 const GAP: f32 = 0.9;
 /// Height of the row of thumbnails.
 const ROW: f32 = 132.0;
 
-const KEPT: Color32 = Color32::from_rgb(120, 220, 120);
-const SAMPLED: Color32 = Color32::from_rgb(120, 170, 240);
-const CULLED: Color32 = Color32::from_rgb(235, 110, 95);
-const RAY: Color32 = Color32::from_rgb(255, 225, 120);
+/// Side of the thumbnail under the pointer, in points.
+const ENLARGED: f32 = 360.0;
+
+/// Colours that stand out from the background.
+struct Colors {
+    kept: Color32,
+    sampled: Color32,
+    culled: Color32,
+    ray: Color32,
+    frame: Color32,
+    text: Color32,
+}
+
+impl Colors {
+    fn of(ui: &Ui) -> Self {
+        let rgb = Color32::from_rgb;
+        let text = ui.visuals().strong_text_color();
+        if ui.visuals().dark_mode {
+            Self {
+                kept: rgb(120, 220, 120),
+                sampled: rgb(120, 170, 240),
+                culled: rgb(235, 110, 95),
+                ray: rgb(255, 225, 120),
+                frame: Color32::from_gray(90),
+                text,
+            }
+        } else {
+            Self {
+                kept: rgb(0, 120, 30),
+                sampled: rgb(30, 80, 190),
+                culled: rgb(190, 40, 20),
+                ray: rgb(190, 95, 0),
+                frame: Color32::from_gray(140),
+                text,
+            }
+        }
+    }
+}
 
 /// A request for the layers of a direction.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -46,13 +82,6 @@ pub struct LayerImages {
     quads: Vec<LayerQuad>,
 }
 
-/// A square of texels, placed on its surface.
-struct LayerQuad {
-    layer: usize,
-    corners: [Vec3; 4],
-    color: Color32,
-}
-
 pub struct LayerView {
     pub request: LayerRequest,
     images: Option<LayerImages>,
@@ -64,12 +93,14 @@ pub struct LayerView {
     yaw: f32,
     pitch: f32,
     zoom: f32,
+    /// Whether the pointer is over it. Then it shows the same direction until the pointer leaves.
+    watched: bool,
 }
 
 impl Default for LayerView {
     fn default() -> Self {
         let (request, images, probe, textures) = Default::default();
-        Self { request, images, probe, textures, explode: 0.6, yaw: -0.5, pitch: 0.35, zoom: 1.0 }
+        Self { request, images, probe, textures, explode: Self::EXPLODE, yaw: -0.5, pitch: 0.35, zoom: 1.0, watched: false }
     }
 }
 
@@ -83,44 +114,27 @@ impl LayerImages {
             let pixels = places().rev().flat_map(|y| places().map(move |x| (y * size + x) as usize));
             Arc::new(ColorImage::new([places().len(); 2], pixels.map(|at| color(&layer[at])).collect()))
         };
-        Self { images: layers.layers.iter().map(image).collect(), quads: quads(&layers), layers }
+        Self { images: layers.layers.iter().map(image).collect(), quads: quads(&layers, QUADS), layers }
     }
-}
-
-/// Splits the texels of a side into runs of `step`, and returns the middle one of each.
-fn middles(side: u32, step: u32) -> impl DoubleEndedIterator<Item = u32> + ExactSizeIterator {
-    (step / 2..side).step_by(step as usize)
-}
-
-fn quads(layers: &Layers) -> Vec<LayerQuad> {
-    let step = (layers.size as f32 * (layers.layers.len() as f32 / QUADS).sqrt()).ceil().max(1.0) as u32;
-    let half = 0.5 * step as f32;
-    let places = move || middles(layers.size, step);
-    let mut quads = Vec::new();
-    for (layer, texels) in layers.layers.iter().enumerate() {
-        for (y, x) in places().flat_map(|y| places().map(move |x| (y, x))) {
-            let Some(texel) = &texels[(y * layers.size + x) as usize] else { continue };
-            let corner = |offset: Vec2| {
-                let place = Vec2::new(x as f32, y as f32) + 0.5 + offset;
-                // A quad at a grazing angle is long, but must not leave the scene.
-                let depth = (texel.depth + texel.slopes.dot(offset)).clamp(0.0, 1.0);
-                layers.from_layer.transform_point3(place.extend(depth))
-            };
-            let corners = [(-half, -half), (half, -half), (half, half), (-half, half)].map(|offset| corner(offset.into()));
-            quads.push(LayerQuad { layer, corners, color: color(texel) });
-        }
-    }
-    quads
 }
 
 /// The texel's albedo, brighter where the surface faces the rays.
-fn color(texel: &LayerTexel) -> Color32 {
+pub fn color(texel: &LayerTexel) -> Color32 {
     let shade = 0.35 + 0.65 * texel.cosine;
     let [r, g, b] = (if texel.emissive { Vec3::ONE } else { shade * texel.albedo }).to_array();
     egui::Rgba::from_rgb(r, g, b).into()
 }
 
 impl LayerView {
+    /// The distance between layers at first.
+    pub const EXPLODE: f32 = 0.6;
+
+    /// The request to send: it waits while the layers are looked at.
+    pub fn wanted(&self) -> LayerRequest {
+        let waits = self.watched && self.images.is_some();
+        LayerRequest { number: self.request.number.or(waits.then(|| self.number())), ..self.request }
+    }
+
     /// Replaces the shown layers.
     pub fn set(&mut self, images: Option<LayerImages>) {
         self.textures.clear();
@@ -158,16 +172,13 @@ impl LayerView {
         (picture.shrink(8.0), stack, row)
     }
 
-    /// Requests a probe of the point under the mouse and marks the probed point. `shown` is the picture's place.
-    pub fn point(&mut self, ui: &Ui, shown: Rect) {
-        let pointer = ui.input(|input| input.pointer.hover_pos()).filter(|&at| shown.contains(at));
-        if let Some(at) = pointer {
-            let place = (at - shown.min) / shown.size();
-            self.request.place = Some(Vec2::new(place.x, place.y));
-        }
+    /// Requests a probe of the point at `cursor`, a place in the picture, and marks the probed point. `shown` is the picture's place.
+    pub fn point(&mut self, ui: &Ui, shown: Rect, cursor: Option<Vec2>) {
+        self.watched = cursor.is_some();
+        self.request.place = cursor.or(self.request.place);
         if let Some(probe) = &self.probe {
             let at = shown.min + vec2(probe.place.x, probe.place.y) * shown.size();
-            ui.painter().circle(at, 4.0, Color32::TRANSPARENT, Stroke::new(2.0, RAY));
+            ui.painter().circle(at, 4.0, Color32::TRANSPARENT, Stroke::new(2.0, Colors::of(ui).ray));
         }
     }
 
@@ -180,21 +191,37 @@ impl LayerView {
             };
             self.textures = images.images.iter().enumerate().map(load).collect();
         }
+        let colors = Colors::of(ui);
         let count = self.textures.len().max(1) as f32;
         let side = (area.height() - 30.0).min((area.width() - 12.0) / count - 8.0).max(8.0);
-        let painter = ui.painter_at(area);
+        let pointer = ui.input(|input| input.pointer.hover_pos()).filter(|&at| area.contains(at));
+        self.watched |= pointer.is_some();
         for (index, texture) in self.textures.iter().enumerate() {
             let min = pos2(area.left() + 12.0 + index as f32 * (side + 8.0), area.top() + 20.0);
             let place = Rect::from_min_size(min, vec2(side, side));
-            painter.image(texture.id(), place, Rect::from_min_max(Pos2::ZERO, pos2(1.0, 1.0)), Color32::WHITE);
-            let (border, word) = self.probe.as_ref().map_or((Color32::from_gray(70), ""), |probe| verdict(probe, index));
-            painter.rect_stroke(place, 2.0, Stroke::new(2.0, border), StrokeKind::Outside);
+            let (border, word) = self.probe.as_ref().map_or((colors.frame, ""), |probe| verdict(probe, index, &colors));
+            let draw = |painter: &Painter, place: Rect| {
+                painter.image(texture.id(), place, Rect::from_min_max(Pos2::ZERO, pos2(1.0, 1.0)), Color32::WHITE);
+                painter.rect_stroke(place, 2.0, Stroke::new(2.0, border), StrokeKind::Outside);
+                if let Some(probe) = &self.probe {
+                    let at = images.layers.to_layer.transform_point3(probe.point.position) / images.layers.size as f32;
+                    let center = place.left_bottom() + vec2(at.x, -at.y) * place.width();
+                    painter.circle_stroke(center, 3.5, Stroke::new(1.5, colors.ray));
+                }
+            };
+            let painter = ui.painter_at(area);
+            draw(&painter, place);
             let text = format!("{} {word}", index + 1);
             painter.text(min - vec2(0.0, 4.0), Align2::LEFT_BOTTOM, text, FontId::proportional(12.0), border);
-            if let Some(probe) = &self.probe {
-                let at = images.layers.to_layer.transform_point3(probe.point.position) / images.layers.size as f32;
-                let center = place.left_bottom() + vec2(at.x, -at.y) * side;
-                painter.circle_stroke(center, 3.5, Stroke::new(1.5, RAY));
+            if pointer.is_some_and(|at| place.expand(4.0).contains(at)) {
+                // Above the row, in the window.
+                let all = ui.ctx().content_rect();
+                let large = ENLARGED.min(area.top() - all.top() - 24.0).max(side);
+                let left =
+                    (place.center().x - 0.5 * large).clamp(all.left() + 8.0, (area.right() - large - 8.0).max(all.left() + 8.0));
+                let over = Rect::from_min_size(pos2(left, area.top() - large - 8.0), vec2(large, large));
+                let layer = egui::LayerId::new(egui::Order::Tooltip, ui.id().with("thumbnail"));
+                draw(&ui.ctx().layer_painter(layer), over);
             }
         }
     }
@@ -203,17 +230,24 @@ impl LayerView {
     pub fn stack(&mut self, ui: &Ui, area: Rect, half_extents: Vec3) {
         let response = ui.interact(area, ui.id().with("stack"), Sense::click_and_drag());
         self.turn(ui, &response);
+        self.watched |= response.contains_pointer();
+        let colors = Colors::of(ui);
         let painter = ui.painter_at(area);
         let Some(LayerImages { layers, quads, .. }) = &self.images else { return };
         let count = layers.layers.len();
         let apart_by = |index: usize| layers.direction * (self.explode * GAP * (count - 1 - index) as f32);
         let reach = self.explode * GAP * count.saturating_sub(1) as f32;
-        let view = Projection::new(self, area, layers.direction, reach);
+        let text =
+            self.probe.as_ref().map_or("Point at the picture to follow a ray.".to_owned(), |probe| sentence(probe, layers));
+        let galley = painter.layout(text, FontId::proportional(13.0), colors.text, area.width() - 24.0);
+        let (words, room) = area.split_top_bottom_at_y(area.top() + galley.size().y + 16.0);
+        painter.galley(words.min + vec2(12.0, 8.0), galley, colors.text);
+        let view = Projection::new(self, room, layers.direction, reach, half_extents);
 
         for [a, b] in box_edges(half_extents) {
-            view.line(&painter, a, b, Stroke::new(1.0, Color32::from_gray(90)));
+            view.line(&painter, a, b, Stroke::new(1.0, colors.frame));
         }
-        view.bundle(&painter, layers, reach);
+        view.bundle(&painter, layers, reach, colors.ray);
         // Drawn from the back to the front, because egui has no depth test.
         let shifts: Vec<Vec3> = (0..count).map(apart_by).collect();
         let projected = |quad: &LayerQuad| {
@@ -237,18 +271,13 @@ impl LayerView {
             let kept = probe.sampled.iter().rposition(|&sampled| sampled);
             if let (Some(hit), Some(kept)) = (probe.hit, kept) {
                 let end = hit + apart_by(kept);
-                view.line(&painter, start, end, Stroke::new(2.5, RAY));
-                view.dot(&painter, end, KEPT);
+                view.line(&painter, start, end, Stroke::new(2.5, colors.ray));
+                view.dot(&painter, end, colors.kept);
             } else {
-                view.line(&painter, start, start + layers.direction * 0.4, Stroke::new(2.0, CULLED));
+                view.line(&painter, start, start + layers.direction * 0.4, Stroke::new(2.0, colors.culled));
             }
-            view.dot(&painter, start, RAY);
+            view.dot(&painter, start, colors.ray);
         }
-        let text =
-            self.probe.as_ref().map_or("Point at the picture to follow a ray.".to_owned(), |probe| sentence(probe, layers));
-        let font = FontId::proportional(13.0);
-        let galley = painter.layout(text, font, Color32::from_gray(210), area.width() - 24.0);
-        painter.galley(area.left_top() + vec2(12.0, 12.0), galley, Color32::WHITE);
     }
 
     fn turn(&mut self, ui: &Ui, response: &Response) {
@@ -265,12 +294,12 @@ impl LayerView {
 }
 
 /// What the point does with a layer, as a colour and a word.
-fn verdict(probe: &Probe, index: usize) -> (Color32, &'static str) {
+fn verdict(probe: &Probe, index: usize, colors: &Colors) -> (Color32, &'static str) {
     let kept = probe.sampled.iter().rposition(|&sampled| sampled);
     match probe.sampled.get(index) {
-        Some(true) if kept == Some(index) => (KEPT, "kept"),
-        Some(true) => (SAMPLED, "overwritten"),
-        _ => (CULLED, "culled"),
+        Some(true) if kept == Some(index) => (colors.kept, "kept"),
+        Some(true) => (colors.sampled, "overwritten"),
+        _ => (colors.culled, "culled"),
     }
 }
 
@@ -297,18 +326,23 @@ struct Projection {
 }
 
 impl Projection {
-    fn new(view: &LayerView, area: Rect, direction: Vec3, reach: f32) -> Self {
+    /// The stack of a scene with these half extents fills `area`. It reaches `reach` beyond the scene along `direction`.
+    fn new(view: &LayerView, area: Rect, direction: Vec3, reach: f32, half_extents: Vec3) -> Self {
         // The direction points to the right, and y points up as far as it can.
         let right = direction;
         let up = (Vec3::Y - Vec3::Y.dot(right) * right).try_normalize().unwrap_or(frame(right).x_axis);
         let base = Mat3::from_cols(right, up, right.cross(up));
         let turned = Mat3::from_rotation_y(view.yaw) * Mat3::from_rotation_x(-view.pitch);
         let axes = base * turned;
-        let radius = 1.0 + 0.5 * reach;
-        let distance = 4.0 * radius;
-        let target = 0.5 * reach * direction;
-        let scale = 0.42 * area.width().min(area.height() * (1.0 + 0.4 * reach)) / radius * view.zoom * distance;
-        Self { eye: target + axes.z_axis * distance, to_view: axes.transpose(), center: area.center(), scale }
+        let distance = 4.0 * (1.0 + 0.5 * reach);
+        let eye = 0.5 * reach * direction + axes.z_axis * distance;
+        let unit = Self { eye, to_view: axes.transpose(), center: Pos2::ZERO, scale: 1.0 };
+        let corners = || box_edges(half_extents).flatten();
+        let ends = corners().chain(corners().map(|corner| corner + reach * direction));
+        let bounds = Rect::from_points(&ends.map(|end| unit.project(end).0).collect::<Vec<_>>());
+        let fits = (area.width() / bounds.width()).min(area.height() / bounds.height());
+        let scale = 0.94 * fits * view.zoom;
+        Self { center: area.center() - scale * bounds.center().to_vec2(), scale, ..unit }
     }
 
     /// Returns the place in the window and the depth.
@@ -327,9 +361,9 @@ impl Projection {
     }
 
     /// Draws some of the bundle's rays through the whole stack.
-    fn bundle(&self, painter: &Painter, layers: &Layers, reach: f32) {
+    fn bundle(&self, painter: &Painter, layers: &Layers, reach: f32, color: Color32) {
         const RAYS: u32 = 5;
-        let stroke = Stroke::new(1.0, RAY.gamma_multiply(0.35));
+        let stroke = Stroke::new(1.0, color.gamma_multiply(0.35));
         for i in 0..RAYS * RAYS {
             let place = Vec2::new((i % RAYS) as f32 + 0.5, (i / RAYS) as f32 + 0.5) * layers.size as f32 / RAYS as f32;
             let end = |depth: f32| layers.from_layer.transform_point3(place.extend(depth));

@@ -2,16 +2,29 @@
 
 mod app;
 mod camera;
+mod canvas;
+mod copy;
+mod dialogs;
+mod false_color;
+mod histogram;
 mod latency;
 mod layers;
+mod overlays;
 mod panel;
 mod picture;
+mod probe;
+mod progressive;
+mod quads;
+mod reference;
+mod watch;
 mod window;
 mod worker;
+mod zoom;
 
 use std::path::{Path, PathBuf};
 use std::{fs, io};
 
+use egui::ThemePreference;
 use finalgather::error::{Error, Result};
 use serde_json::json;
 use signal_hook::low_level;
@@ -21,6 +34,8 @@ use winit::event_loop::EventLoop;
 use crate::args::{DeviceArgs, Overrides, PhotonMapArg, checked, count, size};
 use crate::report;
 use app::App;
+use picture::DisplayContent;
+use reference::Reference;
 use window::{Window, WindowSummary};
 use worker::WorkerOptions;
 
@@ -45,6 +60,22 @@ pub struct ViewArgs {
     /// Begin in the layer view
     #[arg(long)]
     layers: bool,
+
+    /// Picture to compare with, .exr or .png: hold X to see it
+    #[arg(long, value_name = "FILE")]
+    reference: Option<PathBuf>,
+
+    /// What to show first
+    #[arg(long, value_enum, default_value_t)]
+    show: ShownFirst,
+
+    /// Colours of the window
+    #[arg(long, value_enum, default_value_t)]
+    theme: Theme,
+
+    /// Render a picture as large as the window has room for
+    #[arg(long)]
+    fill: bool,
 
     /// Prefer GLX to EGL, on X11
     #[arg(long)]
@@ -76,6 +107,31 @@ pub struct ViewArgs {
     device: DeviceArgs,
 }
 
+#[derive(Clone, Copy, Debug, Default, clap::ValueEnum)]
+enum Theme {
+    #[default]
+    System,
+    Light,
+    Dark,
+}
+
+#[derive(Clone, Copy, Debug, Default, clap::ValueEnum)]
+enum ShownFirst {
+    #[default]
+    Radiance,
+    /// Radiance in false colours
+    FalseColors,
+    PhotonMap,
+    Albedo,
+    Normals,
+    /// Ambient occlusion
+    Ao,
+    /// The relative error of each pixel
+    Error,
+    /// The difference from the reference
+    Difference,
+}
+
 /// Runs the window until it closes. Returns the exit code.
 pub fn run(args: &ViewArgs) -> Result<u8> {
     let events = EventLoop::<()>::with_user_event().build().map_err(|error| {
@@ -87,19 +143,22 @@ pub fn run(args: &ViewArgs) -> Result<u8> {
     let embedded = unpack_cornell_box().map_err(|error| {
         Error::usage(format!("no temporary folder can be made: {error}"), "set TMPDIR to a folder that can be written")
     })?;
+    // A picture that cannot be read is an error at once, not only in the window.
+    args.reference.as_deref().map(Reference::open).transpose()?;
     let scene = args.scene.clone().unwrap_or_else(|| embedded.path().join("cornell.toml"));
     // A development build reloads the shaders of its source tree.
     let own = Path::new(env!("CARGO_MANIFEST_DIR")).join("glsl");
     let shaders = args.shaders.clone().or_else(|| Some(own).filter(|own| cfg!(debug_assertions) && own.is_dir()));
     let request = args.photon_map.choose(args.overrides.scene(&scene)?);
     let options = WorkerOptions { device: args.device.request(), scene: request, shaders };
-    let app = App::new(options, scene, args.layers, events.create_proxy())?;
+    let mut app = App::new(options, scene, events.create_proxy())?;
+    args.prepare(&mut app);
     let mut window = Window::new(args, app);
     let ended =
         events.run_app(&mut window).map_err(|error| Error::gl(format!("the window system failed: {error}"), "start again"));
-    let WindowSummary { outcome, times: [frames, answers], api, directions, left } = window.end();
+    let WindowSummary { outcome, times: [frames, answers], api, directions, cursor, left } = window.end();
     let outcome = ended.and(outcome).and_then(|()| {
-        let json = json!({ "api": api, "directions": directions, "frame": frames, "answer": answers });
+        let json = json!({ "api": api, "directions": directions, "frame": frames, "answer": answers, "cursor": cursor });
         if args.json { report::print_json(&json) } else { Ok(()) }
     });
     if !left {
@@ -110,6 +169,32 @@ pub fn run(args: &ViewArgs) -> Result<u8> {
         low_level::exit(code.into());
     }
     outcome.map(|()| 0)
+}
+
+impl ViewArgs {
+    /// Sets up the window as the options ask.
+    fn prepare(&self, app: &mut App) {
+        app.layers = self.layers;
+        app.fill = self.fill;
+        app.theme = match self.theme {
+            Theme::System => ThemePreference::System,
+            Theme::Light => ThemePreference::Light,
+            Theme::Dark => ThemePreference::Dark,
+        };
+        app.shown.content = match self.show {
+            ShownFirst::Radiance | ShownFirst::FalseColors | ShownFirst::Difference => DisplayContent::Radiance,
+            ShownFirst::PhotonMap => DisplayContent::PhotonMap,
+            ShownFirst::Albedo => DisplayContent::Albedo,
+            ShownFirst::Normals => DisplayContent::Normals,
+            ShownFirst::Ao => DisplayContent::Openness,
+            ShownFirst::Error => DisplayContent::Error,
+        };
+        app.shown.false_color = matches!(self.show, ShownFirst::FalseColors);
+        if self.reference.is_some() {
+            app.compare_with(self.reference.clone());
+            app.shown.difference = matches!(self.show, ShownFirst::Difference);
+        }
+    }
 }
 
 /// Far from where numbers or windows end.

@@ -19,7 +19,9 @@ use winit::window::{Window as WinitWindow, WindowAttributes, WindowId};
 use super::ViewArgs;
 use super::app::App;
 use super::latency::{Latency, Times};
+use super::overlays::NoticeKind;
 use super::panel;
+use super::probe::PixelValues;
 
 pub struct Window {
     app: App,
@@ -35,6 +37,8 @@ pub struct Window {
     /// When egui asks for the next frame, even without events.
     again: Option<Instant>,
     latency: Latency,
+    /// The library that made the last context.
+    api: &'static str,
     /// Number of contexts lost in a row.
     losses: u32,
     outcome: Result<()>,
@@ -56,6 +60,8 @@ pub struct WindowSummary {
     /// The library that made the window's context.
     pub api: &'static str,
     pub directions: u32,
+    /// The values that were under the cursor last.
+    pub cursor: Option<PixelValues>,
     /// Whether the renderer has left its driver.
     pub left: bool,
 }
@@ -75,17 +81,16 @@ impl Window {
             title: String::new(),
             again: None,
             latency: Latency::new(),
+            api: "none",
             losses: 0,
             outcome: Ok(()),
         }
     }
 
     pub fn end(mut self) -> WindowSummary {
-        let api = self.shell.as_ref().map_or("none", |shell| shell.screen.api());
-        // Close the window before waiting for the renderer.
-        self.shell = None;
         let left = self.app.end();
-        WindowSummary { outcome: self.outcome, times: self.latency.times(), api, directions: self.app.directions(), left }
+        let (times, directions) = (self.latency.times(), self.app.directions());
+        WindowSummary { outcome: self.outcome, times, api: self.api, directions, cursor: self.app.canvas.values, left }
     }
 
     fn open(&self, events: &ActiveEventLoop) -> Result<Shell> {
@@ -111,9 +116,14 @@ impl Window {
     }
 
     fn egui(&self, events: &ActiveEventLoop, screen: &Screen) -> egui_winit::State {
-        let context = egui::Context::default();
-        context.set_theme(egui::Theme::Dark);
-        egui_winit::State::new(context, ViewportId::ROOT, events, self.scale, None, Some(screen.max_texture_side()))
+        egui_winit::State::new(
+            egui::Context::default(),
+            ViewportId::ROOT,
+            events,
+            self.scale,
+            None,
+            Some(screen.max_texture_side()),
+        )
     }
 
     fn redraw(&self) {
@@ -191,7 +201,7 @@ impl Window {
         let screen = Screen::new(window.clone(), &config, window.inner_size().into())?;
         let egui = self.egui(events, &screen);
         self.app.forget_textures();
-        self.app.say(format!("{error}\nA new one was made."), true);
+        self.app.say(format!("{error}\nA new one was made."), NoticeKind::Bad);
         self.shell = Some(Shell { window, config, screen, egui });
         Ok(())
     }
@@ -201,7 +211,10 @@ impl ApplicationHandler for Window {
     fn resumed(&mut self, events: &ActiveEventLoop) {
         if self.shell.is_none() {
             match self.open(events) {
-                Ok(shell) => self.shell = Some(shell),
+                Ok(shell) => {
+                    self.api = shell.screen.api();
+                    self.shell = Some(shell);
+                }
                 Err(error) => self.fail(events, error),
             }
             self.redraw();
@@ -244,6 +257,11 @@ impl ApplicationHandler for Window {
                 self.latency.event();
             }
         }
+    }
+
+    fn exiting(&mut self, _: &ActiveEventLoop) {
+        // The clipboard's thread uses the connection to the window system, which ends with the event loop.
+        self.shell = None;
     }
 
     fn about_to_wait(&mut self, events: &ActiveEventLoop) {

@@ -3,30 +3,30 @@
 //! The thread handles [`WorkerCommand`]s between two steps and sends [`WorkerReport`]s.
 
 use std::any::Any;
+use std::io;
 use std::panic::{self, AssertUnwindSafe};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant, SystemTime};
-use std::{fs, io};
 
-use egui::ColorImage;
 use finalgather::error::{Error, Result};
-use finalgather::gpu::{Gpu, StageClock};
-use finalgather::image::{Image, WriteOptions};
-use finalgather::job::{DeviceRequest, SceneRequest, metadata, of_picture};
-use finalgather::render::{End, Layers, Probe, Render, RenderStatistics};
-use finalgather::scene::{Loaded, WorldCamera};
-use finalgather::settings::{LayerSize, Settings};
+use finalgather::gpu::StageClock;
+use finalgather::image::Image;
+use finalgather::image::compare::Comparison;
+use finalgather::job::{DeviceRequest, SceneRequest};
+use finalgather::render::{Probe, RenderStatistics, SeenSurface};
+use finalgather::scene::WorldCamera;
+use finalgather::settings::Settings;
 use finalgather::shaders;
 use glam::{DVec3, Vec2, Vec3};
 
 use super::layers::{LayerImages, LayerRequest};
-use super::picture::{DisplayOptions, develop};
-
-/// Sides of the picture are divided by this while the camera moves.
-const SHRINK: u32 = 2;
+use super::picture::{Developed, DisplayOptions};
+use super::progressive::{SceneRender, open};
+use super::reference::Reference;
+use super::watch::{FileWatch, PAUSE};
 
 /// Commands to the renderer.
 pub enum WorkerCommand {
@@ -36,8 +36,14 @@ pub enum WorkerCommand {
     Display(DisplayOptions),
     /// Requests layers after every picture, until `None` is sent.
     Layers(Option<LayerRequest>),
+    /// Asks for the names of the surface at this place of the picture, as in [`Probe::place`].
+    Surface(Vec2),
+    /// Opens a picture to compare with, or closes it.
+    Reference(Option<PathBuf>),
     /// Writes the picture so far.
     Save(PathBuf),
+    /// Writes a scene file with the requested view.
+    SaveScene(PathBuf),
 }
 
 /// The requested camera and settings of the render.
@@ -63,13 +69,21 @@ impl ViewState {
 /// Reports from the renderer.
 pub enum WorkerReport {
     Opened(Box<OpenedScene>),
+    /// The files of the scene have changed, and were read again.
+    Reloaded(Box<OpenedScene>),
     /// The previous scene stays open.
     NotOpened(Error),
-    Picture(DisplayPicture),
+    Picture(Box<DisplayPicture>),
     Progress(Box<RenderProgress>),
     Layers(LayerImages),
     Probe(Option<Probe>),
+    /// The surface at a place that was asked for.
+    Surface(Vec2, Option<SeenSurface>),
+    /// The reference as it is to be displayed; `None`: it is closed.
+    Reference(Option<Box<ReferenceView>>),
     Saved(PathBuf),
+    /// A scene file is written. It needs these options to render as here.
+    SceneSaved(PathBuf, Vec<String>),
     /// A command failed. The renderer continues as before.
     Refused(Error),
     /// The render or the layer view stopped: the rest of the directions, or the layers, will not come.
@@ -86,16 +100,29 @@ pub struct OpenedScene {
     pub settings: Settings,
     /// Lengths of the sides of its bounding box.
     pub extent: Vec3,
+    /// To which the positions of pictures are relative.
+    pub origin: DVec3,
     pub warnings: Vec<String>,
     pub renderer: String,
 }
 
 pub struct DisplayPicture {
-    pub image: Arc<ColorImage>,
+    /// Why it cannot be shown, if it cannot.
+    pub developed: Result<Developed, String>,
+    /// Its channels.
+    pub image: Arc<Image>,
     /// Number of directions in the picture.
     pub directions: u32,
     /// Whether the camera was still.
     pub sharp: bool,
+    /// Its differences from the reference, if there is one.
+    pub comparison: Option<Result<Comparison, String>>,
+}
+
+pub struct ReferenceView {
+    pub path: PathBuf,
+    pub developed: Result<Developed, String>,
+    pub image: Arc<Image>,
 }
 
 #[derive(Clone, Default)]
@@ -173,286 +200,109 @@ fn panicked(words: &(dyn Any + Send)) -> Error {
     Error::gl(format!("the renderer panicked: {}", words.unwrap_or("it does not say why")), "start again, and report this")
 }
 
-/// The open scene and its render.
-struct SceneRender {
-    render: Render,
-    /// The view that was requested last.
-    view: ViewState,
-    /// Whether the render must begin again with this view.
-    outdated: bool,
-    pass: RenderPass,
-    /// When the last picture was finished.
-    taken: Instant,
-    /// The time that it took.
-    cost: Duration,
-    /// When progress was last reported.
-    told: Instant,
-    stages: Vec<(&'static str, Option<f64>)>,
-}
-
-/// State since the render began with its view.
+/// The state of the renderer's thread beside the scene.
 #[derive(Default)]
-struct RenderPass {
-    /// Whether an error stopped the render.
-    halted: bool,
-    finished: bool,
-    /// Whether an error stopped the layer view.
-    blind: bool,
-    /// The last picture.
-    image: Image,
-    /// Number of its directions.
-    imaged: u32,
-    worked: Duration,
-    /// The layers that were reported last.
-    layers: Option<Arc<Layers>>,
-    /// The place that was probed in them.
-    place: Option<Vec2>,
+pub struct Wanted {
+    pub shown: DisplayOptions,
+    pub layers: Option<LayerRequest>,
+    pub reference: Option<Reference>,
 }
 
 fn work(options: &WorkerOptions, commands: &Receiver<WorkerCommand>, tell: &dyn Fn(WorkerReport)) -> Result<()> {
+    let watch_shaders = |folder: &PathBuf| FileWatch::new(vec![folder.clone()], SystemTime::now());
+    let mut watched_shaders = options.shaders.as_ref().map(watch_shaders);
     if let Some(folder) = &options.shaders {
         shaders::reload(folder);
     }
-    let mut changed = options.shaders.as_deref().and_then(newest);
     let gpu = options.device.open()?;
     let clock = StageClock::start(&gpu);
     let mut scene: Option<SceneRender> = None;
-    let mut shown = DisplayOptions::default();
-    let mut layers: Option<LayerRequest> = None;
+    // The scene's files, or that of a scene that did not open.
+    let mut files: Option<(PathBuf, FileWatch)> = None;
+    let mut wanted = Wanted::default();
     loop {
-        let patience = match &options.shaders {
-            _ if scene.as_ref().is_some_and(SceneRender::has_work) => Duration::ZERO,
-            Some(_) => Duration::from_millis(250),
-            None => Duration::MAX,
-        };
+        let patience = if scene.as_ref().is_some_and(|scene| scene.has_work(&wanted)) { Duration::ZERO } else { PAUSE };
         match (commands.recv_timeout(patience), scene.as_mut()) {
             (Err(RecvTimeoutError::Disconnected), _) => return Ok(()),
-            (Err(RecvTimeoutError::Timeout), mut scene) => {
-                if let Some(folder) = &options.shaders
-                    && changed != newest(folder)
+            (Err(RecvTimeoutError::Timeout), mut opened) => {
+                if watched_shaders.as_mut().is_some_and(FileWatch::changed)
+                    && let Some(folder) = &options.shaders
                 {
-                    changed = newest(folder);
                     shaders::reload(folder);
-                    if let Some(scene) = &mut scene {
+                    if let Some(scene) = &mut opened {
                         scene.reload(tell);
                     }
                 }
-                if let Some(scene) = scene {
-                    scene.advance(&clock, &shown, layers.as_ref(), tell)?;
+                if let Some(scene) = opened {
+                    scene.advance(&clock, &wanted, tell)?;
+                }
+                if let Some((path, watch)) = &mut files
+                    && watch.changed()
+                {
+                    let begun = SystemTime::now();
+                    match open(&gpu, options, path) {
+                        Ok((opened, next)) => {
+                            *watch = FileWatch::new(next.files().to_vec(), begun);
+                            tell(WorkerReport::Reloaded(Box::new(opened)));
+                            scene = Some(next);
+                        }
+                        Err(error) => tell(WorkerReport::Refused(error)),
+                    }
                 }
             }
-            (Ok(WorkerCommand::Open(path)), _) => match open(&gpu, options, &path) {
-                Ok((opened, next)) => {
-                    tell(WorkerReport::Opened(Box::new(opened)));
-                    scene = Some(next);
+            (Ok(WorkerCommand::Open(path)), _) => {
+                let begun = SystemTime::now();
+                match open(&gpu, options, &path) {
+                    Ok((opened, next)) => {
+                        files = Some((path, FileWatch::new(next.files().to_vec(), begun)));
+                        tell(WorkerReport::Opened(Box::new(opened)));
+                        scene = Some(next);
+                    }
+                    Err(error) => {
+                        if scene.is_none() {
+                            files = Some((path.clone(), FileWatch::new(vec![path], begun)));
+                        }
+                        tell(WorkerReport::NotOpened(error));
+                    }
                 }
-                Err(error) => tell(WorkerReport::NotOpened(error)),
-            },
+            }
             (Ok(WorkerCommand::Display(other)), scene) => {
-                shown = other;
-                scene.map_or(Ok(()), |scene| scene.show(&shown, tell))?;
+                wanted.shown = other;
+                tell_reference(&wanted, tell);
+                scene.into_iter().for_each(|scene| scene.show(&wanted, tell));
+            }
+            (Ok(WorkerCommand::Reference(path)), scene) => {
+                match path.map(|path| Reference::open(&path)).transpose() {
+                    Ok(reference) => wanted.reference = reference,
+                    Err(error) => tell(WorkerReport::Refused(error)),
+                }
+                tell_reference(&wanted, tell);
+                scene.into_iter().for_each(|scene| scene.show(&wanted, tell));
             }
             (Ok(WorkerCommand::Layers(other)), scene) => {
-                layers = other;
-                if let (Some(request), Some(scene)) = (&layers, scene) {
+                wanted.layers = other;
+                if let (Some(request), Some(scene)) = (&wanted.layers, scene) {
                     scene.take_apart(request, tell);
                 }
             }
-            (Ok(WorkerCommand::SetView(view)), Some(scene)) => {
-                scene.outdated |= !scene.view.is_gathered_as(&view);
-                scene.view = view;
-            }
+            (Ok(WorkerCommand::Surface(place)), Some(scene)) => tell(WorkerReport::Surface(place, scene.surface_at(place))),
+            (Ok(WorkerCommand::SetView(view)), Some(scene)) => scene.set(view),
             (Ok(WorkerCommand::Save(path)), Some(scene)) => {
                 tell(scene.save(&path).map_or_else(WorkerReport::Refused, |()| WorkerReport::Saved(path)));
             }
-            (Ok(WorkerCommand::SetView(_) | WorkerCommand::Save(_)), None) => {}
+            (Ok(WorkerCommand::SaveScene(path)), Some(scene)) => {
+                tell(scene.save_scene(&path).map_or_else(WorkerReport::Refused, |needed| WorkerReport::SceneSaved(path, needed)));
+            }
+            (Ok(_), None) => {}
         }
     }
 }
 
-/// The time of the last change of a folder or its contents. Files may vanish meanwhile.
-fn newest(path: &Path) -> Option<SystemTime> {
-    let own = fs::metadata(path).ok()?.modified().ok();
-    let entries = fs::read_dir(path).into_iter().flatten().flatten();
-    entries.map(|entry| newest(&entry.path())).chain([own]).max()?
-}
-
-fn open(gpu: &Gpu, options: &WorkerOptions, path: &Path) -> Result<(OpenedScene, SceneRender)> {
-    let request = SceneRequest { path: path.to_owned(), ..options.scene.clone() };
-    let Loaded { world, settings, report } = request.load(true)?;
-    let settings = request.settings(&settings)?;
-    let render = Render::new(gpu, &world, &settings)?;
-    let [min, max] = world.bounds();
-    let camera = about(world.camera(settings.film.size), 0.5 * (min + max));
-    let opened = OpenedScene {
-        path: path.to_owned(),
-        camera,
-        settings,
-        extent: (max - min).as_vec3(),
-        warnings: [report.warnings, render.warnings()].concat(),
-        renderer: gpu.info().renderer.clone(),
+fn tell_reference(wanted: &Wanted, tell: &dyn Fn(WorkerReport)) {
+    let view = |reference: &Reference| ReferenceView {
+        path: reference.path.clone(),
+        developed: reference.develop(&wanted.shown).map_err(|error| error.to_string()),
+        image: reference.image.clone(),
     };
-    let scene = SceneRender {
-        render,
-        view: ViewState { camera, settings, moving: false, pace: 0 },
-        outdated: false,
-        pass: RenderPass::default(),
-        taken: Instant::now(),
-        cost: Duration::ZERO,
-        told: Instant::now(),
-        stages: Vec::new(),
-    };
-    Ok((opened, scene))
-}
-
-/// Moves the target, the centre of orbits, along the view axis to the distance of the scene's centre.
-fn about(camera: WorldCamera, center: DVec3) -> WorldCamera {
-    let forward = (camera.target - camera.eye).normalize();
-    let distance = forward.dot(center - camera.eye);
-    if distance > 0.0 { WorldCamera { target: camera.eye + distance * forward, ..camera } } else { camera }
-}
-
-impl SceneRender {
-    fn has_work(&self) -> bool {
-        self.outdated || !(self.pass.halted || self.pass.finished)
-    }
-
-    /// Gathers one step. When a picture is due, reports it with the requested layers.
-    ///
-    /// # Errors
-    /// If the device is lost.
-    fn advance(
-        &mut self,
-        clock: &StageClock,
-        shown: &DisplayOptions,
-        layers: Option<&LayerRequest>,
-        tell: &dyn Fn(WorkerReport),
-    ) -> Result<()> {
-        if !self.has_work() {
-            return Ok(());
-        }
-        let begun = Instant::now();
-        if self.outdated {
-            self.restart(tell);
-        }
-        if !self.pass.halted
-            && let Err(error) = self.render.step()
-        {
-            if self.render.is_lost() {
-                return Err(error);
-            }
-            tell(WorkerReport::Halted(error));
-            self.pass.halted = true;
-        }
-        self.pass.worked += begun.elapsed();
-
-        let done = self.render.directions_done();
-        let new = done - self.pass.imaged;
-        let all = self.render.is_done() || self.pass.halted;
-        let due = match self.view.pace {
-            // The first directions are shown at once. After that, pictures take a fifth of the time.
-            0 => self.pass.imaged == 0 || self.taken.elapsed() > 4 * self.cost,
-            pace => new >= pace,
-        };
-        if new > 0 && (due || all) {
-            let start = Instant::now();
-            self.pass.image = self.render.picture();
-            let per_direction = |seconds: f64| 1e3 * seconds / f64::from(new);
-            self.stages = clock.take().stages.into_iter().map(|(name, time)| (name, time.map(per_direction))).collect();
-            self.pass.imaged = done;
-            self.show(shown, tell)?;
-            if let Some(request) = layers {
-                self.take_apart(request, tell);
-            }
-            (self.taken, self.cost) = (Instant::now(), start.elapsed());
-        }
-        self.pass.finished = all;
-        if all || self.told.elapsed() > Duration::from_millis(200) {
-            self.told = Instant::now();
-            tell(WorkerReport::Progress(Box::new(RenderProgress {
-                statistics: self.render.statistics().clone(),
-                view: Some(self.view.clone()),
-                done: all,
-                seconds: self.pass.worked.as_secs_f64(),
-                stages: self.stages.clone(),
-            })));
-        }
-        Ok(())
-    }
-
-    /// Reports the requested layers and the samples of a point in them, unless they were reported last. After an error the picture continues
-    /// without layers. If the device is lost, the next step reports it.
-    fn take_apart(&mut self, request: &LayerRequest, tell: &dyn Fn(WorkerReport)) {
-        if !self.pass.blind
-            && let Err(error) = self.try_take_apart(request, tell)
-        {
-            self.pass.blind = true;
-            tell(WorkerReport::Halted(error));
-        }
-    }
-
-    fn try_take_apart(&mut self, request: &LayerRequest, tell: &dyn Fn(WorkerReport)) -> Result<()> {
-        let number = request.number.unwrap_or(self.render.directions_done().saturating_sub(1));
-        let end = End { number, opposite: request.opposite };
-        let layers = match self.pass.layers.take().filter(|layers| layers.end == end) {
-            Some(layers) => layers,
-            None => {
-                let layers = Arc::new(self.render.layers(end)?);
-                tell(WorkerReport::Layers(LayerImages::new(layers.clone())));
-                self.pass.place = None;
-                layers
-            }
-        };
-        if let Some(place) = request.place.filter(|_| self.pass.place != request.place) {
-            self.pass.place = request.place;
-            tell(WorkerReport::Probe(self.render.probe(&layers, place)?));
-        }
-        self.pass.layers = Some(layers);
-        Ok(())
-    }
-
-    /// Begins again with the requested view.
-    fn restart(&mut self, tell: &dyn Fn(WorkerReport)) {
-        let mut settings = self.view.settings;
-        if self.view.moving {
-            settings.film.size = settings.film.size.map(|side| side.div_ceil(SHRINK));
-            settings.gather.layer_size = LayerSize::Texels(settings.layers().min(128));
-            // This gives blocks of eight directions, with a few light samples each.
-            settings.directions.count = 256;
-            settings.direct.light_samples = 128;
-        }
-        self.outdated = false;
-        match self.render.restart(self.view.camera, &settings) {
-            Ok(()) => self.pass = RenderPass::default(),
-            Err(error) => tell(WorkerReport::Refused(error)),
-        }
-    }
-
-    fn reload(&mut self, tell: &dyn Fn(WorkerReport)) {
-        match self.render.reload() {
-            Ok(()) => {
-                self.pass = RenderPass::default();
-                // A refused restart may have kept the render from the requested view.
-                self.outdated = true;
-            }
-            Err(error) => tell(WorkerReport::Refused(error)),
-        }
-    }
-
-    fn show(&self, shown: &DisplayOptions, tell: &dyn Fn(WorkerReport)) -> Result<()> {
-        if self.pass.imaged > 0 {
-            let image = Arc::new(develop(&self.pass.image, shown)?);
-            tell(WorkerReport::Picture(DisplayPicture { image, directions: self.pass.imaged, sharp: !self.view.moving }));
-        }
-        Ok(())
-    }
-
-    fn save(&self, path: &Path) -> Result<()> {
-        // The exposure is the view's. Its other settings may belong to the next render.
-        let exposure = self.view.settings.display.exposure;
-        let done = (self.render.directions_done(), self.render.is_done());
-        let job = self.render.job();
-        let metadata = metadata(&job, exposure, &of_picture(&job), done);
-        self.render.picture().write(path, &WriteOptions { exposure, metadata: Some(&metadata) })
-    }
+    tell(WorkerReport::Reference(wanted.reference.as_ref().map(view).map(Box::new)));
 }

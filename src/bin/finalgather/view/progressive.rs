@@ -1,0 +1,356 @@
+//! The open scene and its render, which grows step by step on the renderer's thread.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use finalgather::error::Result;
+use finalgather::file::{check_writable, write_file};
+use finalgather::gpu::{Gpu, StageClock};
+use finalgather::image::{Image, WriteOptions};
+use finalgather::job::{Openness, SceneRequest, metadata, of_picture};
+use finalgather::render::{End, Layers, Render, SeenSurface};
+use finalgather::scene::{Loaded, WorldCamera};
+use finalgather::settings::LayerSize;
+use glam::{DVec3, Vec2};
+
+use crate::scene_file::SceneView;
+
+use super::layers::{LayerImages, LayerRequest};
+use super::picture::{Developed, DisplayContent, DisplayOptions, develop};
+use super::worker::{DisplayPicture, OpenedScene, RenderProgress, ViewState, Wanted, WorkerOptions, WorkerReport};
+
+/// Sides of the picture are divided by this while the camera moves.
+const SHRINK: u32 = 2;
+
+/// The open scene and its render.
+pub struct SceneRender {
+    gpu: Gpu,
+    request: SceneRequest,
+    /// All files that were read.
+    files: Vec<PathBuf>,
+    render: Render,
+    /// The view that was requested last.
+    view: ViewState,
+    /// Whether the render must begin again with this view.
+    outdated: bool,
+    pass: RenderPass,
+    /// When the last picture was finished.
+    taken: Instant,
+    /// The time that it took.
+    cost: Duration,
+    /// When progress was last reported.
+    told: Instant,
+    stages: Vec<(&'static str, Option<f64>)>,
+}
+
+/// State since the render began with its view.
+#[derive(Default)]
+struct RenderPass {
+    /// Whether an error stopped the render.
+    halted: bool,
+    finished: bool,
+    /// Whether an error stopped the layer view.
+    blind: bool,
+    /// The last picture.
+    image: Arc<Image>,
+    /// Number of its directions.
+    imaged: u32,
+    /// Ambient occlusion, if it is shown.
+    openness: Option<Openness>,
+    /// Whether it has more directions than the last picture.
+    opened: bool,
+    /// Whether an error stopped it.
+    occluded: bool,
+    worked: Duration,
+    /// The layers that were reported last.
+    layers: Option<Arc<Layers>>,
+    /// The place that was probed in them.
+    place: Option<Vec2>,
+}
+
+/// Opens the scene at `path`.
+///
+/// # Errors
+/// If a file cannot be used.
+pub fn open(gpu: &Gpu, options: &WorkerOptions, path: &Path) -> Result<(OpenedScene, SceneRender)> {
+    let request = SceneRequest { path: path.to_owned(), ..options.scene.clone() };
+    let Loaded { world, settings, report } = request.load(true)?;
+    let settings = request.settings(&settings)?;
+    let render = Render::new(gpu, &world, &settings)?;
+    let [min, max] = world.bounds();
+    let camera = about(world.camera(settings.film.size), 0.5 * (min + max));
+    let opened = OpenedScene {
+        path: path.to_owned(),
+        camera,
+        settings,
+        extent: (max - min).as_vec3(),
+        origin: render.gathered().0.scene.space.local_origin(),
+        warnings: [report.warnings, render.warnings()].concat(),
+        renderer: gpu.info().renderer.clone(),
+    };
+    let scene = SceneRender {
+        gpu: gpu.clone(),
+        files: report.files.into_iter().chain(request.environment.clone()).collect(),
+        request,
+        render,
+        view: ViewState { camera, settings, moving: false, pace: 0 },
+        outdated: false,
+        pass: RenderPass::default(),
+        taken: Instant::now(),
+        cost: Duration::ZERO,
+        told: Instant::now(),
+        stages: Vec::new(),
+    };
+    Ok((opened, scene))
+}
+
+/// Moves the target, the centre of orbits, along the view axis to the distance of the scene's centre.
+fn about(camera: WorldCamera, center: DVec3) -> WorldCamera {
+    let forward = (camera.target - camera.eye).normalize();
+    let distance = forward.dot(center - camera.eye);
+    if distance > 0.0 { WorldCamera { target: camera.eye + distance * forward, ..camera } } else { camera }
+}
+
+impl SceneRender {
+    pub fn files(&self) -> &[PathBuf] {
+        &self.files
+    }
+
+    /// Sets the requested view.
+    pub fn set(&mut self, view: ViewState) {
+        self.outdated |= !self.view.is_gathered_as(&view);
+        self.view = view;
+    }
+
+    pub fn has_work(&self, wanted: &Wanted) -> bool {
+        self.outdated || !(self.pass.halted || self.pass.finished) || self.occludes(wanted)
+    }
+
+    /// Whether directions of the ambient occlusion are left to gather.
+    fn occludes(&self, wanted: &Wanted) -> bool {
+        let left = self.pass.openness.as_ref().is_none_or(|openness| !openness.is_done());
+        wanted.shown.content == DisplayContent::Openness && left && !self.pass.occluded
+    }
+
+    /// The surface at a place of the picture.
+    pub fn surface_at(&self, place: Vec2) -> Option<SeenSurface> {
+        self.render.surface_at(place)
+    }
+
+    /// Gathers one step. When a picture is due, reports it with the requested layers.
+    ///
+    /// # Errors
+    /// If the device is lost.
+    pub fn advance(&mut self, clock: &StageClock, wanted: &Wanted, tell: &dyn Fn(WorkerReport)) -> Result<()> {
+        if !self.has_work(wanted) {
+            return Ok(());
+        }
+        let begun = Instant::now();
+        if self.outdated {
+            self.restart(tell);
+        }
+        if !self.pass.halted {
+            let stepped = self.render.step();
+            self.pass.halted |= self.stops(stepped, tell)?;
+        }
+        if self.occludes(wanted) {
+            let stepped = self.occlude();
+            self.pass.occluded |= self.stops(stepped, tell)?;
+        }
+        self.pass.worked += begun.elapsed();
+
+        let done = self.render.directions_done();
+        let new = done - self.pass.imaged;
+        let rendered = self.render.is_done() || self.pass.halted;
+        let all = rendered && !self.occludes(wanted);
+        let due = match self.view.pace {
+            // The first directions are shown at once. After that, pictures take a fifth of the time.
+            0 => self.pass.imaged == 0 || self.taken.elapsed() > 4 * self.cost,
+            pace => new >= pace || rendered && self.taken.elapsed() > 4 * self.cost,
+        };
+        if (new > 0 || self.pass.opened) && (due || all) {
+            let start = Instant::now();
+            if new > 0 {
+                let per_direction = |seconds: f64| 1e3 * seconds / f64::from(new);
+                self.stages = clock.take().stages.into_iter().map(|(name, time)| (name, time.map(per_direction))).collect();
+            }
+            self.pass.image = Arc::new(self.picture());
+            (self.pass.imaged, self.pass.opened) = (done, false);
+            self.show(wanted, tell);
+            if let Some(request) = &wanted.layers {
+                self.take_apart(request, tell);
+            }
+            (self.taken, self.cost) = (Instant::now(), start.elapsed());
+        }
+        self.pass.finished = rendered;
+        if all || self.told.elapsed() > Duration::from_millis(200) {
+            self.told = Instant::now();
+            tell(WorkerReport::Progress(Box::new(RenderProgress {
+                statistics: self.render.statistics().clone(),
+                view: Some(self.view.clone()),
+                done: all,
+                seconds: self.pass.worked.as_secs_f64(),
+                stages: self.stages.clone(),
+            })));
+        }
+        Ok(())
+    }
+
+    /// Whether this step ends its work by an error. Tells the error.
+    ///
+    /// # Errors
+    /// If the device is lost.
+    fn stops(&self, step: Result<()>, tell: &dyn Fn(WorkerReport)) -> Result<bool> {
+        let Err(error) = step else { return Ok(false) };
+        if self.render.is_lost() {
+            return Err(error);
+        }
+        tell(WorkerReport::Halted(error));
+        Ok(true)
+    }
+
+    /// Gathers a step of the ambient occlusion.
+    fn occlude(&mut self) -> Result<()> {
+        let openness = match &mut self.pass.openness {
+            Some(openness) => openness,
+            none => none.insert(Openness::new(&self.gpu, &self.render)?),
+        };
+        openness.step()?;
+        self.pass.opened = true;
+        Ok(())
+    }
+
+    /// The picture so far, with the channel `AO` if it is shown.
+    fn picture(&self) -> Image {
+        let mut picture = self.render.picture();
+        picture.channels.extend(self.pass.openness.as_ref().and_then(Openness::channel));
+        picture
+    }
+
+    /// Reports the requested layers and the samples of a point in them, unless they were reported last. After an error the picture continues
+    /// without layers. If the device is lost, the next step reports it.
+    pub fn take_apart(&mut self, request: &LayerRequest, tell: &dyn Fn(WorkerReport)) {
+        if !self.pass.blind
+            && let Err(error) = self.try_take_apart(request, tell)
+        {
+            self.pass.blind = true;
+            tell(WorkerReport::Halted(error));
+        }
+    }
+
+    fn try_take_apart(&mut self, request: &LayerRequest, tell: &dyn Fn(WorkerReport)) -> Result<()> {
+        let number = request.number.unwrap_or(self.render.directions_done().saturating_sub(1));
+        let end = End { number, opposite: request.opposite };
+        let layers = match self.pass.layers.take().filter(|layers| layers.end == end) {
+            Some(layers) => layers,
+            None => {
+                let layers = Arc::new(self.render.layers(end)?);
+                tell(WorkerReport::Layers(LayerImages::new(layers.clone())));
+                self.pass.place = None;
+                layers
+            }
+        };
+        if let Some(place) = request.place.filter(|_| self.pass.place != request.place) {
+            self.pass.place = request.place;
+            tell(WorkerReport::Probe(self.render.probe(&layers, place)?));
+        }
+        self.pass.layers = Some(layers);
+        Ok(())
+    }
+
+    /// Begins again with the requested view.
+    fn restart(&mut self, tell: &dyn Fn(WorkerReport)) {
+        let mut settings = self.view.settings;
+        if self.view.moving {
+            settings.film.size = settings.film.size.map(|side| side.div_ceil(SHRINK));
+            settings.gather.layer_size = LayerSize::Texels(settings.layers().min(128));
+            // This gives blocks of eight directions, with a few light samples each.
+            settings.directions.count = 256;
+            settings.direct.light_samples = 128;
+        }
+        self.outdated = false;
+        match self.render.restart(self.view.camera, &settings) {
+            Ok(()) => self.pass = RenderPass::default(),
+            Err(error) => tell(WorkerReport::Refused(error)),
+        }
+    }
+
+    /// Reads the shaders again.
+    pub fn reload(&mut self, tell: &dyn Fn(WorkerReport)) {
+        match self.render.reload() {
+            Ok(()) => {
+                self.pass = RenderPass::default();
+                // A refused restart may have kept the render from the requested view.
+                self.outdated = true;
+            }
+            Err(error) => tell(WorkerReport::Refused(error)),
+        }
+    }
+
+    /// Reports the picture as it is to be shown.
+    pub fn show(&self, wanted: &Wanted, tell: &dyn Fn(WorkerReport)) {
+        if self.pass.imaged == 0 {
+            return;
+        }
+        let (image, sharp) = (self.pass.image.clone(), !self.view.moving);
+        let comparison = wanted.reference.as_ref().filter(|_| sharp);
+        let comparison = comparison.map(|reference| reference.compare(&image, wanted.shown.exposure));
+        tell(WorkerReport::Picture(Box::new(DisplayPicture {
+            developed: developed(&image, wanted).map_err(|error| error.to_string()),
+            directions: self.pass.imaged,
+            sharp,
+            comparison: comparison.map(|comparison| comparison.map_err(|error| error.to_string())),
+            image,
+        })));
+    }
+
+    /// Writes a scene file of the requested view. Returns the options without which it renders something else.
+    ///
+    /// # Errors
+    /// If the file cannot be written, or the scene can no longer be read.
+    pub fn save_scene(&self, path: &Path) -> Result<Vec<String>> {
+        check_writable(path)?;
+        let Loaded { world, .. } = self.request.load(true)?;
+        let ViewState { camera, settings, .. } = self.view;
+        let view = SceneView { source: &self.request.path, world: &world, camera, settings };
+        write_file(path, view.text(path.parent().unwrap_or(Path::new("")))?.as_bytes())?;
+        let SceneRequest { environment, allow_outside, flip, strict, no_default_light, scene, .. } = &self.request;
+        let named = |name: &str, value: String| format!("{name} {value}");
+        let env = environment.iter().map(|path| named("--env", path.display().to_string()));
+        let part = scene.iter().map(|part| named("--gltf-scene", part.clone()));
+        let switches = [
+            (*allow_outside, "--allow-outside"),
+            (*flip, "--flip"),
+            (*strict, "--strict"),
+            (*no_default_light, "--no-default-light"),
+        ];
+        Ok(env.chain(part).chain(switches.into_iter().filter(|(on, _)| *on).map(|(_, name)| name.to_owned())).collect())
+    }
+
+    /// Writes the picture so far.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
+    pub fn save(&self, path: &Path) -> Result<()> {
+        // The exposure is the view's. Its other settings may belong to the next render.
+        let display = self.view.settings.display;
+        let done = (self.render.directions_done(), self.render.is_done());
+        let job = self.render.job();
+        let metadata = metadata(&job, &display, &of_picture(&job), done);
+        let picture = self.render.picture();
+        let (exposure, background) = (picture.stops(display.exposure), display.background);
+        picture.write(path, &WriteOptions { exposure, background, metadata: Some(&metadata) })
+    }
+}
+
+/// The pixels to display. With a reference, both have the false colours that show the reference best.
+fn developed(image: &Image, Wanted { shown, reference, .. }: &Wanted) -> Result<Developed> {
+    let Some(reference) = reference else { return develop(image, shown) };
+    if shown.difference {
+        return reference.difference(image, shown);
+    }
+    let of_reference = || reference.develop(shown).ok()?.scale.map(|scale| scale.range);
+    let range = shown.range.or_else(|| if shown.false_color { of_reference() } else { None });
+    develop(image, &DisplayOptions { range, ..*shown })
+}
