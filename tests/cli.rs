@@ -204,7 +204,7 @@ fn json_tells_all_about_the_run() {
         keys.sort();
         keys.join(" ")
     };
-    let top = "error gather gl interrupted outputs peak_memory_bytes photons pipeline scene seconds settings";
+    let top = "error exposure gather gl interrupted outputs peak_memory_bytes photons pipeline scene seconds settings";
     assert_eq!(keys(&report), top);
     assert_eq!(keys(&report["gl"]), "backend renderer version");
     for (section, numbers) in [

@@ -186,7 +186,7 @@ fn scene_files() {
         (
             b"mesh = 'm.obj'\n\n[materials.lump]\nalbedo = [0, 0, 0]",
             "s.toml:3",
-            "no material \"lump\"\n  cure: name one that it has: lamp",
+            "no material \"lump\"\n  3 | [materials.lump]\n    |            ^^^^\n  cure: name one that it has: lamp",
         ),
         (b"mesh = 'm.obj'\n[materials.lamp]\nalbedo = [0, 1.5, 0]", "s.toml:3", "albedo is"),
         (b"mesh = 'm.obj'\n[materials.lamp]\nemission = [0, -1, inf]", "s.toml:3", "emission is"),

@@ -66,7 +66,7 @@ fn the_page_is_whole_needs_no_other_file_and_marks_what_fails() {
         assert_eq!(part.contains("Not measured yet"), !drawn && name != FAILS, "{name}");
     }
     assert!(part(&html, FAILS).contains(IN_THE_WAY) && part(&html, FAILS).contains("(at a scale of 0.01)"));
-    assert!(html.contains("These failed: <a href=\"#figure3\">figure3</a>."));
+    assert!(html.contains("These figures say why: <a href=\"#figure3\">figure3</a>."));
 
     let pictures = quoted(&html, "src=\"");
     assert!(pictures.len() >= 20, "only {} pictures", pictures.len());

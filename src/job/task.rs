@@ -111,7 +111,7 @@ impl<'a> Task<'a> {
                 let warnings = prepared.warnings().into_iter().chain(inside_out);
                 warnings.for_each(|warning| watch.say(&format!("warning: {warning}")));
                 placing = start.elapsed().as_secs_f64();
-                watch.stage("tracing photons");
+                watch.stage(if request.needs_light() { "tracing photons" } else { "preparing" });
                 Gather::Bake(Box::new(Bake::new(gpu, prepared, geometry, points, &settings, &bake.plan)?), receivers)
             }
         };

@@ -202,7 +202,7 @@ fn merged(bytes: &[u8]) -> Result<Image> {
 #[test]
 fn parts_are_sound_or_refused() {
     // Floats of four pixels.
-    const WHOLE: usize = 4 * 28;
+    const WHOLE: usize = 4 * 34;
     let same = |_: &mut Value, _: &mut Value| {};
     let sound = part(same, &[("film/0+4/0", WHOLE), ("film/4+4/0", WHOLE)]);
     assert_eq!(merged(&sound).unwrap().width, 2);

@@ -12,7 +12,7 @@ use svg::Document;
 use svg::node::element::{Group, Rectangle, Title};
 
 use crate::figure::{Figure, Result, Task};
-use crate::figures::slices::{COLORS, INK, View, arrow, cross, dot, dotted, extent, is_apart, line, text};
+use crate::figures::slices::{COLORS, INK, View, arrow, check_colors, cross, dot, dotted, extent, is_apart, line, text};
 use crate::lab::{Look, Slice, Stage};
 
 #[derive(Deserialize)]
@@ -62,10 +62,8 @@ const STEPS: [&str; 2] = [
 ];
 
 fn draw(figure: &Slice) -> Result<String> {
+    check_colors(figure)?;
     let layers = figure.layers.len();
-    if layers > COLORS.len() {
-        return Err(format!("{layers} layers, and colours for {}", COLORS.len()).into());
-    }
     let extent = extent(figure);
     let whole = View { figure, origin: vec2(0.5 * (WIDTH - SCALE * extent.x), 150.0 + SCALE * extent.y), scale: SCALE };
     let key = whole.origin.y + 75.0;

@@ -10,7 +10,7 @@ use svg::node::element::{Group, Title};
 
 use crate::draw::several;
 use crate::figure::{Figure, Format, Result, Task};
-use crate::figures::slices::{COLORS, INK, View, arrow, cross, dot, dotted, extent, is_apart};
+use crate::figures::slices::{COLORS, INK, View, arrow, check_colors, cross, dot, dotted, extent, is_apart};
 use crate::lab::{
     Cornell, Image, LayerSize, OneDirection, Peeled, Pictures, Pipeline, Point, Settings, Sight, Slice, Stage, WriteOptions,
     sum_of,
@@ -89,6 +89,9 @@ impl Figure for FourSteps {
                 samples: peeled.samples,
             })
         };
+        if slice.layers.len() > peeled.len() {
+            return Err(format!("the slice has {} layers, and the whole box {}", slice.layers.len(), peeled.len()).into());
+        }
         let layers = peeled.iter().enumerate().map(of_layer).collect::<Result<_>>()?;
 
         let default = Settings::default();
@@ -117,6 +120,7 @@ impl Figure for FourSteps {
     }
 
     fn draw(&self, _: &Parameters) -> Result<String> {
+        check_colors(&self.slice)?;
         let steps = [self.points(), self.peeling(), self.sampling(), self.adding()];
         let steps: String = (1..).zip(steps).map(|(number, step)| step.html(number)).collect();
         Ok(format!("<div class=\"story\">\n{steps}</div>\n"))
@@ -182,10 +186,6 @@ impl FourSteps {
         (View { figure: &self.slice, origin: vec2(MARGIN, height - MARGIN), scale }, vec2(WIDTH, height))
     }
 
-    fn frames(&self) -> usize {
-        self.layers.len().max(self.slice.layers.len())
-    }
-
     /// Whether a point of the slice faces the direction.
     fn faces(&self, point: usize) -> bool {
         Vec2::from(self.slice.points[point].normal).dot(self.slice.direction.into()) > 0.0
@@ -225,7 +225,7 @@ impl FourSteps {
 
     fn peeling(&self) -> Step {
         let (view, size) = self.view();
-        let last = self.frames() - 1;
+        let last = self.layers.len() - 1;
         let mut slice = Group::new().add(view.bodies(10.0)).add(view.rays());
         for layer in 0..self.slice.layers.len() {
             slice = slice.add(Step::during(view.layer(layer, 5.0), [layer, last], last));
@@ -251,8 +251,8 @@ impl FourSteps {
         let (view, size) = self.view();
         // The layer that KILL discards for most points explains it best.
         let discarded = |layer: &usize| self.slice.points.iter().filter(|point| culled(point, *layer).is_some()).count();
-        let still = (0..self.frames()).max_by_key(discarded).unwrap_or_default();
-        let slice = (0..self.frames())
+        let still = (0..self.layers.len()).max_by_key(discarded).unwrap_or_default();
+        let slice = (0..self.layers.len())
             .fold(view.bodies(10.0), |slice, layer| slice.add(Step::during(self.sampled(&view, layer), [layer, layer], still)));
         let label = |(layer, pictures): (usize, &LayerPictures)| {
             let LayerPictures { sampled, samples, .. } = pictures;
@@ -288,7 +288,7 @@ impl FourSteps {
         for (_, point) in self.slice.points.iter().enumerate().filter(|&(i, _)| self.faces(i)) {
             let at = view.at(point.place);
             if let Some((from, distance)) = point.last_sample(layer) {
-                group = group.add(arrow(at, view.on_ray(point, distance), COLORS[from.min(COLORS.len() - 1)], 2.0));
+                group = group.add(arrow(at, view.on_ray(point, distance), COLORS[from], 2.0));
             }
             let sight = point.sights.get(layer).copied().flatten();
             if let Some(sight) = culled(point, layer) {

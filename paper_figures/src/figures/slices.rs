@@ -3,6 +3,7 @@
 use glam::{Vec2, vec2};
 use svg::node::element::{Circle, Group, Line, Polygon, Polyline, Text};
 
+use crate::figure::Result;
 use crate::lab::{Place, Point, Sight, Slice, Surface, Texel};
 
 /// Far to near, in even steps of lightness, which any kind of colour vision can tell apart: plasma of S. van der Walt and N. Smith, without
@@ -18,6 +19,13 @@ pub struct View<'a> {
     pub origin: Vec2,
     /// Pixels to a unit.
     pub scale: f32,
+}
+
+pub fn check_colors(figure: &Slice) -> Result<()> {
+    match figure.layers.len() {
+        layers if layers > COLORS.len() => Err(format!("{layers} layers, and colours for {}", COLORS.len()).into()),
+        _ => Ok(()),
+    }
 }
 
 /// Width and height of what the slice shows.

@@ -140,7 +140,7 @@ impl Page {
         let link = |name: &String| format!("<a href=\"#{name}\">{name}</a>");
         let failed = match failures.len() {
             0 => String::new(),
-            _ => failed(&format!("These failed: {}.", failures.keys().map(link).collect::<Vec<_>>().join(", "))),
+            _ => failed(&format!("These figures say why: {}.", failures.keys().map(link).collect::<Vec<_>>().join(", "))),
         };
         let whole = documents.len() == self.figures().count() && documents.iter().all(|document| document.scale.is_whole());
         let part = "This page shows a part: some figures are missing or were measured at less than full scale, as is said below each. \
@@ -181,9 +181,11 @@ impl Found {
         let document = self.documents.iter().find(|document| document.figure == *name);
         let [title, caption] = figure.texts(document);
         let head = format!("<h3 id=\"{name}\"><a href=\"#{name}\">{title}</a></h3>\n<p>{caption}</p>\n");
-        let again = format!("<code>paper_figures --only {name}</code> measures it again. The rest of the page does not need it.");
+        let again = format!(
+            "Mend that, then <code>paper_figures --only {name}</code> measures it again. The rest of the page does not need it."
+        );
         if let Some(failure) = self.failures.get(name) {
-            return Ok(head + &failed(&format!("This figure failed: {}. {again}", escaped(failure))));
+            return Ok(head + &failed(&format!("{}. {again}", escaped(failure))));
         }
         let Some(document) = document else {
             return Ok(head + &note("Not measured yet."));

@@ -168,8 +168,14 @@ function story(box) {
   }
 }
 
+// Squares for pixels where a picture is enlarged; a smooth picture where it is made smaller.
+const sampling = new ResizeObserver((entries) => {
+  for (const { target } of entries) target.classList.toggle("smaller", target.naturalWidth > target.clientWidth * devicePixelRatio);
+});
+
 document.querySelectorAll(".compare").forEach(compare);
 document.querySelectorAll(".story").forEach(story);
 for (const image of document.querySelectorAll("figure img")) {
   if (!image.closest(".choice")) on_press(image, `Show in full: ${image.alt}`, () => open_full(image));
 }
+for (const image of document.querySelectorAll("img")) sampling.observe(image);

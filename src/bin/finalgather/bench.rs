@@ -51,7 +51,7 @@ pub struct BenchArgs {
     photons: Option<u64>,
 
     /// Measure only these, separated by commas
-    #[arg(long, value_name = "NAMES", value_delimiter = ',', value_parser = contestants())]
+    #[arg(long, alias = "pipeline", value_name = "NAMES", value_delimiter = ',', value_parser = contestants())]
     pipelines: Vec<String>,
 
     /// Print one JSON object on stdout

@@ -75,7 +75,10 @@ pub fn run(args: &CompareArgs) -> Result<u8> {
         }
         other => other,
     })?;
-    args.outputs.iter().try_for_each(|path| map.write(path))?;
+    for path in &args.outputs {
+        map.write(path)?;
+        report::say(&format!("{}: map of the differences written", path.display()));
+    }
 
     if args.json {
         report::print_json(&comparison)?;

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use finalgather::error::Result;
 use finalgather::settings::{Background, DisplaySettings, Exposure};
 
+use crate::report;
 use crate::terminal::Terminal;
 
 /// Merge the parts of a sharded job, to the same bits as one run
@@ -36,5 +37,9 @@ pub fn run(args: &MergeArgs) -> Result<u8> {
         display.exposure = args.exposure.unwrap_or(display.exposure);
         display.background = args.background.unwrap_or(display.background);
     };
-    finalgather::job::merge(&args.parts, &args.outputs, change, &mut Terminal::new(Vec::new())?).map(|()| 0)
+    let mut terminal = Terminal::new(Vec::new())?;
+    finalgather::job::merge(&args.parts, &args.outputs, change, &mut terminal)?;
+    terminal.clear();
+    report::say(&format!("{}: merged from {} parts", args.outputs.join(", "), args.parts.len()));
+    Ok(0)
 }

@@ -15,6 +15,7 @@ use glam::{DVec3, Vec2, Vec3};
 use rayon::prelude::*;
 
 use crate::args::{SceneArgs, size, stops};
+use crate::report;
 
 const CURE: &str = "give the scene that it was baked of, with --to vertices and --per row";
 /// Rings of sample directions for the projection of the environment.
@@ -121,6 +122,8 @@ pub fn run(args: &RelightArgs) -> Result<u8> {
             }
         }
     }
+    let paths: Vec<_> = args.outputs.iter().map(|path| path.display().to_string()).collect();
+    report::say(&format!("{}: light of {} points", paths.join(", "), irradiance.len()));
     Ok(0)
 }
 

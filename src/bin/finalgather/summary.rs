@@ -46,7 +46,15 @@ fn times(job: &JobReport) -> String {
     let seconds = &job.seconds;
     let stages = seconds.stages.as_object().into_iter().flatten();
     let stages = stages.filter_map(|(name, value)| Some((name.replace('_', " "), value.as_f64()?)));
-    let all = [("load".to_owned(), seconds.load)].into_iter().chain(stages).chain([("write".to_owned(), seconds.write)]);
+    let of_bake = match &job.task {
+        TaskReport::Bake { bake, .. } => {
+            vec![("photons", bake.seconds.photons), ("direct", bake.seconds.direct), ("gather", bake.seconds.gather)]
+        }
+        TaskReport::Render { .. } => Vec::new(),
+    };
+    let named = |(name, value): (&str, f64)| (name.to_owned(), value);
+    let all = [named(("load", seconds.load))].into_iter().chain(stages);
+    let all = all.chain(of_bake.into_iter().map(named)).chain([named(("write", seconds.write))]);
     let told: Vec<_> =
         all.filter(|(_, value)| *value >= LEAST_SECONDS).map(|(name, value)| format!("{name} {value:.1}")).collect();
     let of = if told.is_empty() { String::new() } else { format!(" ({})", told.join(", ")) };
