@@ -262,7 +262,7 @@ impl Render {
 
     /// The finished blocks.
     pub fn save(&self) -> Part<'_> {
-        let mut part = Part::new(self.job(), json!(self.settings.display));
+        let mut part = Part::new(self.job(), json!({ "display": self.settings.display }));
         part.put_tree(FILM, &self.film);
         part
     }

@@ -180,7 +180,7 @@ fn part(change: impl Fn(&mut Value, &mut Value), nodes: &[(&str, usize)]) -> Vec
     let settings = Settings::default().with(|s| (s.film.size, s.directions.count) = ([2, 2], 8));
     let space = json!({ "center": [0.0, 0.0, 0.0], "scale": 1.0 });
     let mut job = json!({ "what": "render", "version": env!("CARGO_PKG_VERSION"), "settings": settings, "space": space });
-    let mut state = json!({ "exposure": 0.0 });
+    let mut state = json!({ "display": { "exposure": 0.0 } });
     change(&mut job, &mut state);
     let floats = vec![1.0; 1 << 12];
     let mut part = Part::new(job, state);
