@@ -4,6 +4,7 @@ use std::path::PathBuf;
 use std::sync::mpsc::TryRecvError;
 use std::time::{Duration, Instant};
 
+use egui::text_selection::LabelSelectionState;
 use egui::{CentralPanel, Color32, Context, Frame, Key, KeyboardShortcut, Modifiers, Panel, Rect, Sense, ThemePreference, Ui};
 use finalgather::error::{Error, Result};
 use finalgather::scene::WorldCamera;
@@ -66,7 +67,7 @@ struct Sent {
     view: Option<ViewState>,
     shown: Option<DisplayOptions>,
     layers: Option<Option<LayerRequest>>,
-    surface: Option<Vec2>,
+    surface: Option<(Vec2, WorldCamera)>,
 }
 
 fn spawn(options: &WorkerOptions, proxy: &EventLoopProxy<()>) -> Result<Worker> {
@@ -241,13 +242,7 @@ impl App {
         if self.view.camera == before.camera {
             self.view.camera = opened.camera;
         }
-        let settings = &mut self.view.settings;
-        *settings = if *settings == before.settings {
-            opened.settings
-        } else {
-            // The photons are those of the files.
-            Settings { photons: opened.settings.photons, seed: opened.settings.seed, ..*settings }
-        };
+        self.view.settings = kept(&self.view.settings, &before.settings, &opened.settings);
     }
 
     pub fn say(&mut self, text: String, kind: NoticeKind) {
@@ -328,7 +323,9 @@ impl App {
         if ctx.egui_wants_keyboard_input() {
             return;
         }
-        if ctx.input_mut(|input| take(&mut input.events, |event| matches!(event, egui::Event::Copy))) {
+        // Selected text goes first.
+        let selected = ctx.plugin::<LabelSelectionState>().lock().has_selection();
+        if !selected && ctx.input_mut(|input| take(&mut input.events, |event| matches!(event, egui::Event::Copy))) {
             ctx.copy_text(copy::options(&self.view.camera));
             self.say("Copied the view as options".into(), NoticeKind::News);
         }
@@ -437,7 +434,11 @@ impl App {
         send_changed(&self.worker, &mut self.sent.shown, &self.shown, WorkerCommand::Display);
         send_changed(&self.worker, &mut self.sent.view, &self.view, WorkerCommand::SetView);
         if let Some(place) = self.canvas.cursor {
-            send_changed(&self.worker, &mut self.sent.surface, &place, WorkerCommand::Surface);
+            let asked = (place, self.view.camera);
+            if self.sent.surface.is_some_and(|(_, camera)| camera != asked.1) {
+                self.canvas.surface = None;
+            }
+            send_changed(&self.worker, &mut self.sent.surface, &asked, |(place, _)| WorkerCommand::Surface(place));
         }
     }
 }
@@ -454,4 +455,31 @@ fn send_changed<T: Clone + PartialEq>(worker: &Worker, sent: &mut Option<T>, val
 fn take(events: &mut Vec<egui::Event>, is_it: impl Fn(&egui::Event) -> bool) -> bool {
     let place = events.iter().position(is_it);
     place.map(|place| events.remove(place)).is_some()
+}
+
+/// The settings `now` with the changes that they have since `before`. Photons and the seed cannot change in a window: they are those of `now`.
+fn kept(changed: &Settings, before: &Settings, now: &Settings) -> Settings {
+    let [changed, before, mut all] = [changed, before, now].map(|settings| serde_json::to_value(settings).unwrap_or_default());
+    for (key, value) in changed.as_object().into_iter().flatten() {
+        if *value != before[key] {
+            all[key] = value.clone();
+        }
+    }
+    let kept: Settings = serde_json::from_value(all).unwrap_or(*now);
+    Settings { photons: now.photons, seed: now.seed, ..kept }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn changed_settings_are_kept_one_by_one() {
+        let before = Settings::default();
+        let with = |change: &dyn Fn(&mut Settings)| before.with(change);
+        let changed = with(&|settings| (settings.directions.count, settings.photons.count) = (77, 5));
+        let now = with(&|settings| (settings.film.size, settings.directions.count) = ([64, 32], 500));
+        let kept = kept(&changed, &before, &now);
+        assert_eq!((kept.film.size, kept.directions.count, kept.photons), ([64, 32], 77, before.photons));
+    }
 }

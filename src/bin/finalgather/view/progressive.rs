@@ -133,9 +133,9 @@ impl SceneRender {
         wanted.shown.content == DisplayContent::Openness && left && !self.pass.occluded
     }
 
-    /// The surface at a place of the picture.
+    /// The surface at a place of the requested picture.
     pub fn surface_at(&self, place: Vec2) -> Option<SeenSurface> {
-        self.render.surface_at(place)
+        self.render.surface_at(self.view.camera, self.view.settings.film.size, place)
     }
 
     /// Gathers one step. When a picture is due, reports it with the requested layers.
