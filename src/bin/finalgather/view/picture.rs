@@ -95,7 +95,7 @@ impl DisplayOptions {
 }
 
 /// Red, green and blue, or three times the same numbers, of what is displayed.
-type Planes = [Vec<f32>; 3];
+type ShownPlanes = [Vec<f32>; 3];
 
 /// Makes the displayed pixels. If all radiance is displayed, they have the bytes of the saved PNG.
 ///
@@ -137,7 +137,7 @@ pub fn develop(picture: &Image, shown: &DisplayOptions) -> Result<Developed> {
 /// If a picture lacks a channel, or the sizes differ.
 pub fn develop_difference(picture: &Image, reference: &Image, shown: &DisplayOptions) -> Result<Developed> {
     let [of_picture, of_reference] = [planes(picture, shown)?, planes(reference, shown)?];
-    let differences: Planes = [0, 1, 2].map(|k| of_picture[k].iter().zip(&of_reference[k]).map(|(a, b)| a - b).collect());
+    let differences: ShownPlanes = [0, 1, 2].map(|k| of_picture[k].iter().zip(&of_reference[k]).map(|(a, b)| a - b).collect());
     let values = luminance(&differences);
     let sizes: Vec<f32> = values.iter().map(|value| value.abs()).collect();
     let [_, most] = shown.range.map_or_else(|| automatic_range(&sizes), |[low, high]| [0.0, low.abs().max(high.abs())]);
@@ -158,7 +158,7 @@ pub fn luminance_of([r, g, b]: [f32; 3]) -> f32 {
     0.2126 * r + 0.7152 * g + 0.0722 * b
 }
 
-fn luminance([r, g, b]: &Planes) -> Vec<f32> {
+fn luminance([r, g, b]: &ShownPlanes) -> Vec<f32> {
     r.iter().zip(g).zip(b).map(|((&r, &g), &b)| luminance_of([r, g, b])).collect()
 }
 
@@ -170,7 +170,7 @@ fn missing(name: &str) -> Error {
     }
 }
 
-fn planes(picture: &Image, shown: &DisplayOptions) -> Result<Planes> {
+fn planes(picture: &Image, shown: &DisplayOptions) -> Result<ShownPlanes> {
     let channel = |name: &str| picture.channel(name).map(<[f32]>::to_vec).ok_or_else(|| missing(name));
     let three = |[a, b, c]: [&str; 3]| Ok([channel(a)?, channel(b)?, channel(c)?]);
     match shown.content {
@@ -206,7 +206,7 @@ fn planes(picture: &Image, shown: &DisplayOptions) -> Result<Planes> {
 }
 
 /// The error of each pixel's luminance by the luminance. Below a hundredth of the picture's mean, by that: black pixels have no relative error.
-fn relative_error(error: &Planes, radiance: &Planes) -> Vec<f32> {
+fn relative_error(error: &ShownPlanes, radiance: &ShownPlanes) -> Vec<f32> {
     let (error, radiance) = (luminance(error), luminance(radiance));
     let mean = radiance.iter().sum::<f32>() / radiance.len().max(1) as f32;
     let least = (0.01 * mean).max(f32::MIN_POSITIVE);
@@ -214,7 +214,7 @@ fn relative_error(error: &Planes, radiance: &Planes) -> Vec<f32> {
 }
 
 /// The bytes of a PNG of these planes.
-fn bytes(picture: &Image, planes: Planes, shown: &DisplayOptions) -> Result<Vec<u8>> {
+fn bytes(picture: &Image, planes: ShownPlanes, shown: &DisplayOptions) -> Result<Vec<u8>> {
     let by = |byte: &dyn Fn(f32) -> f32| {
         (0..planes[0].len()).flat_map(|pixel| planes.each_ref().map(|plane| (255.0 * byte(plane[pixel])).round() as u8)).collect()
     };
