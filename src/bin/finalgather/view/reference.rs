@@ -112,7 +112,7 @@ mod tests {
     #[test]
     fn sizes_must_agree() {
         let error = reference(picture(4, 1.0), false).compare(&picture(2, 1.0), 0.0).unwrap_err().to_string();
-        assert!(error.contains("4 x 4") && error.contains("2 x 2") && error.contains("cure"), "{error}");
+        assert!(error.contains("4 x 4") && error.contains("2 x 2") && error.contains("Take its size"), "{error}");
     }
 
     #[test]
