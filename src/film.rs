@@ -36,6 +36,12 @@ struct Pixel {
     photon_map: Vec3,
     coverage: f32,
     emission: Vec3,
+    /// The part of the emission that is the environment behind the scene.
+    environment: Vec3,
+    /// Of the ground that catches the shadow: its coverage, its light, and the light that it would have without the scene.
+    ground: f32,
+    light: f32,
+    open: f32,
     depth: f32,
     albedo: Vec3,
     normal: Vec3,
@@ -46,7 +52,16 @@ impl Pixel {
     fn indirect(&self, total: f32) -> Vec3 {
         quotient(self.indirect, self.weight) * (self.gathered / total)
     }
+
+    /// How much of the pixel the shadow hides. Noise and far shadows below `UNSEEN` leave no trace.
+    fn shadow(&self, total: f32) -> f32 {
+        let taken = if self.open > 0.0 { 1.0 - self.light / self.open } else { 0.0 };
+        self.ground / total * ((taken - UNSEEN) / (1.0 - UNSEEN)).max(0.0)
+    }
 }
+
+/// The share of the ground's light below which its shadow is not shown.
+const UNSEEN: f32 = 0.01;
 
 fn quotient(sum: Vec3, by: f32) -> Vec3 {
     if by > 0.0 { sum / by } else { Vec3::ZERO }
@@ -65,13 +80,14 @@ impl Film {
     }
 
     /// The sums of one block of `directions`. `direct` is the irradiance from the lights, `photon_map` that of the photon map, `caustics` that of
-    /// caustics, and `gathered` the sums of the gather.
+    /// caustics, and `gathered` the sums of the gather. `ground`: the light of pixels that see the ground, and what it would be without the scene.
     pub fn of_block(
         size: [u32; 2],
         g_buffer: &GBuffer,
         direct: &[Vec3],
         photon_map: &[Vec4],
         caustics: &[Vec3],
+        ground: &[Option<[f32; 2]>],
         (gathered, directions): (&[Vec4], u32),
     ) -> Self {
         let [width, height] = size.map(|side| side as usize);
@@ -81,7 +97,9 @@ impl Film {
             let i = (height - 1 - i / width) * width + i % width;
             let emission = n * g_buffer.emission[i].truncate();
             if g_buffer.emission[i].w == 0.0 {
-                return Pixel { emission, ..Pixel::default() };
+                let [light, open] = ground.get(i).copied().flatten().map_or([0.0; 2], |lights| lights.map(|light| n * light));
+                let ground = if open > 0.0 { n } else { 0.0 };
+                return Pixel { emission, environment: emission, ground, light, open, ..Pixel::default() };
             }
             let albedo = g_buffer.albedo[i].truncate();
             Pixel {
@@ -97,6 +115,7 @@ impl Film {
                 albedo: n * albedo,
                 normal: n * g_buffer.normal[i].truncate(),
                 position: n * g_buffer.position[i].truncate(),
+                ..Pixel::default()
             }
         };
         Self { size: [width, height], directions, pixels: (0..width * height).into_par_iter().map(pixel).collect() }
@@ -118,7 +137,8 @@ impl Film {
     }
 
     /// The means, as channels: `R G B` radiance = `Emission` (with the environment) + `Direct` + `Indirect` + `Caustics`; `A` coverage by
-    /// surfaces; `PhotonMap` the radiance of the photon map without emission; `Albedo`; and averaged over the covered part of the pixel, in world
+    /// surfaces; `Environment` its part of the emission, if there is some; `Shadow` how much of the pixel the shadow on the ground hides, if there is a
+    /// ground; `PhotonMap` the radiance of the photon map without emission; `Albedo`; and averaged over the covered part of the pixel, in world
     /// space, the normal `N`, the position `P`, relative to [`UnitSpace::local_origin`], and the distance along the view axis `Z`.
     pub fn image(&self, space: &UnitSpace) -> Image {
         let total = self.directions.max(1) as f32;
@@ -144,11 +164,17 @@ impl Film {
         push3(["Indirect.R", "Indirect.G", "Indirect.B"], &indirect);
         push3(["Caustics.R", "Caustics.G", "Caustics.B"], &|p| p.caustics / total);
         push3(["Emission.R", "Emission.G", "Emission.B"], &|p| p.emission / total);
+        if self.pixels.par_iter().any(|p| p.environment != Vec3::ZERO) {
+            push3(["Environment.R", "Environment.G", "Environment.B"], &|p| p.environment / total);
+        }
         push3(["PhotonMap.R", "PhotonMap.G", "PhotonMap.B"], &|p| p.photon_map / total);
         push3(["Albedo.R", "Albedo.G", "Albedo.B"], &|p| p.albedo / total);
         push3(["N.X", "N.Y", "N.Z"], &|p| p.normal.normalize_or_zero());
         push3(["P.X", "P.Y", "P.Z"], &|p| seen(p, local(quotient(p.position, p.coverage))));
         push("A", &|p| p.coverage / total);
+        if self.pixels.par_iter().any(|p| p.ground > 0.0) {
+            push("Shadow", &|p| p.shadow(total));
+        }
         push("Z", &|p| space.length_to_world(quotient(Vec3::splat(p.depth), p.coverage).x));
         image
     }

@@ -40,6 +40,16 @@ pub fn frame(z: Vec3) -> Mat3 {
     Mat3::from_cols(x, y, z)
 }
 
+/// The sRGB curve: linear to encoded values.
+pub fn encode_srgb(x: f32) -> f32 {
+    if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 }
+}
+
+/// The inverse of [`encode_srgb`].
+pub fn decode_srgb(x: f32) -> f32 {
+    if x <= 0.040_45 { x / 12.92 } else { ((x + 0.055) / 1.055).powf(2.4) }
+}
+
 /// The axis of a vector's largest component by magnitude. Of equal components, the first.
 pub fn dominant_axis(v: Vec3) -> usize {
     v.abs().max_position()

@@ -51,13 +51,15 @@ pub fn of_render(scene: &Scene, settings: &Settings, blocks: u32, shard: bool) -
     // The photon map; at the end of a block the gather's sums as read, and the same in pixel order; direct light and caustics.
     let block = GBuffer::bytes(pixels) + texels(3) + 2 * size_of::<Vec3>() * pixels;
     let rays = match (settings.gather.pipeline, settings.film.points) {
+        _ if settings.film.ground => size_of::<Option<GatherPoint>>() * pixels + PointTextures::bytes(size),
         (Pipeline::Raycast, _) | (_, PointSource::Traced) => {
             size_of::<Option<GatherPoint>>() * pixels + PointTextures::bytes(size)
         }
         _ => 0,
     };
+    let channels = 32 + if scene.environment.is_some() { 3 } else { 0 } + usize::from(settings.film.ground);
     let films = FilmSum::most_nodes(blocks) as usize;
     // The tree, when its size is no power of two, and its two halves or its whole; the picture's channels, a copy for the writer, and the file.
-    let writing = if shard { 0 } else { Film::bytes(films.max(2) * pixels) + 3 * 32 * size_of::<f32>() * pixels };
+    let writing = if shard { 0 } else { Film::bytes(films.max(2) * pixels) + 3 * channels * size_of::<f32>() * pixels };
     (common(scene, settings, true) + gl + rays + (block + Film::bytes(films * pixels)).max(writing)) as u64
 }

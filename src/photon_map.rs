@@ -1,6 +1,6 @@
 //! The photon map's irradiance at the points themselves. A render writes it beside the gathered one, to compare. Mirrors `glsl/photon_map.frag`.
 
-use glam::{Vec3, Vec4};
+use glam::Vec4;
 use rayon::prelude::*;
 
 use crate::error::Result;
@@ -47,7 +47,8 @@ impl PhotonMap {
             (Self::Atlas, FluxMap::Atlas(atlas)) => {
                 let texels = g_buffer.albedo.par_iter().zip(&g_buffer.position).zip(&g_buffer.normal);
                 let see = |((albedo, position), normal): ((&Vec4, &Vec4), &Vec4)| {
-                    if normal.truncate() == Vec3::ZERO {
+                    // The ground has a point and no triangle.
+                    if albedo.w == 0.0 {
                         return Vec4::ZERO;
                     }
                     atlas.irradiance(&scene.mesh, albedo.w as usize - 1, position.truncate(), normal.truncate()).extend(0.0)

@@ -7,9 +7,11 @@
 //! shard each ([`Render::only`]), and a render that ended early can go on from its finished blocks ([`Render::save`], [`Render::resume`]).
 //! Long renders trace fresh photons now and then, so that photon noise averages out as the noise of the directions does.
 
+mod ground;
 mod layer_view;
 mod merge;
 mod method;
+mod source;
 mod statistics;
 
 use std::ops::Range;
@@ -32,15 +34,17 @@ use crate::gpu::Gpu;
 use crate::image::Image;
 use crate::photon::{CausticMap, PhotonCounts};
 use crate::photon_map::PhotonMap;
-use crate::points::{CameraPoints, EyeRays, GBuffer, GatherPoint, Interleave, PointTextures, Points, sides};
+use crate::points::{GBuffer, GatherPoint, Interleave, sides};
 use crate::prepared::{Photons, Prepared};
 use crate::random::sobol;
 use crate::reference::Reference;
 use crate::scene::{Camera, World, WorldCamera};
-use crate::settings::{DIRECTIONS_PER_PHOTON_MAP, Estimator, PhotonMapKind, PointSource, Settings};
+use crate::settings::{DIRECTIONS_PER_PHOTON_MAP, Estimator, PhotonMapKind, Settings};
 
+use self::ground::ShadowCatcher;
 use self::merge::{FILM, film_of_part};
 use self::method::{method, seen, view_of};
+use self::source::{PixelSource, View};
 use self::statistics::layer_size;
 
 pub use crate::memory::of_render as memory_of;
@@ -61,6 +65,7 @@ pub struct Render {
     gathered_geometry: Rc<Geometry>,
     /// In unit space.
     camera: Camera,
+    catcher: Option<ShadowCatcher>,
     photons: Photons,
     passes: Passes,
     directions: Directions,
@@ -90,13 +95,6 @@ struct Passes {
     gather: IrradianceGather,
     /// The passes of the layer view, once it is used.
     shown: Option<layer_view::Apart>,
-}
-
-/// The source of a block's gather points.
-enum PixelSource {
-    Camera(CameraPoints),
-    /// The points of the block in progress, once there is one.
-    Traced(Option<PointTextures>),
 }
 
 /// A run of consecutive directions with one sub-pixel offset.
@@ -152,6 +150,7 @@ impl Render {
             settings: *settings,
             digest: scene.digest(),
             guided: view_of(&camera, settings),
+            catcher: ShadowCatcher::new(scene, &camera, settings.film.ground),
             all,
             gathered,
             geometry,
@@ -187,6 +186,7 @@ impl Render {
         self.directions = Directions::new(settings.directions.sequence, settings.seed);
         self.settings = *settings;
         self.camera = camera;
+        self.catcher = ShadowCatcher::new(&self.all.scene, &camera, settings.film.ground);
         self.forget();
         Ok(())
     }
@@ -262,7 +262,7 @@ impl Render {
 
     /// The finished blocks.
     pub fn save(&self) -> Part<'_> {
-        let mut part = Part::new(self.job(), json!({ "exposure": self.settings.display.exposure }));
+        let mut part = Part::new(self.job(), json!(self.settings.display));
         part.put_tree(FILM, &self.film);
         part
     }
@@ -353,21 +353,10 @@ impl Render {
 
         let start = Instant::now();
         let offset = sobol(index, self.settings.seed);
-        let g_buffer = match &mut self.passes.source {
-            PixelSource::Camera(points) => {
-                let mut g_buffer = points.see(&self.geometry, &self.camera, offset.into());
-                g_buffer.add_environment(&self.all.scene, &self.camera, self.settings.film.size, offset.into());
-                g_buffer
-            }
-            PixelSource::Traced(points) => {
-                let Prepared { scene, bvh, .. } = &*self.all;
-                let rays = EyeRays { scene, bvh, camera: &self.camera, size: self.settings.film.size, seed: self.settings.seed };
-                let g_buffer = rays.see(offset.into(), index);
-                let GBuffer { position, normal, count, .. } = &g_buffer;
-                *points = Some(PointTextures::upload(&self.gpu, self.settings.film.size, position, normal, *count)?);
-                g_buffer
-            }
-        };
+        let view =
+            View { gpu: &self.gpu, all: &self.all, geometry: &self.geometry, camera: &self.camera, settings: &self.settings };
+        let ground = self.catcher.as_ref().map(|catcher| catcher.ground);
+        let g_buffer = self.passes.source.see(view, ground, offset.into(), index)?;
         let points = self.passes.source.points(&g_buffer);
         let photon_map = self.passes.photon_map.see(&self.photons, &self.all.scene, points, &g_buffer);
         self.statistics.seconds.visible_points += self.finish("finding visible points", start)?;
@@ -408,13 +397,7 @@ impl Render {
         let Some(subset) = block.left.last().map(subset_of) else { return Ok(()) };
         let numbers: Vec<u32> =
             block.left.iter().rev().take(batch).take_while(|&direction| subset_of(direction) == subset).copied().collect();
-        // Directions are in the camera's frame, so that a scene turned together with its camera gives the same picture.
-        let axes = self.camera.axes();
-        let turned = |&number: &u32| {
-            let direction = self.directions.get(number);
-            Direction { vector: axes * direction.vector, ..direction }
-        };
-        let directions: Vec<Direction> = numbers.iter().map(turned).collect();
+        let directions: Vec<Direction> = numbers.iter().map(|&number| self.direction(number)).collect();
         let points = self.passes.source.points(&block.g_buffer).only(subset);
         let Prepared { scene, bvh, .. } = &*self.gathered;
         let oracle = Reference::new(scene, bvh, self.photons.map.store());
@@ -428,6 +411,12 @@ impl Render {
         let interleave = &self.passes.interleave;
         self.statistics.gather.add(points.count, numbers.len() as u32, interleave, layers, self.statistics.seconds.gather);
         Ok(())
+    }
+
+    /// Directions are in the camera's frame, so that a scene turned together with its camera gives the same picture.
+    fn direction(&self, number: u32) -> Direction {
+        let direction = self.directions.get(number);
+        Direction { vector: self.camera.axes() * direction.vector, ..direction }
     }
 
     /// Directions of a block so far, as the settings count them.
@@ -445,12 +434,14 @@ impl Render {
         }
         let gathered = self.passes.interleave.share(gathered, &block.taken, &block.g_buffer);
         let directions = self.taken(block);
+        let ground = self.ground_lights(block, &gathered);
         Film::of_block(
             self.settings.film.size,
             &block.g_buffer,
             &block.direct,
             &block.photon_map,
             &block.caustics,
+            &ground,
             (&gathered, directions),
         )
     }
@@ -477,24 +468,11 @@ impl Passes {
     /// `gathered` is the scene without glass, for gather rays.
     fn new(gpu: &Gpu, gathered: &Prepared, settings: &Settings, interleave: Interleave) -> Result<Self> {
         let points = settings.film.size;
-        let source = match settings.film.points {
-            PointSource::Camera => PixelSource::Camera(CameraPoints::new(gpu, points)?),
-            PointSource::Traced => PixelSource::Traced(None),
-        };
+        let source = PixelSource::new(gpu, settings)?;
         let direct = Direct::new(gpu, settings.seed)?;
         let photon_map = PhotonMap::new(gpu, settings.photons.map, points)?;
         // The gather comes last: it adapts to the memory that is left.
         let gather = IrradianceGather::new(gpu, settings, &gathered.scene, &gathered.bvh, interleave)?;
         Ok(Self { source, direct, photon_map, interleave, gather, shown: None })
-    }
-}
-
-impl PixelSource {
-    /// The points of the block in progress.
-    fn points<'a>(&'a self, g_buffer: &GBuffer) -> Points<'a> {
-        match self {
-            Self::Camera(points) => points.points(g_buffer),
-            Self::Traced(points) => points.as_ref().expect("a block begins with its points").points(),
-        }
     }
 }

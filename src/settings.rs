@@ -1,5 +1,7 @@
 //! All settings of a picture except the scene, grouped by stage. Scene files and the command line use flat keys, without stages.
 
+mod display;
+
 use std::fmt::{self, Display, Formatter};
 use std::ops::Range;
 
@@ -8,6 +10,8 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use crate::error::Error;
+
+pub use display::{Background, Exposure};
 
 /// Declares each setting once, in the struct of its stage: `key | "old key" => field: type = default`. The key is its name in scene files, reports and
 /// metadata. The macro makes the structs, their defaults, and the flat form of all settings.
@@ -20,7 +24,8 @@ macro_rules! settings {
     ) => {
         $(
             $(#[$stage_doc])*
-            #[derive(Clone, Copy, Debug, PartialEq)]
+            #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+            #[serde(default)]
             pub struct $Stage {
                 $($(#[$doc])* pub $field: $type,)*
             }
@@ -101,6 +106,8 @@ settings! {
         /// Side in pixels of squares of neighbouring pixels that divide the directions among them. Each pixel gathers along its share. Then the pixels
         /// of one surface share their results. 1: every pixel gathers along every direction.
         interleave => interleave: Squares = Squares::Auto,
+        /// Whether a plane under the scene catches its shadow, see [`Ground`](crate::points::Ground).
+        ground => ground: bool = false,
     }
 
     /// The global directions, and the estimator for sums along them.
@@ -143,8 +150,10 @@ settings! {
 
     /// Display of pictures. Sums do not depend on it.
     display: DisplaySettings {
-        /// Exposure of 8-bit pictures in stops. EXR is never scaled.
-        exposure => exposure: f32 = 0.0,
+        /// Exposure of 8-bit pictures. EXR is never scaled.
+        exposure => exposure: Exposure = Exposure::default(),
+        /// What 8-bit pictures show where there is no surface.
+        background => background: Background = Background::default(),
     }
 }
 
@@ -390,7 +399,7 @@ impl Settings {
         check((0.0..1.0).contains(&gather.stop_fraction), "stop-fraction", &gather.stop_fraction, cure)?;
         let cure = "give the relative error to reach, above 0 and below 1, or 0 for all directions";
         check((0.0..1.0).contains(&directions.target_error), "target-error", &directions.target_error, cure)?;
-        check((-64.0..=64.0).contains(&display.exposure), "exposure", &display.exposure, "give stops from -64 to 64")
+        check(display.exposure.is_sound(), "exposure", &display.exposure, "give stops from -64 to 64, or auto")
     }
 }
 

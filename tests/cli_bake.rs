@@ -8,9 +8,12 @@ use std::path::Path;
 use std::process::Command;
 
 use common::khronos;
-use common::tool::{bytes, folder, json, names_in, refusal, scene, success, tool};
+use common::tool::{self, bytes, folder, names_in, refusal, scene, success, text, tool};
 use finalgather::export::read_prt;
 use finalgather::image::{Channel, Image, WriteOptions};
+use finalgather::scene::{LoadOptions, Mesh, World};
+use glam::Vec3;
+use serde_json::{Value, json};
 use tempfile::TempDir;
 
 const SMALL: [&str; 8] = ["--size", "24", "--directions", "16", "--layer-size", "64", "--photons", "1e4"];
@@ -88,7 +91,7 @@ fn all_receivers_and_formats_in_one_run() {
         "-o",
         "points:p.ply",
     ];
-    let report = json(&mut bake(&folder, &scene("cornell.toml"), &args));
+    let report = tool::json(&mut bake(&folder, &scene("cornell.toml"), &args));
     let receivers = report["receivers"].as_array().unwrap();
     let names: Vec<_> = receivers.iter().map(|receiver| receiver["to"].as_str().unwrap()).collect();
     assert_eq!(names, ["vertices", "lightmap", "camera", "points"]);
@@ -254,7 +257,7 @@ fn refusals() {
         (&cornell, &["--to", "vertices", "--what", "ao", "--layer-size", "big", "-o", "a.ply"], 2, "nor auto"),
         (&cornell, &["--to", "vertices", "--what", "ao", "-o", &long], 2, "the name is too long"),
         (&cornell, &["--to", "lightmap", "--what", "ao", "--resolution", "1e6", "-o", "a.exr"], 2, "16384"),
-        (&cornell, &["--to", "lightmap", "--what", "ao", "-o", "a.obj"], 2, "add irradiance to --what"),
+        (&cornell, &["--to", "lightmap", "--what", "sky", "-o", "a.obj"], 2, "add irradiance or ao to --what"),
         (&cornell, &["--to", "points:gone.ply", "--what", "ao", "-o", "a.ply"], 65, "gone.ply"),
         (&cornell, &["--to", "points:empty.csv", "--what", "ao", "-o", "a.ply"], 65, "empty.csv"),
         (&cornell, &["--to", "points:nan.csv", "--what", "ao", "-o", "a.ply"], 65, "nan.csv:2"),
@@ -305,4 +308,66 @@ fn refusals() {
     success(&mut bake(&folder, &none, &["--to", "vertices", "--what", "ao,prt", "-o", "a.ply"]));
     let said = refusal(tool(&folder).args(["relight", "a.ply", "--env", "gone.hdr", "-o", "b.ply"]), 2);
     assert!(said.contains("--scene"), "{said}");
+}
+
+/// Openness is at most 1, also along seams, and a map is as square as asked.
+#[test]
+fn openness_of_texels_is_a_share() {
+    let folder = folder();
+    let args = ["--to", "lightmap", "--what", "ao,sky", "--resolution", "96", "--directions", "64", "-o", "map.exr"];
+    success(&mut bake(&folder, &scene("cornell.toml"), &args));
+    let map = Image::read(&folder.path().join("map.exr")).unwrap();
+    assert_eq!((map.width, map.height), (96, 96));
+    for name in ["AO", "Sky"] {
+        let range = map.channel(name).unwrap().iter().fold([f32::INFINITY, 0.0], |[a, b], x| [x.min(a), x.max(b)]);
+        assert!(range[0] >= 0.0 && range[1] <= 1.0 && range[1] > 0.3, "{name}: {range:?}");
+    }
+}
+
+/// Viewers show openness on white, whatever the colours of the model are.
+#[test]
+fn openness_is_shown_on_white() {
+    let folder = folder();
+    let textured = scene("cornell_textured.toml");
+    let run = |args: &[&str]| {
+        let small = ["--what", "ao", "--directions", "64", "--resolution", "64", "--size", "32", "--layer-size", "64"];
+        success(&mut bake(&folder, &textured, &[args, &small].concat()));
+    };
+    run(&["--to", "vertices", "-o", "v.obj", "-o", "v.glb", "-o", "v.ply"]);
+    run(&["--to", "lightmap", "-o", "map.obj"]);
+    for name in ["v.obj", "map.obj"] {
+        let options = LoadOptions { unlit: true, ..LoadOptions::default() };
+        let world = World::load_with(&folder.path().join(name), options).unwrap().world;
+        assert!(world.materials.iter().all(|material| material.albedo == Vec3::ONE && !material.is_emissive()), "{name}");
+        let colored = world.meshes.iter().all(|mesh| mesh.colors.iter().any(|color| *color != Vec3::ONE) && color_is_grey(mesh));
+        let mapped = world.materials.iter().any(|material| material.albedo_texture.is_some());
+        assert_eq!((colored, mapped), if name == "v.obj" { (true, false) } else { (false, true) }, "{name}");
+    }
+    let glb = bytes(&folder, "v.glb");
+    let length = u32::from_le_bytes(glb[12..16].try_into().unwrap()) as usize;
+    let file: Value = serde_json::from_slice(&glb[20..20 + length]).unwrap();
+    for material in file["materials"].as_array().unwrap() {
+        assert_eq!((&material["pbrMetallicRoughness"], &material["emissiveFactor"]), (&json!({}), &Value::Null), "{material}");
+    }
+    let ply = text(&bytes(&folder, "v.ply"));
+    assert!(ply.contains("property uchar red\n") && ply.contains("property float ao\n"));
+}
+
+fn color_is_grey(mesh: &Mesh) -> bool {
+    mesh.colors.iter().all(|color| color.max_element() - color.min_element() < 1e-6)
+}
+
+/// Pixels that see nothing are white in pictures of openness, and still nothing in numbers.
+#[test]
+fn nothing_hides_the_sky_from_nothing() {
+    let folder = folder();
+    fs::write(folder.path().join("leaf.obj"), "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
+    for what in ["ao", "sky"] {
+        let args = ["--to", "camera", "--what", what, "--size", "16", "--directions", "16", "-o", "a.png", "-o", "a.exr"];
+        success(&mut bake(&folder, Path::new("leaf.obj"), &args));
+        let picture = image::open(folder.path().join("a.png")).unwrap().into_rgb8();
+        assert_eq!(picture.get_pixel(15, 0).0, [255; 3], "{what}");
+        let numbers = Image::read(&folder.path().join("a.exr")).unwrap();
+        assert_eq!([numbers.channel("R").unwrap()[15], numbers.channel("A").unwrap()[15]], [0.0; 2], "{what}");
+    }
 }

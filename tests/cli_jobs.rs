@@ -115,7 +115,7 @@ fn killed_again_and_again(mut command: impl FnMut() -> Command, file: &Path) -> 
         assert!(status.success() || status.code().is_none(), "{status}: {said}");
         // The first run has nothing to go on from.
         if before.is_some() {
-            let done = said.strip_prefix("going on from ").and_then(|rest| rest.split_once(' ')?.0.parse::<u32>().ok());
+            let done = said.split_once("going on from ").and_then(|(_, rest)| rest.split_once(' ')?.0.parse::<u32>().ok());
             let done = done.unwrap_or_else(|| panic!("it began anew: {said}"));
             assert!(done >= done_before, "{done} directions after {done_before}");
             done_before = done;

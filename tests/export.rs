@@ -144,7 +144,7 @@ fn ply_keeps_every_bit() {
     let mut columns = columns(&MIXED);
     columns.extend(prt(1));
     columns[0].samples[3] = f32::NAN;
-    let options = WriteOptions { exposure: -1.0, metadata: Some("{\n\"a\": 1}") };
+    let options = WriteOptions { exposure: -1.0, metadata: Some("{\n\"a\": 1}"), ..WriteOptions::default() };
     tent.values(&columns).write(&path, &options).unwrap();
 
     let ply = Parser::<DefaultElement>::new().read_ply(&mut fs::File::open(&path).unwrap()).unwrap();
@@ -278,7 +278,7 @@ fn obj_with_a_light_map_is_a_scene() {
     let path = folder.path().join("baked.obj");
     let (tent, irradiance) = (Tent::new(), lightmap_image());
     let lightmap = Lightmap { surface: tent.surface(), uvs: &tent.lightmap_uvs(), irradiance: Some(&irradiance), openness: None };
-    lightmap.write(&path, &WriteOptions { exposure: 1.0, metadata: None }).unwrap();
+    lightmap.write(&path, &WriteOptions { exposure: 1.0, ..WriteOptions::default() }).unwrap();
 
     let scene = World::load(&path).unwrap().world;
     let [mesh] = &scene.meshes[..] else { panic!("more than one mesh") };
@@ -356,7 +356,7 @@ fn gltf_of_vertices() {
     let path = folder.path().join("a.glb");
     let tent = Tent::new();
     let columns = [columns(&MIXED), prt(4)].concat();
-    let options = WriteOptions { exposure: -2.0, metadata: Some("{\"directions\": 64}") };
+    let options = WriteOptions { exposure: -2.0, metadata: Some("{\"directions\": 64}"), ..WriteOptions::default() };
     tent.values(&columns).write(&path, &options).unwrap();
     let glb = Glb::read(&path);
     assert_eq!(glb.root["asset"]["extras"]["directions"], 64);
@@ -423,7 +423,7 @@ fn gltf_with_a_light_map() {
     let (tent, irradiance) = (Tent::new(), lightmap_image());
     let uvs = tent.lightmap_uvs();
     let lightmap = Lightmap { surface: tent.surface(), uvs: &uvs, irradiance: Some(&irradiance), openness: None };
-    lightmap.write(&path, &WriteOptions { exposure: 1.0, metadata: None }).unwrap();
+    lightmap.write(&path, &WriteOptions { exposure: 1.0, ..WriteOptions::default() }).unwrap();
     let glb = Glb::read(&path);
     let blob = glb.blob.as_slice();
     let document = gltf::Gltf::from_slice(&fs::read(&path).unwrap()).unwrap();

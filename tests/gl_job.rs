@@ -109,9 +109,9 @@ fn a_bake_is_merged_from_its_request() {
         file
     });
     let output = |name: &str| vec![path(name).to_str().unwrap().to_owned()];
-    merge(&parts, &output("merged.npy"), None, &mut ()).unwrap();
+    merge(&parts, &output("merged.npy"), |_| (), &mut ()).unwrap();
     assert!(fs::read(path("merged.npy")).unwrap() == fs::read(path("one.npy")).unwrap(), "the values differ");
-    let missing = merge(&parts[..1], &output("half.npy"), None, &mut ());
+    let missing = merge(&parts[..1], &output("half.npy"), |_| (), &mut ());
     assert!(matches!(missing, Err(Error::Usage { .. })), "{missing:?}");
 }
 

@@ -43,7 +43,7 @@ fn png_is_what_the_tone_curve_says() {
     let folder = folder();
     let path = folder.path().join("a.png");
     let image = picture();
-    image.write(&path, &WriteOptions { exposure: -1.0, metadata: None }).unwrap();
+    image.write(&path, &WriteOptions { exposure: -1.0, ..WriteOptions::default() }).unwrap();
     let back = Image::read(&path).unwrap();
     for (was, is) in image.rgb().unwrap().iter().zip(back.rgb().unwrap()) {
         for (was, is) in was.iter().map(|sample| sample / 2.0).zip(is) {

@@ -164,12 +164,12 @@ fn scene_files() {
     for (toml, place, fragment) in &owned {
         check("s.toml", "s.toml", toml.as_bytes(), place, fragment);
     }
-    let cases: [(&[u8], &str, &str); 34] = [
+    let cases: [(&[u8], &str, &str); 35] = [
         (b"", "s.toml:1", "mesh"),
         (b"mesh = \n", "s.toml:1", ""),
         ("mesh = 'm.obj'\n# \u{e9}\u{1f4a1}\n\u{e9} = 1".as_bytes(), "s.toml:3", ""),
         (b"mesh = 'm.obj'\nmash = 1", "s.toml:2", "mash"),
-        (b"mesh = 'none.obj'\n", "none.obj", "cannot read this model"),
+        (b"mesh = 'none.obj'\n", "s.toml:1", "none.obj: cannot read this model: there is no such file"),
         (b"mesh = '\xff'", "s.toml", "UTF-8"),
         (b"mesh = 'm.obj'\n[settings]\nphotons = 'many'", "s.toml:3", "many"),
         (b"mesh = 'm.obj'\n[settings]\nwrong = 1", "s.toml:3", "wrong"),
@@ -177,6 +177,7 @@ fn scene_files() {
         (b"mesh = 'm.obj'\n[settings]\nseed = 1\ntarget_error = 2", "s.toml:4", "target-error is 2"),
         (b"mesh = 'm.obj'\n[settings]\nseed = 1\nuntil = 2", "s.toml:4", "target-error is 2"),
         (b"mesh = 'm.obj'\n[settings]\nphoton_depth = 1\nbounces = 1", "s.toml:2", "duplicate field `photon_depth`"),
+        (b"mesh = 'm.obj'\n[settings]\nlayer_size = 64\nlayer-size = 96", "s.toml:4", "there is no key \"layer-size\""),
         (b"mesh = 'm.obj'\n[settings]\nlayer_size = 0", "s.toml:3", "layer-size is 0"),
         (b"mesh = 'm.obj'\n[settings]\ninterleave = 3", "s.toml:3", "interleave is 3"),
         (b"mesh = 'm.obj'\n[settings]\ninterleave = 'fine'", "s.toml:3", "is no square: give 1, 2 or 4 pixels, or \"auto\""),

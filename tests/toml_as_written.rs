@@ -51,15 +51,15 @@ fn faults_are_shown_with_what_was_meant() {
     for (scene, message) in [
         (
             "mesh = \"m.obj\"\n[settings]\n  photon = 5\n",
-            "3: there is no key \"photon\"\n  3 |   photon = 5\n    |   ^^^^^^\n  cure: write photons",
+            "3: there is no key \"photon\"\n  3 |   photon = 5\n    |   ^^^^^^\n  cure: write photons in its place",
         ),
         (
             "mesh = \"m.obj\"\n[setings]\nsize = 5\n",
-            "2: there is no key \"setings\"\n  2 | [setings]\n    |  ^^^^^^^\n  cure: write settings",
+            "2: there is no key \"setings\"\n  2 | [setings]\n    |  ^^^^^^^\n  cure: write settings in its place",
         ),
         (
             "mesh = \"m.obj\"\n[settings]\npipeline = \"fusd\"\n",
-            "3: there is no value \"fusd\"\n  3 | pipeline = \"fusd\"\n    |            ^^^^^^\n  cure: write fused",
+            "3: there is no value \"fusd\"\n  3 | pipeline = \"fusd\"\n    |            ^^^^^^\n  cure: write fused in its place",
         ),
         (
             "mesh = \"m.obj\"\n[settings]\nphotons = \"many\"\n",

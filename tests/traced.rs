@@ -26,7 +26,7 @@ fn camera(z: f32, fov_y_degrees: f32) -> Camera {
 
 fn see(scene: &Scene, camera: &Camera, side: u32, block: u32) -> GBuffer {
     let bvh = Bvh::new(&scene.mesh);
-    EyeRays { scene, bvh: &bvh, camera, size: [side; 2], seed: 0 }.see(Vec2::splat(0.5), block)
+    EyeRays { scene, bvh: &bvh, camera, size: [side; 2], seed: 0, ground: None }.see(Vec2::splat(0.5), block)
 }
 
 /// Relative to the closed form, or absolute below 1: a few roundings.

@@ -18,9 +18,9 @@ pub struct Declaration {
     #[serde(skip)]
     pub name: String,
     kind: String,
-    pub title: String,
-    /// HTML, as it may stand in a paragraph.
-    pub caption: String,
+    /// Title and caption are HTML, as it may stand in a paragraph. `{name}` stands for a measured value, or for a parameter before that.
+    title: String,
+    caption: String,
     #[serde(default = "no_parameters")]
     parameters: Value,
 }
@@ -43,10 +43,28 @@ impl Declaration {
         Ok(Self { name: name.into(), ..declaration })
     }
 
+    /// Title and caption, with the numbers of what was measured.
+    pub fn texts(&self, document: Option<&Document>) -> [String; 2] {
+        let value = |name: &str| document.and_then(|document| document.data.get(name)).or_else(|| self.parameters.get(name));
+        [&self.title, &self.caption].map(|text| filled(text, value))
+    }
+
+    /// The measurement's file.
+    pub fn json(&self, out: &Path) -> PathBuf {
+        out.join(format!("{}.json", self.name))
+    }
+
+    /// Where the page finds why the figure failed. A later page of other figures shows it too.
+    pub fn failure(&self, out: &Path) -> PathBuf {
+        out.join(format!("{}.error", self.name))
+    }
+
     pub fn measure(&self, scale: Scale, out: &Path) -> Result<Document> {
         eprintln!("{}", self.name);
-        for old in pictures_of(&self.name, out)? {
-            fs::remove_file(old)?;
+        // A measurement that fails leaves nothing of an older one.
+        let old = pictures_of(&self.name, out)?.into_iter().chain([self.json(out), out.join(format!("{}.svg", self.name))]);
+        for file in old.filter(|file| file.exists()) {
+            of_file(&file, fs::remove_file(&file))?;
         }
         let start = Instant::now();
         let data = rounded((kind(&self.kind)?.measure)(&self.parameters, &Task { scale, figure: &self.name, out })?);
@@ -117,6 +135,19 @@ fn pictures_of(figure: &str, out: &Path) -> Result<Vec<PathBuf>> {
     });
     files.sort();
     Ok(files)
+}
+
+/// With a value for each name in braces.
+fn filled<'a>(text: &str, value: impl Fn(&str) -> Option<&'a Value>) -> String {
+    let mut parts = text.split('{');
+    let first = parts.next().unwrap_or_default().to_owned();
+    parts.fold(first, |filled, part| match part.split_once('}') {
+        Some((name, rest)) => {
+            let value = value(name).map_or_else(|| format!("{{{name}}}"), ToString::to_string);
+            filled + &value + rest
+        }
+        None => filled + "{" + part,
+    })
 }
 
 /// Keeps five digits of every fraction. Measurements are less precise, and the files stay readable.

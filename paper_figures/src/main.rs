@@ -10,17 +10,19 @@
 //!
 //! | floor | modules | |
 //! |---|---|---|
-//! | 11 | `main` | command line |
-//! | 10 | `page` | the page with all figures |
-//! | 9 | `page::claims` | the poster's claims and their verdicts |
-//! | 8 | `document` | files of declarations and of measurements |
-//! | 7 | `figures` | list of kinds |
-//! | 6 | `figures::*` | a kind of figure each |
-//! | 5 | `lab`, `draw` | names of the floors below |
+//! | 13 | `main` | command line |
+//! | 12 | `page` | the page with all figures |
+//! | 11 | `page::claims` | the poster's claims and their verdicts |
+//! | 10 | `document` | files of declarations and of measurements |
+//! | 9 | `figures` | list of kinds |
+//! | 8 | `figures::*` | a kind of figure each |
+//! | 7 | `figures::slices` | drawings of a slice, for two kinds |
+//! | 6 | `lab`, `draw` | names of the floors below |
+//! | 5 | `lab::one_direction` | one direction at the pixels of a camera |
 //! | 4 | `lab::path_tracer`, `lab::slice` | measurements |
 //! | 3 | `lab::cornell`, `lab::pictures` | gathers, and renders against path tracing |
-//! | 2 | `lab::machine`, `lab::procedural` | date and hardware, scenes made in code |
-//! | 1 | `lab::library`, `lab::numeric`, `draw::*` | names of the library, numbers, plots and HTML |
+//! | 2 | `lab::machine`, `lab::procedural`, `draw::plot` | date and hardware, scenes made in code, plots |
+//! | 1 | `lab::library`, `lab::numeric`, `draw::*` | names of the library, numbers and HTML |
 //! | 0 | `figure` | what a figure is |
 
 mod document;
@@ -31,6 +33,7 @@ mod lab;
 mod page;
 
 use std::fs;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -84,18 +87,43 @@ fn run(args: &Args) -> Result<()> {
     }
     let out = args.out.clone().unwrap_or_else(|| folder().join("out"));
     of_file(&out, fs::create_dir_all(&out))?;
-    let wanted = |figure: &&Declaration| args.only.is_empty() || args.only.contains(&figure.name);
+    let wanted = |figure: &&Declaration| {
+        let measured = !args.redraw || figure.json(&out).exists();
+        if args.only.is_empty() { measured } else { args.only.contains(&figure.name) }
+    };
+    let mut failed = Vec::new();
     for figure in page.figures().filter(wanted) {
-        make(figure, args, &out).map_err(|error| format!("{}: {error}", figure.name))?;
+        let failure = figure.failure(&out);
+        if failure.exists() {
+            of_file(&failure, fs::remove_file(&failure))?;
+        }
+        if let Err(error) = caught(|| make(figure, args, &out)) {
+            let at_scale = if args.scale.is_whole() { String::new() } else { format!(" (at a scale of {})", args.scale.0) };
+            eprintln!("  {} failed: {error}{at_scale}", figure.name);
+            of_file(&failure, fs::write(&failure, format!("{error}{at_scale}\n")))?;
+            failed.push(figure.name.as_str());
+        }
     }
-    write(&out.join("index.html"), &page.html(&out)?)
+    let index = out.join("index.html");
+    write(&index, &page.html(&out)?)?;
+    if failed.is_empty() { Ok(()) } else { Err(format!("failed: {}; {} says why", failed.join(", "), index.display()).into()) }
+}
+
+/// A panic of one figure is its error, so that the others and the page are made. Each figure has its own device.
+fn caught(work: impl FnOnce() -> Result<()>) -> Result<()> {
+    catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|panic| {
+        let text = panic.downcast_ref::<String>().map(String::as_str).or_else(|| panic.downcast_ref::<&str>().copied());
+        Err(format!("it panicked: {}", text.unwrap_or("without a message")).into())
+    })
 }
 
 fn make(figure: &Declaration, args: &Args, out: &Path) -> Result<()> {
     let file = |folder: &Path, ending: &str| folder.join(format!("{}.{ending}", figure.name));
-    let json = file(out, "json");
+    let json = figure.json(out);
     if !args.redraw {
         write(&json, &figure.measure(args.scale, out)?.to_json()?)?;
+    } else if !json.exists() {
+        return Err("there are no earlier measurements; measure it first, without --redraw".into());
     }
 
     let document = Document::read(&json)?;
@@ -125,4 +153,16 @@ fn write(path: &Path, text: &str) -> Result<()> {
     of_file(path, fs::write(path, text))?;
     eprintln!("  {}", path.display());
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_panic_is_an_error_with_its_message() {
+        let error = caught(|| panic!("no {}", "light")).unwrap_err();
+        assert_eq!(error.to_string(), "it panicked: no light");
+        assert!(caught(|| Ok(())).is_ok());
+    }
 }

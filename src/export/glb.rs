@@ -1,7 +1,7 @@
 //! Binary glTF 2.0.
 //!
 //! Values at points become `COLOR_0` for display, and one custom attribute for each quantity: `_IRRADIANCE`, `_AO`, `_PRT_00` and so on.
-//! `COLOR_0` is the light. Viewers multiply it by the albedo of the unlit materials.
+//! `COLOR_0` is the light, and viewers multiply it by the albedo of the unlit materials; or it is data, such as openness, and the materials are white.
 //!
 //! A light map uses `TEXCOORD_1`. It is stored twice, because no ratified extension defines light maps.
 //! - By default, materials are unlit (`KHR_materials_unlit`) with the map as base colour, in sRGB with exposure. Any viewer shows the bake as a
@@ -76,6 +76,11 @@ pub fn write_values(path: &Path, values: &PointValues, options: &WriteOptions) -
                 let material = &surface.materials[index];
                 let mut material_json = shaded(material, &textures);
                 material_json["extensions"] = json!({UNLIT: {}});
+                if !values.shows_light() {
+                    // Colours and textures would mix with the data.
+                    material_json["pbrMetallicRoughness"] = json!({});
+                    material_json.as_object_mut().into_iter().for_each(|material| drop(material.remove("emissiveFactor")));
+                }
                 file.materials.push(material_json);
                 let indices = file.indices(&indices);
                 file.primitives.push(json!({"attributes": attributes, "indices": indices, "material": file.materials.len() - 1}));
@@ -121,7 +126,7 @@ pub fn write_lightmap(path: &Path, lightmap: &Lightmap, options: &WriteOptions) 
         texture
     };
     file.samplers.push(map_sampler());
-    let openness = lightmap.openness_png()?.map(|png| map(&mut file, "occlusion", &png));
+    let openness = lightmap.openness_png(std::convert::identity)?.map(|png| map(&mut file, "occlusion", &png));
     let light = match lightmap.irradiance {
         None => None,
         Some(irradiance) => {

@@ -11,7 +11,7 @@ use serde_json::Value;
 
 use crate::error::{Error, Result};
 use crate::file::{MOST_BYTES, read_file};
-use crate::image::{Channel, Image, WriteOptions, encode_png, tone};
+use crate::image::{Channel, Image, WriteOptions, encode_png, encode_srgb, tone};
 use crate::scene::gltf::PlainGltf;
 use crate::scene::{GltfFile, ImageTexture, Instance, Material, Mesh, Scene, Source, Triangle};
 
@@ -113,9 +113,9 @@ pub struct Lightmap<'a> {
     pub surface: ExportMesh<'a>,
     /// Map coordinates of each vertex, v up.
     pub uvs: &'a [Vec2],
-    /// Irradiance in `R`, `G` and `B`. An OBJ needs it; a `.glb` needs this or the openness.
+    /// Irradiance in `R`, `G` and `B`. A file needs this or the openness.
     pub irradiance: Option<&'a Image>,
-    /// Openness (ambient occlusion) in one channel, for a `.glb`.
+    /// Openness (ambient occlusion) in one channel.
     pub openness: Option<&'a Image>,
 }
 
@@ -146,7 +146,7 @@ impl<'a> Positions<'a> {
 }
 
 impl PointValues<'_> {
-    pub const ENDINGS: &'static [&'static str] = &["ply", "npy", "glb"];
+    pub const ENDINGS: &'static [&'static str] = &["ply", "npy", "glb", "obj"];
 
     /// Writes the format of the path's ending. Vertex colours are for display, with the exposure and tone curve of a PNG; columns stay as they
     /// are. A `.json` beside a NumPy file describes its numbers.
@@ -156,6 +156,7 @@ impl PointValues<'_> {
         match ending {
             "ply" => ply::write(path, self, options),
             "npy" => npy::write(path, self, options),
+            "obj" => obj::write_values(path, self, options),
             _ => glb::write_values(path, self, options),
         }
     }
@@ -178,6 +179,12 @@ impl PointValues<'_> {
             None => Ok(()),
             Some((name, length)) => Err(Error::usage(format!("{name}: {length} values for {count} points"), "give one a point")),
         }
+    }
+
+    /// Whether the colours for display are light, which the albedo of a surface multiplies. Otherwise they are data.
+    fn shows_light(&self) -> bool {
+        let is_light = |name: &str| ["Irradiance", "SH.00"].iter().any(|light| name.starts_with(light));
+        self.columns.iter().any(|column| is_light(&column.name))
     }
 
     /// The colour of each point for display, linear, from 0 to 1: the radiance of a white surface under the baked light, with the exposure and
@@ -226,11 +233,11 @@ impl Lightmap<'_> {
         if uvs != vertices {
             return Err(Error::usage(format!("{uvs} coordinates on the light map for {vertices} vertices"), "give one a vertex"));
         }
-        match (ending, self.irradiance) {
-            ("obj", Some(irradiance)) => obj::write(path, self, irradiance, options),
-            ("obj", None) => Err(Error::usage(format!("{}: the light map has no irradiance", path.display()), "bake irradiance")),
-            _ => glb::write_lightmap(path, self, options),
+        if self.irradiance.is_none() && self.openness.is_none() {
+            let problem = format!("{}: the light map has neither irradiance nor openness", path.display());
+            return Err(Error::usage(problem, "bake one of them"));
         }
+        if ending == "obj" { obj::write(path, self, options) } else { glb::write_lightmap(path, self, options) }
     }
 
     /// Encodes irradiance as a PNG for display: the radiance of a white surface.
@@ -242,10 +249,18 @@ impl Lightmap<'_> {
         encode_png(width, height, &picture.to_srgb8(exposure)?)
     }
 
-    /// Encodes the openness as grey.
-    fn openness_png(&self) -> Result<Option<Vec<u8>>> {
+    /// Encodes the map as a PNG for display: the radiance of a white surface, or else the openness in the sRGB curve.
+    fn display_png(&self, exposure: f32) -> Result<Vec<u8>> {
+        match self.irradiance {
+            Some(irradiance) => Self::shown_png(irradiance, exposure),
+            None => self.openness_png(encode_srgb).map(Option::unwrap_or_default),
+        }
+    }
+
+    /// Encodes the openness as grey, by this curve.
+    fn openness_png(&self, curve: fn(f32) -> f32) -> Result<Option<Vec<u8>>> {
         let Some(&Image { width, height, ref channels }) = self.openness else { return Ok(None) };
-        let grey = |value: &f32| [(value.clamp(0.0, 1.0) * 255.0).round() as u8; 3];
+        let grey = |value: &f32| [(curve(value.clamp(0.0, 1.0)) * 255.0).round() as u8; 3];
         let bytes: Vec<u8> = channels.iter().take(1).flat_map(|channel| channel.samples.iter().flat_map(grey)).collect();
         encode_png(width, height, &bytes).map(Some)
     }

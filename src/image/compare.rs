@@ -266,7 +266,8 @@ mod tests {
         assert_eq!(flip_of(&one, &other, at(0.0)), 0.0, "both are white");
         assert!(flip_of(&one, &other, at(-7.0)) > 0.05);
 
-        let png = Image::from_png(Path::new("a.png"), &grey(1.5).to_png(0.0).unwrap()).unwrap();
+        let png = Image::from_png(Path::new("a.png"), &grey(1.5).to_png(0.0, crate::settings::Background::Environment).unwrap())
+            .unwrap();
         let toned = |toned| ViewingConditions { toned, ..ViewingConditions::default() };
         assert_eq!(flip_of(&png, &grey(1.5), toned([true, false])), 0.0);
         assert_eq!(flip_of(&grey(1.5), &png, toned([false, true])), 0.0);

@@ -5,12 +5,15 @@ use std::path::Path;
 use super::Image;
 use crate::error::{Error, Result};
 use crate::file::{self, MOST_BYTES, read_file, write_file};
+use crate::settings::Background;
 
 /// Options of the file formats.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct WriteOptions<'a> {
     /// In stops; only for 8-bit formats.
     pub exposure: f32,
+    /// Only for 8-bit formats.
+    pub background: Background,
     /// JSON for the attribute `finalgather` of an EXR.
     pub metadata: Option<&'a str>,
 }
@@ -40,7 +43,7 @@ impl Image {
     pub fn write(&self, path: &Path, options: &WriteOptions) -> Result<()> {
         let bytes = match PictureFormat::of(path)? {
             PictureFormat::Exr => self.to_exr(options.metadata)?,
-            PictureFormat::Png => self.to_png(options.exposure)?,
+            PictureFormat::Png => self.to_png(options.exposure, options.background)?,
         };
         write_file(path, &bytes)
     }

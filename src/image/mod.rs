@@ -7,13 +7,16 @@ mod exr;
 mod file;
 mod flip;
 mod png;
+mod shown;
 
 /// A picture with more samples (4 GiB) is not read.
 const MOST_SAMPLES: u64 = 1 << 30;
 
+pub use crate::math::{decode_srgb, encode_srgb};
 pub use file::{WriteOptions, check_writable};
 pub(crate) use png::encode as encode_png;
-pub use png::{decode_srgb, encode_srgb, tone, write_srgb8};
+pub use png::{tone, write_srgb8};
+pub(crate) use shown::luminance;
 
 /// A picture: channels of one size with linear values, rows from the top.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -6,16 +6,23 @@ use std::path::Path;
 use ::image::codecs::png::{PngDecoder, PngEncoder};
 use ::image::{DynamicImage, ExtendedColorType, ImageDecoder, ImageEncoder, Limits};
 
-use super::{Channel, Image, MOST_SAMPLES};
+use super::{Channel, Image, MOST_SAMPLES, decode_srgb, encode_srgb};
 use crate::error::{Error, Result};
 use crate::file::{can_hold, write_file};
+use crate::settings::Background;
 
 /// The value at which the shoulder of the tone curve begins.
 const KNEE: f32 = 0.8;
 
 impl Image {
-    pub(super) fn to_png(&self, exposure: f32) -> Result<Vec<u8>> {
-        encode(self.width, self.height, &self.to_srgb8(exposure)?)
+    /// With an alpha channel if the background is transparent.
+    pub(super) fn to_png(&self, exposure: f32, background: Background) -> Result<Vec<u8>> {
+        let rgba = self.to_srgba8(exposure, background)?;
+        if background == Background::Transparent && self.channel("A").is_some() {
+            return encode_as(self.width, self.height, &rgba, ExtendedColorType::Rgba8);
+        }
+        let rgb: Vec<u8> = rgba.chunks_exact(4).flat_map(|pixel| &pixel[..3]).copied().collect();
+        encode(self.width, self.height, &rgb)
     }
 
     /// The bytes of a PNG with this exposure in stops: R, G and B of each pixel in turn.
@@ -41,19 +48,19 @@ impl Image {
         write_srgb8(path, [self.width, self.height], &self.to_bytes(|sample| sample.clamp(0.0, 1.0))?)
     }
 
-    /// Decodes R, G and B to linear values. Ignores alpha, and does not invert the tone curve.
+    /// Decodes R, G and B to linear values, over black where the picture is transparent. Does not invert the tone curve.
     pub(super) fn from_png(path: &Path, bytes: &[u8]) -> Result<Self> {
         let bad = |problem: String| Error::input(path, None, problem, "give a PNG picture");
         let unreadable = |error| bad(format!("not readable as PNG: {error}"));
         let decoder = PngDecoder::with_limits(Cursor::new(bytes), Limits::no_limits()).map_err(unreadable)?;
         let (width, height) = decoder.dimensions();
-        if 3 * u64::from(width) * u64::from(height) > MOST_SAMPLES || !can_hold(bytes, decoder.total_bytes()) {
+        if 4 * u64::from(width) * u64::from(height) > MOST_SAMPLES || !can_hold(bytes, decoder.total_bytes()) {
             return Err(bad(format!("{width} x {height} pixels are too many, or too many for a file of its length")));
         }
-        let picture = DynamicImage::from_decoder(decoder).map_err(unreadable)?.into_rgb32f();
+        let picture = DynamicImage::from_decoder(decoder).map_err(unreadable)?.into_rgba32f();
         let channels = ["R", "G", "B"].into_iter().enumerate().map(|(index, name)| Channel {
             name: name.into(),
-            samples: picture.pixels().map(|pixel| decode_srgb(pixel[index])).collect(),
+            samples: picture.pixels().map(|pixel| pixel[3] * decode_srgb(pixel[index])).collect(),
         });
         Ok(Self { width: picture.width() as usize, height: picture.height() as usize, channels: channels.collect() })
     }
@@ -66,11 +73,15 @@ pub fn write_srgb8(path: &Path, [width, height]: [usize; 2], rgb8: &[u8]) -> Res
 
 /// Encodes three sRGB bytes a pixel.
 pub(crate) fn encode(width: usize, height: usize, rgb8: &[u8]) -> Result<Vec<u8>> {
+    encode_as(width, height, rgb8, ExtendedColorType::Rgb8)
+}
+
+fn encode_as(width: usize, height: usize, samples: &[u8], kind: ExtendedColorType) -> Result<Vec<u8>> {
     let refused = |problem: String| Error::usage(format!("PNG cannot hold this picture: {problem}"), "render it smaller");
     let side = |length: usize| u32::try_from(length).map_err(|error| refused(error.to_string()));
     let mut bytes = Vec::new();
     PngEncoder::new(Cursor::new(&mut bytes))
-        .write_image(rgb8, side(width)?, side(height)?, ExtendedColorType::Rgb8)
+        .write_image(samples, side(width)?, side(height)?, kind)
         .map_err(|error| refused(error.to_string()))?;
     Ok(bytes)
 }
@@ -79,16 +90,6 @@ pub(crate) fn encode(width: usize, height: usize, rgb8: &[u8]) -> Result<Vec<u8>
 pub fn tone(x: f32) -> f32 {
     let room = 1.0 - KNEE;
     if x > KNEE { KNEE + room * (1.0 - ((KNEE - x) / room).exp()) } else { x.max(0.0) }
-}
-
-/// The sRGB curve: linear to encoded values.
-pub fn encode_srgb(x: f32) -> f32 {
-    if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 }
-}
-
-/// The inverse of [`encode_srgb`].
-pub fn decode_srgb(x: f32) -> f32 {
-    if x <= 0.040_45 { x / 12.92 } else { ((x + 0.055) / 1.055).powf(2.4) }
 }
 
 #[cfg(test)]
@@ -121,7 +122,7 @@ mod tests {
     fn exposure_is_in_stops() {
         let channels = ["R", "G", "B"].map(|name| Channel { name: name.into(), samples: vec![0.05, f32::NAN] });
         let image = Image { width: 2, height: 1, channels: channels.into() };
-        let bytes = image.to_png(2.0).unwrap();
+        let bytes = image.to_png(2.0, Background::Environment).unwrap();
         let back = Image::from_png(Path::new("a.png"), &bytes).unwrap();
         for samples in back.rgb().unwrap() {
             assert!((samples[0] - 0.2).abs() < 2e-3, "{samples:?}");

@@ -9,16 +9,18 @@ use crate::blocks::Part;
 use crate::error::{Error, Result};
 use crate::prepared::Prepared;
 use crate::render::RenderMerge;
+use crate::settings::{DisplaySettings, Settings};
 
-/// Writes the results of `parts` to `outputs`, named as for [`super::outputs_of`]. `exposure` replaces the job's. A bake reads scene and points again.
+/// Writes the results of `parts` to `outputs`, named as for [`super::outputs_of`]. `change` changes the job's display. A bake reads scene and points again.
 ///
 /// # Errors
 /// [`Error::Input`] when a part is damaged, of another job or repeated; [`Error::Usage`] when directions are missing; [`Error::Output`] when a file
 /// cannot be written.
-pub fn merge(parts: &[PathBuf], outputs: &[String], exposure: Option<f32>, watch: &mut dyn Watch) -> Result<()> {
-    if let Some(stops) = exposure.filter(|stops| !(-64.0..=64.0).contains(stops)) {
-        return Err(Error::usage(format!("exposure is {stops}"), "give stops from -64 to 64"));
-    }
+pub fn merge(parts: &[PathBuf], outputs: &[String], change: impl Fn(&mut DisplaySettings), watch: &mut dyn Watch) -> Result<()> {
+    let changed = |settings: &Settings, mut display: DisplaySettings| {
+        change(&mut display);
+        settings.with(|settings| settings.display = display).validate().map(|()| display)
+    };
     let path = parts.first().ok_or_else(|| Error::usage("no parts to merge", "name those of all shards"))?;
     let first = Part::read(path)?;
     // Reads one part at a time, because there may be many.
@@ -39,7 +41,7 @@ pub fn merge(parts: &[PathBuf], outputs: &[String], exposure: Option<f32>, watch
             each(&mut |path, part| merge.add(path, part))?;
             request.warning_of_origin(merge.job()).iter().for_each(|warning| watch.say(warning));
             let (settings, picture) = (merge.settings(), Results::Picture(merge.picture()?));
-            picture.write(&request, merge.job(), exposure.unwrap_or(settings.display.exposure), (settings.directions.count, true))
+            picture.write(&request, merge.job(), &changed(settings, settings.display)?, (settings.directions.count, true))
         }
         Some("bake") => {
             first.check_version(path)?;
@@ -62,7 +64,7 @@ pub fn merge(parts: &[PathBuf], outputs: &[String], exposure: Option<f32>, watch
             watch.stage("merging");
             each(&mut |path, part| merge.add(path, part))?;
             let values = Results::Values(&receivers, merge.columns(&points)?, &scene);
-            values.write(&request, merge.job(), exposure.unwrap_or(own), (settings.directions.count, true))
+            values.write(&request, merge.job(), &changed(&settings, own)?, (settings.directions.count, true))
         }
         _ => return Err(unknown(path)),
     };

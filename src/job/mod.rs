@@ -103,15 +103,15 @@ impl Job {
     /// [`Error::Input`] when there is no such scene; [`Error::Usage`] when an output cannot be written or would replace an input or earlier sums; [`Error::Output`] while another run writes it.
     pub fn new(request: JobRequest, keeping: &Keeping) -> Result<Self> {
         let started = Instant::now();
-        if keeping.shard.is_none() {
-            request.check_outputs()?;
-        }
-        if request.scene.bytes.is_none() {
+        if request.scene.bytes.is_none() && request.scene.path.exists() {
             World::check_path(&request.scene.path)?;
         }
         let outputs = if keeping.shard.is_some() { Vec::from_iter(keeping.file.clone()) } else { request.outputs.concat() };
         check_kept(&outputs, request.inputs())?;
         let checkpoint = Checkpoint::new(keeping, &outputs)?;
+        if keeping.shard.is_none() {
+            request.check_outputs()?;
+        }
         Ok(Self { request, outputs, checkpoint, started })
     }
 

@@ -12,6 +12,7 @@ use crate::error::{Error, Result};
 use crate::export::{metadata_of, written_with};
 use crate::file::place_of;
 use crate::scene::UnitSpace;
+use crate::settings::DisplaySettings;
 
 /// # Errors
 /// [`Error::Usage`] when an output is also an input or another output.
@@ -48,9 +49,11 @@ pub fn of_picture(job: &Value) -> Value {
 }
 
 /// JSON metadata: `job` ([`crate::Render::job`], [`crate::bake::Bake::job`]), `own` facts, progress. No times or paths, so equal jobs give equal files.
-pub fn metadata(job: &Value, exposure: f32, own: &Value, (directions_done, complete): (u32, bool)) -> String {
+pub fn metadata(job: &Value, display: &DisplaySettings, own: &Value, (directions_done, complete): (u32, bool)) -> String {
     let mut about = json!({ "version": job["version"], "renderer": job["gl"]["renderer"], "settings": job["settings"] });
-    about["settings"]["exposure"] = exposure.into();
+    for (key, value) in json!(display).as_object().into_iter().flatten() {
+        about["settings"][key] = value.clone();
+    }
     own.as_object().into_iter().flatten().for_each(|(key, value)| about[key] = value.clone());
     about["job_sha256"] = sha256(job.to_string().as_bytes()).into();
     about["directions_done"] = directions_done.into();

@@ -106,7 +106,7 @@ impl ReceiverKind {
                 export::check_writable(path, &["exr", "png", "obj", "glb"])?;
                 let serves = |quantity: &Quantity| match quantity {
                     Quantity::Irradiance => true,
-                    Quantity::Ao => path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("glb")),
+                    Quantity::Ao => !is_picture(path),
                     _ => false,
                 };
                 what.iter().any(serves).then_some(()).ok_or_else(|| no_light(path))
@@ -271,7 +271,7 @@ impl ReceiverValues {
         };
         let surface = self.mesh.as_ref().map(of_scene);
         match (&self.image, surface) {
-            (Some(image), _) if is_picture(path) => write_picture(image, path, options),
+            (Some(image), _) if is_picture(path) => write_picture(image, self.mesh.is_none(), path, options),
             (Some(image), Some(surface)) => {
                 let openness = image.channel("AO").map(|samples| vec![Channel { name: "AO".into(), samples: samples.to_vec() }]);
                 let openness = openness.map(|channels| Image { channels, ..*image });
@@ -377,9 +377,9 @@ fn irradiance_of(image: &Image) -> Option<Image> {
 
 /// Adds channels R, G and B and writes the picture. They are the irradiance in an EXR, and in a PNG the radiance that a white surface reflects. Without
 /// irradiance they are the first quantity. A PNG then holds data: a direction as colour, a number as grey.
-fn write_picture(image: &Image, path: &Path, options: &WriteOptions) -> Result<()> {
+fn write_picture(image: &Image, is_camera: bool, path: &Path, options: &WriteOptions) -> Result<()> {
     let (exr, irradiance) = (!is_png(path), irradiance_of(image));
-    let light = irradiance.is_some();
+    let (light, cover) = (irradiance.is_some(), image.channel("A").unwrap_or_default());
     let mut picture = image.clone();
     let mut shown = irradiance.map(|image| image.channels).unwrap_or_default();
     if !light {
@@ -388,8 +388,14 @@ fn write_picture(image: &Image, path: &Path, options: &WriteOptions) -> Result<(
         let first = ["AO", "BentNormal.X", "Sky"].into_iter().filter_map(named).min().unwrap_or(0);
         let is_direction = image.channels[first].name == "BentNormal.X";
         let of = |k: usize| first + if image.channels[first].name.contains('.') { k } else { 0 };
-        let value = |x: &f32| if is_direction { 0.5 * x + 0.5 } else { *x };
-        let samples = |k: usize| image.channels[of(k)].samples.iter().map(value).collect();
+        // Nothing hides the sky from pixels that see nothing.
+        let is_open = |pixel: usize| !exr && is_camera && !is_direction && cover[pixel] == 0.0;
+        let value = |(pixel, x): (usize, &f32)| match is_direction {
+            true => 0.5 * x + 0.5,
+            false if is_open(pixel) => 1.0,
+            false => *x,
+        };
+        let samples = |k: usize| image.channels[of(k)].samples.iter().enumerate().map(value).collect();
         shown = (0..3).map(|k| Channel { name: ["R", "G", "B"][k].into(), samples: samples(k) }).collect();
     } else if !exr {
         shown.iter_mut().flat_map(|channel| &mut channel.samples).for_each(|sample| *sample *= FRAC_1_PI);
@@ -400,7 +406,7 @@ fn write_picture(image: &Image, path: &Path, options: &WriteOptions) -> Result<(
 
 fn no_light(path: &Path) -> Error {
     Error::usage(
-        format!("{}: a model with its light map shows irradiance, or as .glb openness, and neither was baked", path.display()),
-        "add irradiance to --what, or write .exr or .png",
+        format!("{}: a model with its light map shows irradiance or openness, and neither was baked", path.display()),
+        "add irradiance or ao to --what, or write .exr or .png",
     )
 }

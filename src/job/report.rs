@@ -38,6 +38,8 @@ pub enum TaskReport {
         photons: PhotonCounts,
         /// Relative standard error of the picture. `None` if there are too few directions to estimate it.
         error: Option<f64>,
+        /// Exposure of the 8-bit pictures, in stops. `None` if this run wrote none.
+        exposure: Option<f32>,
         /// Paths of the pictures, or of the shard's part.
         outputs: Vec<String>,
     },

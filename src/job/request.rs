@@ -19,8 +19,8 @@ use crate::image::check_writable;
 use crate::points::LightMapOptions;
 use crate::quantity::Quantity;
 use crate::render::{blocks_of, memory_of};
-use crate::scene::{Environment, Files, LoadOptions, Loaded, Material, World};
-use crate::settings::{PointSource, Settings, Squares};
+use crate::scene::{CameraChange, Environment, Files, LoadOptions, Loaded, Material, World};
+use crate::settings::{DisplaySettings, PointSource, Settings, Squares};
 
 /// A job. Parts of a bake contain it, because a merge makes the receivers again.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -82,6 +82,12 @@ pub struct SceneRequest {
     pub camera: Option<String>,
     #[serde(default)]
     pub scene: Option<String>,
+    /// See [`LoadOptions::clay`].
+    #[serde(default)]
+    pub clay: bool,
+    /// Replaces parts of the camera.
+    #[serde(default)]
+    pub view: CameraChange,
     /// Settings that replace the scene's, by their keys in scene files.
     pub settings: Map<String, Value>,
 }
@@ -95,13 +101,13 @@ pub struct DeviceRequest {
 
 impl SceneRequest {
     /// # Errors
-    /// [`Error::Input`] when a file cannot be used, or `needs_light` and nothing emits light.
+    /// [`Error::Input`] when a file cannot be used, or `needs_light` and nothing emits light; [`Error::Usage`] when the camera or a setting is unusable.
     pub fn load(&self, needs_light: bool) -> Result<Loaded> {
         let environment = self.environment.as_deref().map(Environment::load).transpose()?;
         let files = if self.allow_outside { Files::Anywhere } else { Files::Folder };
-        let &Self { strict, no_default_light, flip, .. } = self;
+        let &Self { strict, no_default_light, flip, clay, .. } = self;
         let (camera, scene) = (self.camera.clone(), self.scene.clone());
-        World::load_with(
+        let mut loaded = World::load_with(
             &self.path,
             LoadOptions {
                 environment,
@@ -110,11 +116,19 @@ impl SceneRequest {
                 no_default_light,
                 strict,
                 flip,
+                clay,
                 camera,
                 scene,
                 bytes: self.bytes.clone(),
             },
-        )
+        )?;
+        if self.view != CameraChange::default() {
+            let size = self.settings(&loaded.settings)?.film.size;
+            let camera = loaded.world.changed_camera(size, &self.view).check();
+            let camera = camera.map_err(|(problem, cure)| Error::usage(problem, cure))?;
+            loaded.world.cameras.insert(0, ("options".to_owned(), camera));
+        }
+        Ok(loaded)
     }
 
     /// Returns `of_scene`, changed by [`Self::settings`].
@@ -172,6 +186,7 @@ impl JobRequest {
         if let Work::Bake(bake) = &self.work {
             // A bake uses all its directions. The layer size must follow from their number.
             settings.directions.target_error = 0.0;
+            settings.film.ground = false;
             settings.film.interleave = Squares::Auto;
             bake.plan.validate()?;
         }
@@ -210,6 +225,9 @@ impl JobRequest {
         if settings.film.points == PointSource::Camera && (lens || world.surfaces().any(Material::is_specular)) {
             watch.say("warning: mirrors and glass are drawn as diffuse, through a pinhole; --points traced shows what they are");
         }
+        if settings.film.ground {
+            warning_of_ground(world).iter().for_each(|warning| watch.say(warning));
+        }
         if shard.is_some() && settings.directions.target_error > 0.0 {
             return Err(Error::usage("a shard cannot tell the error of the whole picture", "give --target-error 0"));
         }
@@ -231,7 +249,7 @@ impl JobRequest {
     }
 
     /// Metadata for the files of the picture or of a receiver. `job` made them.
-    pub(super) fn metadata(&self, receiver: usize, job: &Value, exposure: f32, done: (u32, bool)) -> String {
+    pub(super) fn metadata(&self, receiver: usize, job: &Value, display: &DisplaySettings, done: (u32, bool)) -> String {
         let own = match &self.work {
             Work::Render => of_picture(job),
             // Padding is the only light map option that moves no point. So the job does not contain it.
@@ -244,8 +262,20 @@ impl JobRequest {
                 own
             }
         };
-        metadata(job, exposure, &own, done)
+        metadata(job, display, &own, done)
     }
+}
+
+/// What is not right with the shadow on the ground, if anything.
+fn warning_of_ground(world: &World) -> Option<&'static str> {
+    if world.environment.is_none() {
+        return Some(
+            "warning: --ground has no effect: it catches the shadow of the environment's light, and there is none; give --env",
+        );
+    }
+    world.surfaces().any(Material::is_emissive).then_some(
+        "warning: lamps light the ground too, so its shadow is too light: it is that of the environment alone; --ground off leaves it out",
+    )
 }
 
 /// Checks that a render, or a shard of these blocks, fits into `allowed` MiB.

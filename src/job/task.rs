@@ -24,11 +24,11 @@ use crate::points::{CameraPoints, GatherPoint};
 use crate::prepared::Prepared;
 use crate::render::Render;
 use crate::scene::{Scene, World};
-use crate::settings::{Pipeline, Settings};
+use crate::settings::{Background, DisplaySettings, Exposure, Pipeline, Settings};
 
 /// Keys in the state of a part.
 const REQUEST: &str = "request";
-const EXPOSURE: &str = "exposure";
+const DISPLAY: &str = "display";
 
 pub(super) struct Task<'a> {
     request: &'a JobRequest,
@@ -39,6 +39,8 @@ pub(super) struct Task<'a> {
     is_shard: bool,
     /// Statistics of the points of each receiver, after its files are written.
     counts: Vec<Value>,
+    /// Exposure of the 8-bit files, in stops, once they are written.
+    stops: Option<f32>,
     /// Wall-clock seconds for placing the points.
     placing: f64,
 }
@@ -119,7 +121,7 @@ impl<'a> Task<'a> {
         if let (Gather::Bake(bake, _), Some(most)) = (&mut gather, request.memory) {
             bake.fit(most)?;
         }
-        Ok(Self { request, settings, gather, directions, is_shard, counts: Vec::new(), placing })
+        Ok(Self { request, settings, gather, directions, is_shard, counts: Vec::new(), stops: None, placing })
     }
 
     /// The pipeline of the gather, never `auto`.
@@ -177,7 +179,7 @@ impl<'a> Task<'a> {
         if let Gather::Bake(_, receivers) = &self.gather {
             // Null if a path is not UTF-8. Then it is not a shard, and a merge never reads it.
             part.state[REQUEST] = serde_json::to_value(self.request).unwrap_or_default();
-            part.state[EXPOSURE] = self.settings.display.exposure.into();
+            part.state[DISPLAY] = json!(self.settings.display);
             receivers.iter().for_each(|receiver| receiver.save(&mut part));
         }
         part
@@ -190,7 +192,7 @@ impl<'a> Task<'a> {
     /// Whether an earlier run of the same job finished all files.
     pub fn is_written(&self) -> bool {
         let job = either!(&self.gather, gather => gather.job());
-        let metadata = |receiver| self.request.metadata(receiver, &job, self.settings.display.exposure, (0, true));
+        let metadata = |receiver| self.request.metadata(receiver, &job, &self.settings.display, (0, true));
         self.request.outputs.iter().enumerate().all(|(receiver, paths)| are_finished(paths, &metadata(receiver)))
     }
 
@@ -210,7 +212,8 @@ impl<'a> Task<'a> {
         }
         let (job, done) = either!(&self.gather, gather => (gather.job(), (gather.directions_done(), gather.is_done())));
         self.request.warning_of_origin(&job).iter().for_each(|warning| watch.say(warning));
-        let (counts, errors) = results.write(self.request, &job, self.settings.display.exposure, done);
+        self.stops = Some(results.stops(self.settings.display.exposure));
+        let (counts, errors) = results.write(self.request, &job, &self.settings.display, done);
         self.counts = counts;
         errors
     }
@@ -226,7 +229,8 @@ impl<'a> Task<'a> {
             Gather::Render(render) => {
                 let statistics = render.statistics().clone();
                 let (seconds, scene, error) = (json!(statistics.seconds), statistics.scene, statistics.error);
-                let report = TaskReport::Render { scene, gather: statistics.gather, photons: statistics.photons, error, outputs };
+                let (gather, photons, exposure) = (statistics.gather, statistics.photons, self.stops);
+                let report = TaskReport::Render { scene, gather, photons, error, exposure, outputs };
                 return (report, seconds);
             }
             Gather::Bake(bake, receivers) => (bake, receivers),
@@ -251,12 +255,27 @@ impl<'a> Task<'a> {
 }
 
 impl Results<'_> {
+    /// The exposure of 8-bit files, in stops.
+    pub fn stops(&self, exposure: Exposure) -> f32 {
+        if let Self::Picture(image) = self { image.stops(exposure) } else { exposure.given() }
+    }
+
     /// Writes all files that can be written. Returns the statistics of the points of each receiver, and the errors of the other files.
-    pub fn write(self, request: &JobRequest, job: &Value, exposure: f32, done: (u32, bool)) -> (Vec<Value>, Vec<Error>) {
+    pub fn write(
+        self,
+        request: &JobRequest,
+        job: &Value,
+        display: &DisplaySettings,
+        done: (u32, bool),
+    ) -> (Vec<Value>, Vec<Error>) {
         let (mut end, mut counts, mut errors) = (0, Vec::new(), Vec::new());
+        let exposure = self.stops(display.exposure);
         for (index, paths) in request.outputs.iter().enumerate() {
-            let metadata = request.metadata(index, job, exposure, done);
-            let options = WriteOptions { exposure, metadata: Some(&metadata) };
+            let metadata = request.metadata(index, job, display, done);
+            let shows_behind =
+                !matches!(&self, Self::Values(receivers, ..) if !matches!(receivers[index], Receiver::Camera { .. }));
+            let background = if shows_behind { display.background } else { Background::Environment };
+            let options = WriteOptions { exposure, background, metadata: Some(&metadata) };
             match &self {
                 Self::Picture(image) => errors.extend(paths.iter().filter_map(|path| image.write(path, &options).err())),
                 Self::Values(receivers, (columns, inside), scene) => {
@@ -280,15 +299,15 @@ impl Results<'_> {
     }
 }
 
-/// The request of a bake and the exposure of its files, from a part at `path`.
+/// The request of a bake and the display of its files, from a part at `path`.
 ///
 /// # Errors
 /// [`Error::Input`] when the part does not contain them.
-pub(super) fn request_of(path: &Path, part: &Part) -> Result<(JobRequest, f32)> {
+pub(super) fn request_of(path: &Path, part: &Part) -> Result<(JobRequest, DisplaySettings)> {
     let request = serde_json::from_value(part.state[REQUEST].clone()).ok();
-    let exposure = part.state[EXPOSURE].as_f64().map(|exposure| exposure as f32);
+    let display = serde_json::from_value(part.state[DISPLAY].clone()).ok();
     let problem = "damaged, or of an earlier version: it does not say how it was baked";
-    request.zip(exposure).ok_or_else(|| Error::input(path, None, problem, "make it again"))
+    request.zip(display).ok_or_else(|| Error::input(path, None, problem, "make it again"))
 }
 
 /// Checks that results can be added to the scene's glTF file, if a receiver wants that. Otherwise the error would come after the work.

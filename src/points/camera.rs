@@ -4,7 +4,7 @@ use glam::camera::rh::{proj, view};
 use glam::{Mat4, Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
-use super::{Points, Subset};
+use super::{Ground, Points, Subset};
 use crate::error::Result;
 use crate::geometry::{Geometry, SurfacePass};
 use crate::gpu::{DepthTest, Format, Gpu, Program, Target, Uniform};
@@ -23,11 +23,11 @@ pub struct GBuffer {
     pub position: Vec<Vec4>,
     /// xyz: unit shading normal on the visible side, zero where there is no point; w as in [`Points`].
     pub normal: Vec<Vec4>,
-    /// rgb: albedo times the transmittance of mirrors and glass before the point; a: its triangle in the scene's mesh, counted from 1.
+    /// rgb: albedo times the transmittance of mirrors and glass before the point; a: its triangle in the scene's mesh, counted from 1, or 0.
     pub albedo: Vec<Vec4>,
     /// rgb: emitted radiance, of the environment if the pixel sees no surface; a: distance of the first surface along the view axis, or 0.
     pub emission: Vec<Vec4>,
-    /// Number of pixels that see a diffuse surface.
+    /// Number of pixels with a point: those that see a diffuse surface, or the ground.
     pub count: u32,
     /// Number of rays that ended at the limit of mirrors and glass.
     pub cut: u32,
@@ -88,16 +88,33 @@ impl GBuffer {
     /// Adds the environment to pixels that see no surface. `offset` is that of [`CameraPoints::see`].
     pub fn add_environment(&mut self, scene: &Scene, camera: &Camera, [width, height]: [u32; 2], offset: Vec2) {
         let Some(environment) = &scene.environment else { return };
-        let size = Vec2::new(width as f32, height as f32);
         let look = |(i, (emission, normal)): (usize, (&mut Vec4, &Vec4))| {
             if normal.truncate() == Vec3::ZERO {
-                let from_below = (Vec2::new((i % width as usize) as f32, (i / width as usize) as f32) + offset) / size;
-                let direction = camera.ray(Vec2::new(from_below.x, 1.0 - from_below.y), size.x / size.y);
-                *emission = environment.radiance(direction).extend(0.0);
+                *emission = environment.radiance(ray_of(i, camera, [width, height], offset)).extend(0.0);
             }
         };
         self.emission.par_iter_mut().zip(&self.normal).enumerate().for_each(look);
     }
+
+    /// Adds points of the ground to pixels that see no surface, with the same `offset`.
+    pub fn add_ground(&mut self, ground: &Ground, camera: &Camera, size: [u32; 2], offset: Vec2) {
+        let Self { position, normal, emission, .. } = self;
+        let look = |(i, ((position, normal), emission)): (usize, ((&mut Vec4, &mut Vec4), &Vec4))| {
+            let sees = emission.w == 0.0;
+            let met = sees.then(|| ground.met(camera.eye, ray_of(i, camera, size, offset))).flatten();
+            let Some(place) = met else { return 0 };
+            [*position, *normal] = ground.point(place);
+            1
+        };
+        self.count += position.par_iter_mut().zip(normal).zip(&*emission).enumerate().map(look).sum::<u32>();
+    }
+}
+
+/// The direction through pixel `i`, row by row from the bottom, at `offset` from its lower left corner.
+fn ray_of(i: usize, camera: &Camera, [width, height]: [u32; 2], offset: Vec2) -> Vec3 {
+    let size = Vec2::new(width as f32, height as f32);
+    let from_below = (Vec2::new((i % width as usize) as f32, (i / width as usize) as f32) + offset) / size;
+    camera.ray(Vec2::new(from_below.x, 1.0 - from_below.y), size.x / size.y)
 }
 
 /// Returns the matrix from unit space to clip space, and the distance of the near plane, which is too near to clip what a camera looks at.

@@ -4,6 +4,7 @@
 mod accumulator;
 mod camera;
 pub mod file;
+mod ground;
 mod interleave;
 mod lightmap;
 mod list;
@@ -12,6 +13,7 @@ mod vertices;
 
 pub use accumulator::Accumulator;
 pub use camera::{CameraPoints, GBuffer};
+pub use ground::Ground;
 pub use interleave::{Interleave, Subset};
 pub use lightmap::{LightMap, LightMapCounts, LightMapOptions, Mended, Resolution, UvSource};
 pub use list::{GatherPoint, PointList};

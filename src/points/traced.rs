@@ -8,8 +8,8 @@
 use glam::{Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
-use super::GBuffer;
 use super::list::octahedral_encode;
+use super::{GBuffer, Ground};
 use crate::random::{Random, Recurrence};
 use crate::scene::{Bvh, Camera, MOST_SPECULAR, Path, Scene, Split};
 
@@ -25,6 +25,8 @@ pub struct EyeRays<'a> {
     /// Width and height of the picture in pixels.
     pub size: [u32; 2],
     pub seed: u64,
+    /// Catches the shadow where a ray meets no surface.
+    pub ground: Option<Ground>,
 }
 
 /// One pixel of a [`GBuffer`].
@@ -75,6 +77,8 @@ impl EyeRays<'_> {
                 // Behind glass and mirrors, `emitted` has added the environment already.
                 if surfaces == 0 {
                     seen.emission = self.scene.miss_radiance(path.direction).extend(0.0);
+                    let place = self.ground.as_ref().and_then(|ground| Some((ground, ground.met(path.origin, path.direction)?)));
+                    [seen.position, seen.normal] = place.map_or([Vec4::ZERO; 2], |(ground, place)| ground.point(place));
                 }
                 break;
             };

@@ -30,7 +30,7 @@ impl RenderMerge {
     pub fn new(path: &Path, part: &Part) -> Result<Self> {
         part.check_version(path)?;
         let mut settings: Settings = Part::parse_value(path, &part.job["settings"])?;
-        settings.display.exposure = Part::parse_value(path, &part.state["exposure"])?;
+        settings.display = Part::parse_value(path, &part.state)?;
         let space = Part::parse_value(path, &part.job["space"])?;
         settings.validate().map_err(|_| Error::input(path, None, "damaged: its settings are out of range", "make it again"))?;
         Ok(Self { job: part.job.clone(), settings, space, film: FilmSum::default() })

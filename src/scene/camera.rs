@@ -1,10 +1,9 @@
-//! Cameras. [`WorldCamera::check`] refuses an unusable camera. [`Camera::framing`] makes a camera for a scene without one.
+//! Cameras. [`WorldCamera::check`] refuses an unusable camera. [`WorldCamera::framing`] makes a camera for a scene without one.
 
 use std::f32::consts::TAU;
 
-use glam::{DVec3, Mat3, Vec2, Vec3};
-
-use crate::math::Aabb;
+use glam::{DMat3, DQuat, DVec2, DVec3, Mat3, Vec2, Vec3};
+use serde::{Deserialize, Serialize};
 
 /// A pinhole camera, or a camera with a thin lens, in unit space.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -28,6 +27,15 @@ pub struct WorldCamera {
     pub lens: Option<Lens>,
 }
 
+/// The parts of a camera that replace those of another, in world space.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct CameraChange {
+    pub eye: Option<DVec3>,
+    pub target: Option<DVec3>,
+    pub up: Option<Vec3>,
+    pub fov_y_degrees: Option<f32>,
+}
+
 /// A thin lens, centred on the eye and perpendicular to the direction of view.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lens {
@@ -36,19 +44,12 @@ pub struct Lens {
     pub focus_distance: f32,
 }
 
+/// The margin around a framed model on each side, as a fraction of the picture's side.
+const MARGIN: f64 = 0.05;
+
 impl Camera {
     /// Default angle of view, in degrees.
     pub const DEFAULT_FOV_Y: f32 = 40.0;
-
-    /// Sees all of `bounds` from the front (+z), a little above and to the right.
-    pub fn framing(bounds: Aabb, size: [u32; 2]) -> Self {
-        let half_height = (Self::DEFAULT_FOV_Y / 2.0).to_radians();
-        let half_width = (half_height.tan() * size[0] as f32 / size[1] as f32).atan();
-        let distance = bounds.diagonal() / 2.0 / half_height.min(half_width).sin();
-        let target = bounds.center();
-        let eye = target + Vec3::new(0.35, 0.25, 1.0).normalize() * distance;
-        Self { eye, target, up: Vec3::Y, fov_y_degrees: Self::DEFAULT_FOV_Y, lens: None }
-    }
 
     /// The camera's axes as columns: right, up, and opposite to the direction of view.
     pub fn axes(self) -> Mat3 {
@@ -77,12 +78,55 @@ impl Camera {
 }
 
 impl WorldCamera {
-    /// As [`Camera::framing`], of the box between two corners.
-    pub fn framing([min, max]: [DVec3; 2], size: [u32; 2]) -> Self {
-        let center = 0.5 * (min + max);
-        let bounds = Aabb { min: (min - center).as_vec3(), max: (max - center).as_vec3() };
-        let Camera { eye, target, up, fov_y_degrees, lens } = Camera::framing(bounds, size);
-        Self { eye: center + eye.as_dvec3(), target: center + target.as_dvec3(), up, fov_y_degrees, lens }
+    /// The nearest camera that sees all `positions` with a margin, in a picture of `size`. It stands before their front (+z), a little above and to the
+    /// right. With another `up` than +y in `change`, the view is turned with it: a model with z up is seen from -y. Of `change` it takes the angle of view
+    /// too.
+    ///
+    /// The four planes of the view then touch the model, or two of them do and the others are equally far from it.
+    pub fn framing(positions: impl Iterator<Item = DVec3>, size: [u32; 2], change: &CameraChange) -> Self {
+        let up = change.up.unwrap_or(Vec3::Y);
+        // An unusable angle is refused later.
+        let usable = change.fov_y_degrees.filter(|degrees| *degrees > 0.0 && *degrees < 180.0);
+        let fov_y_degrees = usable.unwrap_or(Camera::DEFAULT_FOV_Y);
+        let upright = DQuat::from_rotation_arc(DVec3::Y, up.as_dvec3().try_normalize().unwrap_or(DVec3::Y));
+        let back = upright * DVec3::new(0.35, 0.25, 1.0).normalize();
+        let right = (upright * DVec3::Y).cross(back).normalize();
+        let axes = DMat3::from_cols(right, back.cross(right), back);
+        let half_height = (1.0 - 2.0 * MARGIN) * (0.5 * f64::from(fov_y_degrees).to_radians()).tan();
+        let slopes = DVec2::new(half_height * f64::from(size[0]) / f64::from(size[1]), half_height);
+
+        // How far each plane through the origin must move outwards to let all positions in, and how far they reach.
+        let [mut above, mut below] = [DVec2::NEG_INFINITY; 2];
+        let [mut near, mut far] = [f64::NEG_INFINITY, f64::INFINITY];
+        for position in positions {
+            let place = axes.transpose() * position;
+            above = above.max(place.truncate() + slopes * place.z);
+            below = below.max(slopes * place.z - place.truncate());
+            (near, far) = (near.max(place.z), far.min(place.z));
+        }
+        let distance = (0.5 * (above + below) / slopes).max_element();
+        let across = 0.5 * (above - below);
+        let eye = axes * across.extend(distance);
+        let target = axes * across.extend(0.5 * (near + far));
+        Self { eye, target, up, fov_y_degrees, lens: None }
+    }
+
+    /// The camera with the parts of `change`.
+    #[must_use]
+    pub fn changed(self, change: &CameraChange) -> Self {
+        Self {
+            eye: change.eye.unwrap_or(self.eye),
+            target: change.target.unwrap_or(self.target),
+            up: change.up.unwrap_or(self.up),
+            fov_y_degrees: change.fov_y_degrees.unwrap_or(self.fov_y_degrees),
+            ..self
+        }
+    }
+
+    /// The same camera where world space is unit space.
+    pub(super) fn in_own_space(self) -> Camera {
+        let Self { eye, target, up, fov_y_degrees, lens } = self;
+        Camera { eye: eye.as_vec3(), target: target.as_vec3(), up, fov_y_degrees, lens }
     }
 
     /// As [`Camera::axes`].

@@ -38,7 +38,7 @@ mod winding;
 mod world;
 
 pub use bvh::{Bvh, Hit, RAY_OFFSET};
-pub use camera::{Camera, Lens, WorldCamera};
+pub use camera::{Camera, CameraChange, Lens, WorldCamera};
 pub use flat_bvh::FlatBvh;
 pub(crate) use format::gltf;
 pub use format::{Files, LoadOptions, LoadReport, Loaded};
@@ -81,7 +81,8 @@ impl Scene {
 
     /// The scene's camera, or else one that sees the whole scene in a picture of `size`.
     pub fn camera(&self, size: [u32; 2]) -> Camera {
-        self.camera.unwrap_or_else(|| Camera::framing(self.mesh.bounds(), size))
+        let positions = || self.mesh.positions.iter().map(|position| position.as_dvec3());
+        self.camera.unwrap_or_else(|| WorldCamera::framing(positions(), size, &CameraChange::default()).in_own_space())
     }
 
     /// Radiance along a ray that hits no surface. The unit vector `direction` points along the ray.

@@ -7,7 +7,10 @@ use std::sync::Arc;
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 
 use super::mesh::has_area;
-use super::{Environment, Files, ImageTexture, Material, Mesh, Scene, Source, SourceLists, Triangle, UnitSpace, WorldCamera};
+use super::{
+    CameraChange, Environment, Files, ImageTexture, Material, Mesh, Scene, Source, SourceLists, Surface, Triangle, UnitSpace,
+    WorldCamera,
+};
 
 /// A world of meshes. Each mesh can be placed several times.
 ///
@@ -83,14 +86,39 @@ impl World {
 
     /// The first camera, or else one that sees the whole world in a picture of `size`.
     pub fn camera(&self, size: [u32; 2]) -> WorldCamera {
-        self.cameras.first().map_or_else(|| WorldCamera::framing(self.bounds(), size), |(_, camera)| *camera)
+        self.changed_camera(size, &CameraChange::default())
+    }
+
+    /// The same with the parts of `change`. A camera that sees the whole world looks at its middle if its eye is changed.
+    pub fn changed_camera(&self, size: [u32; 2], change: &CameraChange) -> WorldCamera {
+        if let Some((_, camera)) = self.cameras.first() {
+            return camera.changed(change);
+        }
+        let framing = WorldCamera::framing(self.positions(), size, change);
+        let [min, max] = self.bounds();
+        let target = if change.eye.is_some() { 0.5 * (min + max) } else { framing.target };
+        WorldCamera { target, ..framing }.changed(change)
+    }
+
+    fn positions(&self) -> impl Iterator<Item = DVec3> {
+        let positions = |instance: &'_ Instance| self.meshes[instance.mesh].positions.iter().map(placed(instance.transform));
+        self.instances.iter().flat_map(positions)
     }
 
     /// Minimum and maximum coordinates.
     pub fn bounds(&self) -> [DVec3; 2] {
-        let positions = |instance: &'_ Instance| self.meshes[instance.mesh].positions.iter().map(placed(instance.transform));
         let grow = |[min, max]: [DVec3; 2], position: DVec3| [min.min(position), max.max(position)];
-        self.instances.iter().flat_map(positions).fold([DVec3::INFINITY, DVec3::NEG_INFINITY], grow)
+        self.positions().fold([DVec3::INFINITY, DVec3::NEG_INFINITY], grow)
+    }
+
+    /// Makes all surfaces diffuse, in one light grey without textures and vertex colours. Lamps stay lamps.
+    pub fn clay(&mut self) {
+        const ALBEDO: Vec3 = Vec3::splat(0.8);
+        for material in &mut self.materials {
+            (material.albedo, material.albedo_texture, material.surface) = (ALBEDO, None, Surface::Diffuse);
+            material.unshaded.clear();
+        }
+        self.meshes.iter_mut().for_each(|mesh| mesh.colors.clear());
     }
 
     /// Joins all instances into one mesh in unit space, in f64 up to there. It drops duplicate triangles, and those too small for normals in f32.

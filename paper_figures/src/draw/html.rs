@@ -28,3 +28,8 @@ pub fn plot_in_page(svg: &str) -> String {
 pub fn note(text: &str) -> String {
     format!("<p class=\"note\">{text}</p>\n")
 }
+
+/// Plain text as HTML.
+pub fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
+}

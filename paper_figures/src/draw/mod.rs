@@ -4,6 +4,6 @@ mod html;
 mod numbers;
 pub mod plot;
 
-pub use html::{note, panel, plot_in_page, table};
-pub use numbers::{count, joined, percent, seconds, short, short_percent, whole};
-pub use plot::{Axis, Bar, Curve, Panel};
+pub use html::{escaped, note, panel, plot_in_page, table};
+pub use numbers::{count, joined, percent, seconds, several, short_percent};
+pub use plot::{Axis, Bar, Curve, Panel, Unit};

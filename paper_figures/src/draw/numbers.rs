@@ -15,15 +15,35 @@ pub fn short_percent(share: f64) -> String {
     format!("{percent:.digits$} %")
 }
 
-pub fn whole(number: f64) -> String {
-    format!("{number:.0}")
+/// A tick of an axis: with the digits that the step between ticks needs, or with its own, at most three that count. Large round ones are short,
+/// so that neighbours do not meet.
+pub fn tick_label(tick: f64, step: Option<f64>) -> String {
+    let digits = |number: f64| (-number.abs().log10() - 1e-9).ceil().max(0.0) as usize;
+    match step {
+        _ if tick != 0.0 && tick.abs() < 1e-4 => format!("{}e{}", trimmed(tick / power(tick), 3), power(tick).log10().round()),
+        _ if is_round(tick, 1e6) => trimmed(tick / 1e6, 1) + "M",
+        _ if tick.abs() >= 1e4 && is_round(tick, 1e3) => trimmed(tick / 1e3, 1) + "k",
+        Some(step) => format!("{tick:.0$}", digits(step)),
+        None if tick == 0.0 => "0".into(),
+        None => trimmed(tick, digits(tick) + 2),
+    }
 }
 
-/// As many digits as a number below 10 needs, down to ten-thousandths.
-pub fn short(number: f64) -> String {
-    let digits = if number > 0.0 { (-number.log10() - 1e-9).ceil().clamp(0.0, 4.0) as usize } else { 0 };
-    let digits = if number.fract() == 0.0 { digits } else { digits.max(1) };
-    format!("{number:.digits$}")
+/// Whether at least one `unit`, and in its tenths.
+fn is_round(number: f64, unit: f64) -> bool {
+    let tenths = 10.0 * number / unit;
+    tenths.abs() >= 10.0 && (tenths - tenths.round()).abs() < 1e-6
+}
+
+/// The power of ten below.
+fn power(number: f64) -> f64 {
+    10_f64.powf((number.abs().log10() + 1e-9).floor())
+}
+
+/// Without zeros at the end.
+fn trimmed(number: f64, digits: usize) -> String {
+    let text = format!("{number:.digits$}");
+    if digits == 0 { text } else { text.trim_end_matches('0').trim_end_matches('.').into() }
 }
 
 /// A number in millions, thousands or ones, short enough for a legend.
@@ -35,9 +55,14 @@ pub fn count(number: u32) -> String {
     }
 }
 
-/// With two or three digits.
+/// A number of things, such as "1 direction" or "8 directions".
+pub fn several(number: u32, thing: &str) -> String {
+    format!("{number} {thing}{}", if number == 1 { "" } else { "s" })
+}
+
+/// With two or three digits, down to milliseconds.
 pub fn seconds(seconds: f64) -> String {
-    let digits = [20.0, 2.0].into_iter().filter(|&limit| seconds < limit).count();
+    let digits = [20.0, 2.0, 0.02].into_iter().filter(|&limit| seconds < limit).count();
     format!("{seconds:.digits$} s")
 }
 

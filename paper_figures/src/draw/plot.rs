@@ -10,6 +10,7 @@ use plotters::prelude::*;
 pub use plotters::style::RGBColor;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
+use crate::draw::numbers::tick_label;
 use crate::figure::Result;
 
 type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
@@ -111,29 +112,44 @@ fn font(size: i32) -> TextStyle<'static> {
 #[derive(Clone, Default)]
 pub struct Axis {
     name: String,
-    label: Option<fn(f64) -> String>,
+    unit: Unit,
     log: bool,
     /// What it must reach, beside the values of curves.
     over: Vec<f64>,
     /// Chosen by [`Axis::fitted`], unless they are given.
     ticks: Vec<f64>,
+    /// Between ticks in even steps: their labels have as many digits as the step needs.
+    step: Option<f64>,
     range: [f64; 2],
+}
+
+/// How the ticks of an axis are written.
+#[derive(Clone, Copy, Default)]
+pub enum Unit {
+    #[default]
+    Number,
+    Percent,
 }
 
 impl Axis {
     /// Over 0 and the values, in about five even steps.
-    pub fn linear(name: &str, label: fn(f64) -> String) -> Self {
-        Self { name: name.into(), label: Some(label), ..Self::default() }
+    pub fn linear(name: &str, unit: Unit) -> Self {
+        Self { name: name.into(), unit, ..Self::default() }
     }
 
-    /// Over the positive values; ticks at 1, 2 and 5 of each decade, or at decades alone where there are many.
-    pub fn log(name: &str, label: fn(f64) -> String) -> Self {
-        Self { log: true, ..Self::linear(name, label) }
+    /// Over the positive values; ticks at 1, 2 and 5 of each decade, or at decades alone where there are many. A range with less than two
+    /// of these has even steps.
+    pub fn log(name: &str, unit: Unit) -> Self {
+        Self { log: true, ..Self::linear(name, unit) }
     }
 
     /// Logarithmic, over these ticks.
-    pub fn log_at<T: Into<f64>>(name: &str, label: fn(f64) -> String, ticks: impl IntoIterator<Item = T>) -> Self {
-        Self { ticks: ticks.into_iter().map(Into::into).collect(), ..Self::log(name, label) }
+    pub fn log_at<T: Into<f64>>(name: &str, unit: Unit, ticks: impl IntoIterator<Item = T>) -> Self {
+        let mut ticks: Vec<f64> = ticks.into_iter().map(Into::into).collect();
+        // Small scales make some of them equal.
+        ticks.sort_by(f64::total_cmp);
+        ticks.dedup();
+        Self { ticks, ..Self::log(name, unit) }
     }
 
     /// Reaches these values too.
@@ -143,43 +159,65 @@ impl Axis {
 
     /// With range and ticks.
     fn fitted(&self, values: impl Iterator<Item = f64>) -> Self {
-        let values = values.chain(self.over.iter().copied());
-        let (range, ticks) = if !self.ticks.is_empty() {
-            (log_range(self.ticks.iter().copied()), self.ticks.clone())
+        let values = values.chain(self.over.iter().copied()).filter(|value| value.is_finite());
+        let (range, ticks, step) = if !self.ticks.is_empty() {
+            (log_range(self.ticks.iter().copied()), self.ticks.clone(), None)
         } else if self.log {
             log_ticks(log_range(values))
         } else {
             linear_ticks(values)
         };
-        Self { range, ticks, ..self.clone() }
+        Self { range, ticks, step, ..self.clone() }
     }
 
     fn place(&self, value: f64) -> f64 {
         if self.log { value.log10() } else { value }
     }
+
+    fn label(&self, tick: f64) -> String {
+        match self.unit {
+            Unit::Number => tick_label(tick, self.step),
+            Unit::Percent => tick_label(100.0 * tick, self.step.map(|step| 100.0 * step)) + " %",
+        }
+    }
 }
 
-fn linear_ticks(values: impl Iterator<Item = f64>) -> ([f64; 2], Vec<f64>) {
-    let (least, most) = values.fold((0.0, 1e-12), |(least, most): (f64, f64), value| (least.min(value), most.max(value)));
-    let power = 10_f64.powf(((most - least) / 5.0).log10().floor());
-    let step = [1.0, 2.0, 5.0, 10.0].map(|step| step * power).into_iter().find(|step| step * 5.0 >= most - least);
-    let step = step.unwrap_or(power);
+/// Range, ticks, and the step between them where it is even.
+type Ticks = ([f64; 2], Vec<f64>, Option<f64>);
+
+/// 1, 2 or 5 times a power of ten, at least a fifth of `length`.
+fn even_step(length: f64) -> f64 {
+    let power = 10_f64.powf((length / 5.0).log10().floor());
+    [1.0, 2.0, 5.0].map(|step| step * power).into_iter().find(|step| step * 5.0 >= length).unwrap_or(10.0 * power)
+}
+
+fn linear_ticks(values: impl Iterator<Item = f64>) -> Ticks {
+    let (least, most) = values.fold((0.0_f64, 0.0_f64), |(least, most), value| (least.min(value), most.max(value)));
+    let most = if least == most { 1.0 } else { most };
+    let step = even_step(most - least);
     let (first, last) = ((least / step).floor() as i32, (most / step).ceil() as i32);
     let ticks: Vec<_> = (first..=last).map(|i| f64::from(i) * step).collect();
-    ([ticks[0], ticks[ticks.len() - 1]], ticks)
+    ([ticks[0], ticks[ticks.len() - 1]], ticks, Some(step))
 }
 
+/// One decade where no value is positive.
 fn log_range(values: impl Iterator<Item = f64>) -> [f64; 2] {
-    let positive = values.filter(|&value| value > 0.0 && value.is_finite());
+    let positive = values.filter(|&value| value > 0.0);
     let (least, most) = positive.fold((f64::INFINITY, 0.0_f64), |(least, most), value| (least.min(value), most.max(value)));
-    [least / 1.2, most * 1.2]
+    if most > 0.0 { [least / 1.2, most * 1.2] } else { [1.0, 10.0] }
 }
 
-fn log_ticks(range: [f64; 2]) -> ([f64; 2], Vec<f64>) {
+fn log_ticks(range: [f64; 2]) -> Ticks {
     let [first, last] = range.map(|end| end.log10().floor() as i32);
     let within = if last - first > 3 { &[1.0][..] } else { &[1.0, 2.0, 5.0] };
     let ticks = (first..=last).flat_map(|decade| within.iter().map(move |digit| digit * 10_f64.powi(decade)));
-    (range, ticks.filter(|tick| (range[0]..=range[1]).contains(tick)).collect())
+    let ticks: Vec<_> = ticks.filter(|tick| (range[0]..=range[1]).contains(tick)).collect();
+    if ticks.len() > 1 {
+        return (range, ticks, None);
+    }
+    let step = even_step(0.6 * (range[1] - range[0]));
+    let (first, last) = ((range[0] / step).ceil() as i32, (range[1] / step).floor() as i32);
+    (range, (first..=last).map(|i| f64::from(i) * step).collect(), Some(step))
 }
 
 impl Ranged for Axis {
@@ -188,7 +226,8 @@ impl Ranged for Axis {
 
     fn map(&self, value: &f64, pixels: (i32, i32)) -> i32 {
         let [from, to] = self.range.map(|end| self.place(end));
-        let share = (self.place(*value) - from) / (to - from);
+        // Far outside is outside, in numbers that a picture can hold.
+        let share = ((self.place(*value) - from) / (to - from)).clamp(-1.0, 2.0);
         pixels.0 + (share * f64::from(pixels.1 - pixels.0)).round() as i32
     }
 
@@ -207,7 +246,7 @@ impl ValueFormatter<f64> for Axis {
     }
 
     fn format_ext(&self, value: &f64) -> String {
-        self.label.map_or_else(|| value.to_string(), |label| label(*value))
+        self.label(*value)
     }
 }
 
@@ -327,4 +366,53 @@ fn named(legend: &Area, row: i32, name: &str) -> Result<i32> {
     let height = 12 + 24 * row;
     legend.draw(&Text::new(name.to_owned(), (34, height), font(15).pos(Pos::new(HPos::Left, VPos::Center))))?;
     Ok(height)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn labels(axis: &Axis, values: &[f64]) -> Vec<String> {
+        let fitted = axis.fitted(values.iter().copied());
+        fitted.ticks.iter().map(|&tick| fitted.label(tick)).collect()
+    }
+
+    #[test]
+    fn linear_ticks_have_the_digits_that_their_step_needs() {
+        let number = |values: &[f64]| labels(&Axis::linear("", Unit::Number), values);
+        assert_eq!(number(&[0.0041]), ["0.000", "0.001", "0.002", "0.003", "0.004", "0.005"]);
+        assert_eq!(number(&[0.3, 0.9]), ["0.0", "0.2", "0.4", "0.6", "0.8", "1.0"]);
+        assert_eq!(number(&[101.0]), ["0", "50", "100", "150"]);
+        assert_eq!(number(&[-3.0, 2e6]), ["-500k", "0", "500k", "1M", "1.5M", "2M"]);
+        assert_eq!(number(&[f64::NAN, f64::INFINITY]), ["0.0", "0.2", "0.4", "0.6", "0.8", "1.0"]);
+        let percent = labels(&Axis::linear("", Unit::Percent), &[0.0002]);
+        assert_eq!(percent, ["0.000 %", "0.005 %", "0.010 %", "0.015 %", "0.020 %"]);
+    }
+
+    #[test]
+    fn logarithmic_ticks_are_several_in_a_small_range_too() {
+        let number = |values: &[f64]| labels(&Axis::log("", Unit::Number), values);
+        assert_eq!(number(&[0.001, 0.011]), ["0.001", "0.002", "0.005", "0.01"]);
+        assert_eq!(number(&[0.01, 2e6]), ["0.01", "0.1", "1", "10", "100", "1000", "10k", "100k", "1M"]);
+        assert_eq!(number(&[0.0123, 0.0131]), ["0.011", "0.012", "0.013", "0.014", "0.015"]);
+        assert_eq!(number(&[3e-7]), ["2.6e-7", "2.8e-7", "3e-7", "3.2e-7", "3.4e-7", "3.6e-7"]);
+        assert_eq!(number(&[0.0, f64::NAN]), ["1", "2", "5", "10"]);
+        assert_eq!(labels(&Axis::log_at("", Unit::Number, [16_384.0, 20_000.0]), &[]), ["16384", "20k"]);
+        let ticks = Axis::log_at("", Unit::Percent, [0.0003, 0.001, 0.001, 0.03]);
+        assert_eq!(labels(&ticks, &[]), ["0.03 %", "0.1 %", "3 %"]);
+    }
+
+    #[test]
+    fn no_two_ticks_have_one_label() {
+        for exponent in -60..60 {
+            let value = 10_f64.powf(f64::from(exponent) / 7.0);
+            for axis in [Axis::linear("", Unit::Number), Axis::linear("", Unit::Percent), Axis::log("", Unit::Number)] {
+                let mut labels = labels(&axis, &[value, 1.07 * value]);
+                assert!(labels.len() > 1, "{value}: {labels:?}");
+                let all = labels.len();
+                labels.dedup();
+                assert_eq!(labels.len(), all, "{value}: {labels:?}");
+            }
+        }
+    }
 }

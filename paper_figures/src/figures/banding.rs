@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::draw::{Axis, Curve, Panel, plot, short_percent, whole};
+use crate::draw::{Axis, Curve, Panel, Unit, plot, several};
 use crate::figure::{Figure, Result, Task};
 use crate::lab::{Image, Measured, Pictures, Pipeline, Squares};
 
@@ -24,8 +24,11 @@ pub struct Parameters {
 #[derive(Serialize, Deserialize)]
 pub struct Banding {
     runs: Vec<Run>,
-    /// Along one row of the back wall, with [`Parameters::shown`] directions to a pixel.
+    /// Along one row of the back wall.
     profiles: Vec<Profile>,
+    /// To a pixel, of the profiles; fewer than [`Parameters::shown`] at a small scale.
+    #[serde(default)]
+    shown: Option<u32>,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -53,6 +56,7 @@ impl Figure for Banding {
     fn measure(parameters: &Parameters, task: &Task) -> Result<Self> {
         let pictures = Pictures::new()?;
         let (mut runs, mut profiles) = (Vec::new(), Vec::new());
+        let mut shown = None;
         for &interleave in &parameters.interleaves {
             let squares = interleave * interleave;
             let few = parameters.few.iter().map(|&count| (count, count * squares));
@@ -71,12 +75,13 @@ impl Figure for Banding {
                     correlated: pictures.correlated(&found.picture)?,
                 });
                 if per_pixel == parameters.shown {
+                    shown = Some(directions / squares);
                     profiles.push(profile(name(interleave), &found.picture, parameters)?);
                 }
             }
         }
         profiles.push(profile("path traced".into(), &pictures.path_traced, parameters)?);
-        Ok(Self { runs, profiles })
+        Ok(Self { runs, profiles, shown })
     }
 
     fn draw(&self, parameters: &Parameters) -> Result<String> {
@@ -92,9 +97,10 @@ impl Figure for Banding {
             Curve::new(&profile.name, color, (parameters.columns[0] as u32..).zip(profile.radiance.iter().copied()))
         };
         let profiles = self.profiles.iter().zip(colors).map(profile).collect();
-        let along = [Axis::linear("pixel", whole), Axis::linear("radiance, green", |radiance| format!("{radiance:.2}"))];
-        let axes = [Axis::log("directions to a pixel", whole), Axis::log("against path tracing", short_percent)];
-        let title = format!("A row of the back wall, {} directions to a pixel", parameters.shown);
+        let along = [Axis::linear("pixel", Unit::Number), Axis::linear("radiance, green", Unit::Number)];
+        let axes = [Axis::log("directions to a pixel", Unit::Number), Axis::log("against path tracing", Unit::Percent)];
+        let title =
+            format!("A row of the back wall, {} to a pixel", several(self.shown.unwrap_or(parameters.shown), "direction"));
         plot::svg([
             Panel::lines(430, "Relative RMSE of the Cornell box, 256 x 256", axes, errors),
             Panel::lines(430, title, along, profiles),

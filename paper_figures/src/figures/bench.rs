@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::draw::{Axis, Bar, Panel, percent, plot, whole};
+use crate::draw::{Axis, Bar, Panel, Unit, percent, plot};
 use crate::figure::{Figure, Result, Task};
 use crate::lab::{Bench, BenchPlan, CONTESTANTS, FUSED, Row, Settings, Where, cornell, gpu};
 
@@ -66,7 +66,7 @@ impl Figure for SideBySide {
             Bar { name: row.name.clone(), values: vec![(row.ms_per_sample, format!("{:.2}: {error}{rmse}", row.ms_per_sample))] }
         };
         let title = format!("Cornell box, {0} x {0}, {1} directions, {2}² layers", self.size, self.directions, self.layer_size);
-        let x = Axis::linear("ms for one sample at every point", whole);
+        let x = Axis::linear("ms for one sample at every point", Unit::Number);
         let bars = self.rows.iter().map(bar).collect();
         plot::svg([Panel::bars(130, title, x, 2.3, &[("ms a sample", plot::BLUE)], bars)])
     }

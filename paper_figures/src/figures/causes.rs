@@ -5,7 +5,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::draw::{Axis, Bar, Panel, count, percent, plot, short_percent};
+use crate::draw::{Axis, Bar, Panel, Unit, count, percent, plot};
 use crate::figure::{Figure, Result, Task};
 use crate::lab::{Image, LayerSize, Measured, Pictures, Pipeline, Settings};
 
@@ -103,6 +103,6 @@ impl Figure for Causes {
         let bars = self.runs.iter().map(bar).collect();
         let title = format!("Error of the Cornell box, 256 x 256, {} directions, one thing changed at a time", self.directions);
         let series = [("from path tracing", plot::BLUE), ("from the default run", plot::ORANGE)];
-        plot::svg([Panel::bars(120, title, Axis::linear("relative RMSE", short_percent), 1.0, &series, bars)])
+        plot::svg([Panel::bars(120, title, Axis::linear("relative RMSE", Unit::Percent), 1.0, &series, bars)])
     }
 }

@@ -85,7 +85,7 @@ impl Figure for PictureComparison {
         let directions = task.scale.of(parameters.directions, 8);
         let mut settings = pictures.settings(directions);
         (settings.film.size, settings.gather.pipeline) = ([size; 2], parameters.pipeline);
-        let exposure = settings.display.exposure;
+        let exposure = settings.display.exposure.given();
         let (picture, statistics) = pictures.render(&settings)?;
 
         let direct = sum_of(&picture, &["Direct", "Emission"])?;
@@ -165,7 +165,7 @@ impl Figure for PictureComparison {
             [stages.into_iter().chain([stages.iter().sum()]).map(seconds).collect()],
         );
         Ok(format!(
-            "<div class=\"panels\">\n{}</div>\n{crops}<p>{size} × {size} pixels, {} triangles, {} visible points, pipeline <code>{}</code>. \
+            "<div class=\"panels compare\">\n{}</div>\n{crops}<p>{size} × {size} pixels, {} triangles, {} visible points, pipeline <code>{}</code>. \
              Against path tracing at {compared} × {compared}, without lamps, two pixels around them and the worst 0.1 % of the others, {verdict}:</p>\n\
              {numbers}{times}",
             panels(&self.panels),

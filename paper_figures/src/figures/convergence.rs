@@ -10,7 +10,7 @@ use glam::{DVec3, DVec4};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
-use crate::draw::{Axis, Curve, Panel, plot, short_percent, whole};
+use crate::draw::{Axis, Curve, Panel, Unit, plot};
 use crate::figure::{Figure, Result, Task};
 use crate::lab::{Cornell, Estimator, Sequence, Settings, fit, relative_rmse};
 
@@ -104,8 +104,8 @@ impl Figure for Convergence {
         let closed_form = self.directions.iter().map(|&n| (n, (5.0 / 3.0 / f64::from(n)).sqrt()));
         let mut constant = curves(&self.constant);
         constant.push(Curve::new("√(5/3)/√N", plot::GREY, closed_form).faint(true));
-        let x = Axis::log_at("shared directions N", whole, self.directions.iter().copied());
-        let axes = [x, Axis::log("relative RMSE", short_percent)];
+        let x = Axis::log_at("shared directions N", Unit::Number, self.directions.iter().copied());
+        let axes = [x, Axis::log("relative RMSE", Unit::Percent)];
         let title = format!("Irradiance in the Cornell box, slopes fitted from N = {} to {}", self.fitted[0], self.fitted[1]);
         let title_of_constant = "The same where radiance is 1: self-normalised sums have no error";
         plot::svg([

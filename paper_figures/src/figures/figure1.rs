@@ -9,10 +9,11 @@
 use glam::{Vec2, vec2};
 use serde::Deserialize;
 use svg::Document;
-use svg::node::element::{Circle, Group, Line, Polygon, Polyline, Rectangle, Text, Title};
+use svg::node::element::{Group, Rectangle, Title};
 
 use crate::figure::{Figure, Result, Task};
-use crate::lab::{Look, Place, Point, Sight, Slice, Surface, Texel};
+use crate::figures::slices::{COLORS, INK, View, arrow, cross, dot, dotted, extent, is_apart, line, text};
+use crate::lab::{Look, Slice, Stage};
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -31,7 +32,11 @@ impl Figure for Slice {
 
     fn measure(parameters: &Parameters, _: &Task) -> Result<Self> {
         let Parameters { layer_size, depths, elevation_degrees, points } = parameters;
-        Slice::measure(*depths, *elevation_degrees, *layer_size, points)
+        let stage = Stage::new(*depths, *elevation_degrees)?;
+        let points = stage.points_at(points)?;
+        let slice = Slice::measure(&stage, *layer_size, &points)?;
+        slice.check(&stage.ends(&points))?;
+        Ok(slice)
     }
 
     fn draw(&self, _: &Parameters) -> Result<String> {
@@ -56,18 +61,12 @@ const STEPS: [&str; 2] = [
     "ahead of it. What it samples last is the nearest: its hit.",
 ];
 
-/// Far to near, in even steps of lightness, which any kind of colour vision can tell apart: plasma of S. van der Walt and N. Smith, without
-/// its brightest part.
-const COLORS: [&str; 6] = ["#f99a3e", "#e56b5d", "#c5407e", "#9410a2", "#5601a4", "#0d0887"];
-const INK: &str = "#222";
-const SOLID: &str = "#ececec";
-
 fn draw(figure: &Slice) -> Result<String> {
     let layers = figure.layers.len();
     if layers > COLORS.len() {
         return Err(format!("{layers} layers, and colours for {}", COLORS.len()).into());
     }
-    let extent = figure.surfaces.iter().flat_map(|surface| &surface.line).fold(Vec2::ZERO, |most, &place| most.max(place.into()));
+    let extent = extent(figure);
     let whole = View { figure, origin: vec2(0.5 * (WIDTH - SCALE * extent.x), 150.0 + SCALE * extent.y), scale: SCALE };
     let key = whole.origin.y + 75.0;
     let steps = key + 3.0 * LINE;
@@ -141,68 +140,7 @@ fn key(top: f32) -> Group {
         .add(name(culled, "behind a point: KILL"))
 }
 
-/// The section somewhere on the page.
-struct View<'a> {
-    figure: &'a Slice,
-    /// Of the section's (0, 0).
-    origin: Vec2,
-    /// Pixels to a unit.
-    scale: f32,
-}
-
 impl View<'_> {
-    fn at(&self, place: Place) -> Vec2 {
-        self.origin + self.step_of(place.into())
-    }
-
-    fn step_of(&self, step: Vec2) -> Vec2 {
-        self.scale * step * vec2(1.0, -1.0)
-    }
-
-    fn on_ray(&self, point: &Point, distance: f32) -> Vec2 {
-        self.at(point.place) + distance * self.step_of(self.figure.direction.into())
-    }
-
-    /// Which way is against a point's normal.
-    fn below(&self, point: &Point) -> Vec2 {
-        -self.step_of(point.normal.into()).normalize()
-    }
-
-    /// Solid bodies, and a hint of what their surfaces look like.
-    fn bodies(&self, width: f32) -> Group {
-        let outline =
-            |surface: &Surface| Polyline::new().set("points", corners(surface.line.iter().map(|&place| self.at(place))));
-        let bodies =
-            self.figure.surfaces.iter().fold(Group::new(), |group, surface| group.add(outline(surface).set("fill", SOLID)));
-        self.figure.surfaces.iter().fold(bodies, |group, surface| {
-            let [r, g, b] = surface.albedo.map(|share| (120.0 + 100.0 * share.powf(1.0 / 2.2)).round());
-            let line = outline(surface).set("fill", "none").set("stroke", format!("rgb({r},{g},{b})"));
-            group.add(line.set("stroke-width", width).set("stroke-linejoin", "round"))
-        })
-    }
-
-    /// The middles of columns, as far as there is something on them.
-    fn rays(&self) -> Group {
-        let group = Group::new().set("stroke", INK).set("stroke-width", 1).set("stroke-opacity", 0.15);
-        let beyond = 20.0 * self.step_of(self.figure.direction.into()).normalize();
-        (0..self.figure.rays.len()).fold(group, |group, column| {
-            let mut texels = self.figure.layers.iter().flatten().filter(|texel| texel.column == column);
-            let Some(far) = texels.next() else { return group };
-            let near = texels.next_back().unwrap_or(far);
-            group.add(line(self.at(near.center) - beyond, self.at(far.center) + beyond))
-        })
-    }
-
-    fn texel(&self, texel: &Texel, share: f32) -> Line {
-        let (center, half) = (self.at(texel.center), 0.5 * share * self.step_of(texel.step.into()));
-        line(center - half, center + half)
-    }
-
-    fn layer(&self, layer: usize, width: f32) -> Group {
-        let group = Group::new().set("stroke", COLORS[layer]).set("stroke-width", width);
-        self.figure.layers[layer].iter().fold(group, |group, texel| group.add(self.texel(texel, 0.86)))
-    }
-
     fn slice(&self) -> Group {
         let layers = self.figure.layers.len();
         let behind = Group::new().add(self.bodies(14.0)).add(self.rays());
@@ -274,49 +212,4 @@ impl View<'_> {
             .map(|(row, (says, names))| text(corner + vec2(0.0, 16.0 + LINE * f32::from(row)), &format!("{says}{names}")));
         lines.fold(group.add(swatch(corner + vec2(0.0, 16.0), layer, &format!("layer {}", layer + 1))), Group::add)
     }
-}
-
-/// Whether it is not the point's own surface.
-fn is_apart(sight: Sight) -> bool {
-    sight.distance.abs() > 1e-3
-}
-
-/// To a tenth of a pixel.
-fn pixels(length: f32) -> f32 {
-    (10.0 * length).round() / 10.0
-}
-
-fn corners(places: impl IntoIterator<Item = Vec2>) -> String {
-    let corner = |at: Vec2| format!("{},{}", pixels(at.x), pixels(at.y));
-    places.into_iter().map(corner).collect::<Vec<_>>().join(" ")
-}
-
-fn line(from: Vec2, to: Vec2) -> Line {
-    Line::new().set("x1", pixels(from.x)).set("y1", pixels(from.y)).set("x2", pixels(to.x)).set("y2", pixels(to.y))
-}
-
-fn dotted(from: Vec2, to: Vec2) -> Line {
-    line(from, to).set("stroke", INK).set("stroke-width", 1.5).set("stroke-dasharray", "2 5")
-}
-
-fn text(at: Vec2, content: &str) -> Text {
-    Text::new(content).set("x", pixels(at.x)).set("y", pixels(at.y))
-}
-
-fn dot(at: Vec2, radius: f32, fill: &str) -> Circle {
-    let circle = Circle::new().set("cx", pixels(at.x)).set("cy", pixels(at.y)).set("r", radius);
-    circle.set("fill", fill).set("stroke", INK).set("stroke-width", 2)
-}
-
-fn arrow(from: Vec2, to: Vec2, color: &str, width: f32) -> Group {
-    let along = (to - from).normalize_or_zero();
-    let (base, side) = (to - 4.0 * width * along, 1.8 * width * along.perp());
-    Group::new()
-        .add(line(from, base).set("stroke", color).set("stroke-width", width))
-        .add(Polygon::new().set("points", corners([to, base + side, base - side])).set("fill", color))
-}
-
-fn cross(at: Vec2, radius: f32) -> Group {
-    let [down, up] = [vec2(radius, radius), vec2(radius, -radius)].map(|arm| line(at - arm, at + arm));
-    Group::new().set("stroke", INK).set("stroke-width", 0.4 * radius).add(down).add(up)
 }

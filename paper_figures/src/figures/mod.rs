@@ -6,10 +6,12 @@ mod causes;
 pub mod comparison;
 mod convergence;
 mod figure1;
+mod four_steps;
 mod path_tracing;
 pub mod photon_grid;
 mod photon_maps;
 pub mod scaling;
+mod slices;
 pub mod stop_fraction;
 mod time_to_error;
 pub mod times;
@@ -17,8 +19,9 @@ pub mod times;
 use crate::figure::Kind;
 use crate::lab::Slice;
 
-pub const KINDS: [Kind; 13] = [
+pub const KINDS: [Kind; 14] = [
     Kind::of::<Slice>("layers_of_a_slice"),
+    Kind::of::<four_steps::FourSteps>("four_steps"),
     Kind::of::<comparison::PictureComparison>("comparison"),
     Kind::of::<times::Times>("times"),
     Kind::of::<convergence::Convergence>("convergence"),

@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
 
-use crate::draw::{Axis, Curve, Panel, plot, short, short_percent};
+use crate::draw::{Axis, Curve, Panel, Unit, plot};
 use crate::figure::{Figure, Result, Task};
 use crate::lab::{PathTracer, Pictures, Pipeline};
 
@@ -83,7 +83,7 @@ impl Figure for PathTracing {
         let points = |run: &Run| run.pictures.iter().map(|at| (at.seconds, at.relative_rmse)).collect::<Vec<_>>();
         let curves = self.runs.iter().map(|run| Curve::new(&run.name, plot::color(&run.name), points(run)));
         let title = format!("Error of the picture against time, {0} x {0}", self.size);
-        let axes = [Axis::log("seconds from the scene to the picture", short), Axis::log("relative RMSE", short_percent)];
+        let axes = [Axis::log("seconds from the scene to the picture", Unit::Number), Axis::log("relative RMSE", Unit::Percent)];
         plot::svg([Panel::lines(480, title, axes, curves.collect())])
     }
 }

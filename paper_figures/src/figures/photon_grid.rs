@@ -9,7 +9,7 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
-use crate::draw::{Axis, Curve, Panel, count, plot, short_percent, whole};
+use crate::draw::{Axis, Curve, Panel, Unit, count, plot};
 use crate::figure::{Figure, Result, Task};
 use crate::lab::{Cornell, PhotonGrid, Sequence, Settings, directions, look_up, mean};
 
@@ -56,10 +56,10 @@ pub struct Kind {
     pub grid_cells: u32,
     /// At surface points.
     pub seen: Errors,
-    /// At surface points within half a cell of where surfaces meet or end, and how many these are.
-    near_edges: Errors,
+    /// At surface points within half a cell of where surfaces meet or end, and how many these are. Null without such points.
+    near_edges: Option<Errors>,
     points_near_edges: usize,
-    elsewhere: Errors,
+    elsewhere: Option<Errors>,
     /// Of the indirect light of camera points.
     pub gathered: Errors,
 }
@@ -97,7 +97,10 @@ impl Figure for PhotonGridErrors {
         let truth_directions = scale.of(parameters.truth_directions, 256);
         let photons = scale.of(parameters.truth_photons, 1);
         let settings = |seed, cells| Settings::default().with(|s| (s.seed, s.photons.grid_cells) = (seed, cells));
-        let finest = cornell.photon_grid(&settings(u64::MAX, parameters.truth_grid_cells), 0..photons.into());
+        // Probes of the area take as long as cells are many, however few the photons.
+        let truth_cells = scale.of(parameters.truth_grid_cells, 32);
+        let grid_cells = &parameters.grid_cells[..scale.of(parameters.grid_cells.len() as u32, 3) as usize];
+        let finest = cornell.photon_grid(&settings(u64::MAX, truth_cells), 0..photons.into());
 
         let points = cornell.surface_points(scale.of(parameters.surface_points, 64));
         let indirect = cornell.gather(&finest, &points, &directions(Sequence::Sobol, u64::MAX, 0..truth_directions));
@@ -113,7 +116,7 @@ impl Figure for PhotonGridErrors {
         let truth = json!({
             "light_samples": light_samples,
             "directions": truth_directions,
-            "grid_cells": parameters.truth_grid_cells,
+            "grid_cells": truth_cells,
             "photons": photons,
             "mean_irradiance": mean(&seen),
             "mean_indirect": mean(&gathered),
@@ -130,38 +133,38 @@ impl Figure for PhotonGridErrors {
             moments
         };
         let to_edges = cornell.to_edges(&surface);
-        let kind = |photons: u32, grid_cells: u32| {
+        let of_all = |of: &Moments, truth: &[DVec3]| of.errors(truth, |_| true).ok_or("no point receives light");
+        let kind = |(photons, grid_cells): (u32, u32)| -> Result<Kind> {
             let grid = |seed| cornell.photon_grid(&settings(seed, grid_cells), 0..photons.into());
             let [of_seen, of_gathered] = moments(&grid);
             let half_cell = 0.5 * cornell.empty_grid(grid_cells).cell_size;
             let is_near = |i: usize| to_edges[i] < half_cell;
-            Kind {
+            Ok(Kind {
                 photons,
                 grid_cells,
-                seen: of_seen.errors(&seen, |_| true),
+                seen: of_all(&of_seen, &seen)?,
                 near_edges: of_seen.errors(&seen, is_near),
                 points_near_edges: (0..surface.len()).filter(|&i| is_near(i)).count(),
                 elsewhere: of_seen.errors(&seen, |i| !is_near(i)),
-                gathered: of_gathered.errors(&gathered, |_| true),
-            }
+                gathered: of_all(&of_gathered, &gathered)?,
+            })
         };
-        let probe = |&grid_cells: &u32| {
+        let probe = |&grid_cells: &u32| -> Result<Probes> {
             let photons = scale.of(parameters.probed_photons, 1);
             let traced = cornell.traced(&settings(Settings::default().seed, grid_cells), 0..photons.into());
             let again = |seed| cornell.probed(PhotonGrid { sums: traced.sums.clone(), ..traced }, seed);
             let [of_seen, of_gathered] = moments(&again);
-            let [seen, gathered] =
-                [(of_seen, &seen), (of_gathered, &gathered)].map(|(of, truth)| of.errors(truth, |_| true).noise);
-            Probes { photons, grid_cells, seen, gathered }
+            let (seen, gathered) = (of_all(&of_seen, &seen)?.noise, of_all(&of_gathered, &gathered)?.noise);
+            Ok(Probes { photons, grid_cells, seen, gathered })
         };
-        let of_photons = |&photons: &u32| parameters.grid_cells.iter().map(move |&cells| (scale.of(photons, 1), cells));
-        let kinds = parameters.photons.iter().flat_map(of_photons).map(|(photons, cells)| kind(photons, cells)).collect();
-        let probes = parameters.grid_cells.iter().map(probe).collect();
+        let of_photons = |&photons: &u32| grid_cells.iter().map(move |&cells| (scale.of(photons, 1), cells));
+        let kinds = parameters.photons.iter().flat_map(of_photons).map(kind).collect::<Result<_>>()?;
+        let probes = grid_cells.iter().map(probe).collect::<Result<_>>()?;
         let (surface_points, camera_points, directions) = (surface.len(), camera.len(), vectors.len() as u32);
         Ok(Self { truth, surface_points, camera_points, directions, maps, kinds, probes })
     }
 
-    fn draw(&self, parameters: &Parameters) -> Result<String> {
+    fn draw(&self, _: &Parameters) -> Result<String> {
         let by_photons = || self.kinds.chunk_by(|a, b| a.photons == b.photons);
         let most = by_photons().last().unwrap_or_default();
         let bias_and_noise = |of: fn(&Kind) -> &Errors, of_probes: fn(&Probes) -> f64| {
@@ -173,15 +176,16 @@ impl Figure for PhotonGridErrors {
             let probes = Curve::new("noise of area probes alone", plot::PURPLE, points).faint(true);
             [bias].into_iter().chain(noise).chain([probes]).collect::<Vec<_>>()
         };
+        let mean_bias = |errors: Option<&Errors>| errors.map_or(f64::NAN, |errors| errors.mean_bias);
         let at_edges = vec![
-            curve("within half a cell of an edge", plot::PURPLE, most, &|kind| kind.near_edges.mean_bias),
-            curve("elsewhere", plot::SKY, most, &|kind| kind.elsewhere.mean_bias),
+            curve("within half a cell of an edge", plot::PURPLE, most, &|kind| mean_bias(kind.near_edges.as_ref())),
+            curve("elsewhere", plot::SKY, most, &|kind| mean_bias(kind.elsewhere.as_ref())),
         ];
-        let x = Axis::log_at("grid cells along the longest side", whole, parameters.grid_cells.iter().copied());
-        let rms = [x.clone(), Axis::log("RMS over points", short_percent)];
+        let x = Axis::log_at("grid cells along the longest side", Unit::Number, most.iter().map(|kind| kind.grid_cells));
+        let rms = [x.clone(), Axis::log("RMS over points", Unit::Percent)];
         let seen = bias_and_noise(|kind| &kind.seen, |probes| probes.seen);
         let gathered = bias_and_noise(|kind| &kind.gathered, |probes| probes.gathered);
-        let difference = [x, Axis::linear("mean difference", short_percent)];
+        let difference = [x, Axis::linear("mean difference", Unit::Percent)];
         plot::svg([
             Panel::lines(400, "The map, looked at directly", rms.clone(), seen),
             Panel::lines(400, "After the gather", rms, gathered),
@@ -214,8 +218,8 @@ impl Moments {
         }
     }
 
-    /// Over the points that `counted` tells by their numbers.
-    fn errors(&self, truth: &[DVec3], counted: impl Fn(usize) -> bool) -> Errors {
+    /// Over the points that `counted` tells by their numbers; `None` where it tells none, or none that light reaches.
+    fn errors(&self, truth: &[DVec3], counted: impl Fn(usize) -> bool) -> Option<Errors> {
         let [mut off, mut squares_off, mut variances, mut true_values] = [const { Vec::new() }; 4];
         for i in (0..truth.len()).filter(|&i| counted(i)) {
             let average = self.sum[i] / self.maps;
@@ -227,10 +231,10 @@ impl Moments {
         let (level, variance) = (mean(&true_values), mean(&variances));
         let left = variance / self.maps;
         let bias = (mean(&squares_off) - left).max(0.0).sqrt();
-        Errors {
+        (level > 0.0).then(|| Errors {
             mean_bias: mean(&off) / level,
             bias: (bias >= 0.5 * left.sqrt()).then_some(bias / level),
             noise: variance.sqrt() / level,
-        }
+        })
     }
 }

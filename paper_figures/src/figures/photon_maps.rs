@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::draw::{panel, percent, table};
+use crate::draw::{panel, percent, several, table};
 use crate::figure::{Figure, Format, Result, Task};
 use crate::lab::{Image, PhotonMapKind, Pictures, Pipeline, WriteOptions, sum_of};
 
@@ -28,6 +28,9 @@ struct View {
 #[derive(Serialize, Deserialize)]
 pub struct PhotonMaps {
     directions: u32,
+    photons: u64,
+    /// Side of the squares of pixels whose means are compared.
+    square: usize,
     rows: Vec<Row>,
 }
 
@@ -50,14 +53,16 @@ impl Figure for PhotonMaps {
 
     fn measure(parameters: &Parameters, task: &Task) -> Result<Self> {
         let directions = task.scale.of(parameters.directions, 8);
-        let mut rows = Vec::new();
+        let (mut rows, mut photons, mut square) = (Vec::new(), 0, 0);
         for View { name, scene, reference, exposure } in &parameters.views {
             let pictures = Pictures::of(scene, reference)?;
+            let mut settings = pictures.of_scene();
+            photons = task.scale.of(settings.photons.count as u32, 10_000).into();
+            (settings.directions.count, settings.gather.pipeline, settings.photons.count) =
+                (directions, parameters.pipeline, photons);
             for map in [PhotonMapKind::Grid, PhotonMapKind::Surface] {
-                let settings = pictures.of_scene().with(|s| {
-                    (s.directions.count, s.gather.pipeline, s.photons.map) = (directions, parameters.pipeline, map);
-                });
-                let picture = pictures.render(&settings)?.0;
+                let picture = pictures.render(&settings.with(|s| s.photons.map = map))?.0;
+                square = picture.width / pictures.path_traced.width;
                 let error = pictures.against_path_tracing(&picture)?;
                 let write = |part: &str, picture| -> Result<String> {
                     let (file, path) = task.picture_file(&format!("{name}-{}-{part}", label(map)));
@@ -74,7 +79,7 @@ impl Figure for PhotonMaps {
                 });
             }
         }
-        Ok(Self { directions, rows })
+        Ok(Self { directions, photons, square, rows })
     }
 
     fn draw(&self, _: &Parameters) -> Result<String> {
@@ -84,10 +89,13 @@ impl Figure for PhotonMaps {
         };
         let row = |row: &Row| vec![row.view.clone(), label(row.map).into(), percent(row.bias), percent(row.relative_rmse)];
         Ok(format!(
-            "<div class=\"panels\">\n{}</div>\n<p>{} directions, exact rays. Means of 8 x 8 pixels against path tracing, without lamps:</p>\n{}",
+            "<div class=\"panels\">\n{}</div>\n<p>{}, {} photons, exact rays. Means of {4} x {4} pixels against path tracing, without \
+             lamps:</p>\n{}",
             self.rows.iter().map(panels).collect::<String>(),
-            self.directions,
+            several(self.directions, "direction"),
+            self.photons,
             table(&["view", "photon map", "bias", "relative RMSE"], self.rows.iter().map(row)),
+            self.square,
         ))
     }
 }

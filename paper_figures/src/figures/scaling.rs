@@ -7,7 +7,7 @@ use std::collections::BTreeSet;
 
 use serde::{Deserialize, Serialize};
 
-use crate::draw::{Axis, Curve, Panel, plot, short, whole};
+use crate::draw::{Axis, Curve, Panel, Unit, plot};
 use crate::figure::{Figure, Result, Task};
 use crate::lab::{
     Bench, BenchPlan, CONTESTANTS, Contestant, FUSED, Gpu, LayerSize, Row, Scene, Settings, Where, cornell, crossing, gpu, hills,
@@ -37,7 +37,7 @@ pub struct Scaling {
 pub struct Series {
     /// What grows.
     pub of: String,
-    /// What stays, in words.
+    /// The scene.
     fixed: String,
     /// Seconds of the fastest round, beyond which a contestant is left out of larger steps.
     budget: f64,
@@ -122,22 +122,22 @@ impl Figure for Scaling {
 
         let Parameters { directions, sides, layer_sizes, triangles, layers, crossover_sides } = parameters;
         let mut found = vec![
-            series("directions".into(), "Cornell box, 2^14 points", directions, 12.0, &all, &|directions| {
+            series("directions".into(), "Cornell box", directions, 12.0, &all, &|directions| {
                 // Long rounds average by themselves.
                 Setup { rounds: if directions < 1000 { 3 } else { 1 }, ..in_box(128, directions) }
             })?,
             series("points".into(), "Cornell box", sides, 4.0, &all, &|side| {
                 in_box(side, if side > 1000 { few / 2 } else { few })
             })?,
-            series("layer size".into(), "Cornell box, 2^16 points", layer_sizes, 4.0, &all, &|size| {
+            series("layer size".into(), "Cornell box", layer_sizes, 4.0, &all, &|size| {
                 let mut setup = in_box(256, few);
                 setup.settings.gather.layer_size = LayerSize::Texels(size);
                 setup
             })?,
-            series("triangles".into(), "room with hills, 2^18 points", triangles, 4.0, &all, &|triangles| {
+            series("triangles".into(), "room with hills", triangles, 4.0, &all, &|triangles| {
                 setup(hills(triangles), 512, few / 2)
             })?,
-            series("depth complexity".into(), "pile of plates, 2^18 points on them", layers, 4.0, &all, &|layers| {
+            series("depth complexity".into(), "pile of plates", layers, 4.0, &all, &|layers| {
                 let scene = plates(layers);
                 let triangles: Vec<_> = (0..scene.mesh.triangles.len()).collect();
                 let points = Where::Points(points_on(&scene, 1 << 18, true, &triangles));
@@ -145,8 +145,7 @@ impl Figure for Scaling {
             })?,
         ];
         for &side in crossover_sides {
-            let fixed = format!("room with hills, {side} x {side} points");
-            found.push(series("triangles".into(), &fixed, triangles, 8.0, &fused_and_rays, &|triangles| {
+            found.push(series("triangles".into(), "room with hills", triangles, 8.0, &fused_and_rays, &|triangles| {
                 setup(hills(triangles), side, few / 2)
             })?);
         }
@@ -210,6 +209,16 @@ impl Series {
         self.steps.iter().flat_map(|step| RAYS.into_iter().filter_map(move |rays| duel(step, rays))).collect()
     }
 
+    /// With the points that were measured, unless they are what grows.
+    fn scene_and_points(&self) -> String {
+        let points = || self.steps.iter().map(|step| step.points);
+        match points().min().zip(points().max()) {
+            Some((least, most)) if self.of != "points" && least == most => format!("{}, {most} points", self.fixed),
+            Some((least, most)) if self.of != "points" => format!("{}, {least} to {most} points", self.fixed),
+            _ => self.fixed.clone(),
+        }
+    }
+
     fn panel(&self) -> Panel {
         let by_directions = self.of == "directions";
         let mut names: Vec<&str> = Vec::new();
@@ -232,13 +241,13 @@ impl Series {
             of => of,
         };
         let x = if self.steps.len() > 4 && self.of == "layer size" || self.of == "depth complexity" {
-            Axis::log_at(name, whole, self.steps.iter().map(|step| step.at))
+            Axis::log_at(name, Unit::Number, self.steps.iter().map(|step| step.at))
         } else {
-            Axis::log(name, whole)
+            Axis::log(name, Unit::Number)
         };
-        let y = Axis::log(if by_directions { "seconds" } else { "ms a sample" }, short);
+        let y = Axis::log(if by_directions { "seconds" } else { "ms a sample" }, Unit::Number);
         let what = if by_directions { "Time of all directions" } else { "Time of one sample at every point" };
-        Panel::lines(390, format!("{what}: {}", self.fixed), [x, y], names.into_iter().map(curve).collect())
+        Panel::lines(390, format!("{what}: {}", self.scene_and_points()), [x, y], names.into_iter().map(curve).collect())
     }
 }
 
@@ -292,8 +301,8 @@ impl Scaling {
         };
         // The axes reach what was measured, because there may be no crossover at all.
         let grid = || self.series.iter().filter(|series| series.of == "triangles").flat_map(|series| &series.steps);
-        let triangles = Axis::log("triangles", whole).over(grid().map(|step| step.triangles as f64));
-        let points = Axis::log("points", whole).over(grid().map(|step| step.points.into()));
+        let triangles = Axis::log("triangles", Unit::Number).over(grid().map(|step| step.triangles as f64));
+        let points = Axis::log("points", Unit::Number).over(grid().map(|step| step.points.into()));
         let title = "Crossover: fused is faster above, rays below";
         Panel::lines(390, title, [triangles, points], RAYS.map(curve).into())
     }

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::draw::{Axis, Curve, Panel, percent, plot, short_percent, whole};
+use crate::draw::{Axis, Curve, Panel, Unit, percent, plot, seconds};
 use crate::figure::{Figure, Result, Task};
 use crate::lab::{Measured, Pictures, Pipeline};
 
@@ -55,15 +55,15 @@ impl Figure for StopFraction {
             curve("bias, absolute", plot::ORANGE, percent, |run| run.measured.bias.abs()),
         ];
         let layers = vec![curve("layers", plot::GREEN, |layers| format!("{layers:.2}"), |run| run.layers_mean)];
-        let times = vec![curve("gather", plot::BLUE, |seconds| format!("{seconds:.1} s"), |run| run.measured.gather_seconds)];
+        let times = vec![curve("gather", plot::BLUE, seconds, |run| run.measured.gather_seconds)];
         let fractions = self.runs.iter().map(|run| run.stop_fraction).filter(|&fraction| fraction > 0.0);
-        let x = Axis::log_at("stop fraction", short_percent, fractions);
+        let x = Axis::log_at("stop fraction", Unit::Percent, fractions);
         let title = format!("Error of the Cornell box, 256 x 256, {} directions", self.directions);
         let axes = |y| [x.clone(), y];
         plot::svg([
-            Panel::lines(420, title, axes(Axis::log("against path tracing", short_percent)), errors),
-            Panel::lines(340, "Layers peeled", axes(Axis::linear("layers a direction", whole)), layers),
-            Panel::lines(340, "Time of the gather", axes(Axis::linear("seconds", whole)), times),
+            Panel::lines(420, title, axes(Axis::log("against path tracing", Unit::Percent)), errors),
+            Panel::lines(340, "Layers peeled", axes(Axis::linear("layers a direction", Unit::Number)), layers),
+            Panel::lines(340, "Time of the gather", axes(Axis::linear("seconds", Unit::Number)), times),
         ])
     }
 }

@@ -4,7 +4,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::draw::{Axis, Bar, Curve, Panel, plot, short, short_percent};
+use crate::draw::{Axis, Bar, Curve, Panel, Unit, plot, short_percent};
 use crate::figure::{Figure, Result, Task};
 use crate::lab::{Bench, BenchPlan, CONTESTANTS, Contestant, Cornell, Deviation, Settings, Where, crossing, gpu};
 
@@ -110,10 +110,10 @@ impl Figure for TimeToError {
         let bars = self.runs.iter().map(bar).collect();
         let title = format!("Error of irradiance against time, Cornell box, {0} x {0}", self.size);
         let title_of_bars = format!("Time to {} of error", short_percent(self.goal));
-        let axes = [Axis::log("seconds of gathering", short), Axis::log("relative RMSE", short_percent).over([self.goal])];
+        let axes = [Axis::log("seconds of gathering", Unit::Number), Axis::log("relative RMSE", Unit::Percent).over([self.goal])];
         plot::svg([
             Panel::lines(420, title, axes, curves.collect()),
-            Panel::bars(140, title_of_bars, Axis::linear("seconds", short), 1.6, &[("seconds", plot::BLUE)], bars),
+            Panel::bars(140, title_of_bars, Axis::linear("seconds", Unit::Number), 1.6, &[("seconds", plot::BLUE)], bars),
         ])
     }
 }

@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
 
-use crate::draw::{Axis, Curve, Panel, percent, plot, plot_in_page, seconds, table, whole};
+use crate::draw::{Axis, Curve, Panel, Unit, percent, plot, plot_in_page, seconds, table};
 use crate::figure::{Figure, Format, Result, Task};
 use crate::lab::{Machine, Pictures, Pipeline, Stages};
 
@@ -173,7 +173,7 @@ impl Times {
         let mut curves: Vec<_> = self.pictures.iter().enumerate().flat_map(of_picture).collect();
         let poster = self.pictures.iter().map(|OfPicture { declared, .. }| (declared.directions, declared.poster_gather));
         curves.push(Curve::new("the poster", plot::GREY, [(0, 0.0)].into_iter().chain(poster)).faint(true));
-        let axes = [Axis::linear("directions", whole), Axis::linear("seconds of gathering", whole)];
+        let axes = [Axis::linear("directions", Unit::Number), Axis::linear("seconds of gathering", Unit::Number)];
         plot::svg([Panel::lines(520, format!("Time against directions, {0} x {0}", self.size), axes, curves)])
     }
 }

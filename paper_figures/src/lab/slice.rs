@@ -87,21 +87,64 @@ impl Point {
     }
 }
 
-impl Slice {
-    /// Peels layers down to the first that is empty in the slice, and lets the points sample each by KILL. `depths` are where the slice
-    /// leaves the walls on the left and on the right, as shares of the box's depth from the near side.
-    pub fn measure(depths: [f32; 2], elevation_degrees: f32, layer_size: u32, looks: &[Look]) -> Result<Self> {
+/// The Cornell box with a vertical plane through it and a direction in the plane.
+pub struct Stage {
+    pub scene: Scene,
+    pub bvh: Bvh,
+    plane: Plane,
+    /// The direction, in the slice and in space.
+    flat: Vec2,
+    pub vector: Vec3,
+}
+
+impl Stage {
+    /// `depths` are where the slice leaves the walls on the left and on the right, as shares of the box's depth from the near side.
+    pub fn new(depths: [f32; 2], elevation_degrees: f32) -> Result<Self> {
         let mut scene = cornell()?;
         // The lamp hangs a tenth of a millimetre below the ceiling: two layers that no drawing can tell apart.
         let Scene { mesh, materials, .. } = &mut scene;
         mesh.triangles.retain(|triangle| !materials[triangle.material as usize].is_emissive());
-        let (bvh, gpu) = (Bvh::new(mesh), gpu()?);
         let plane = Plane::of(mesh, depths);
-        let direction = Vec2::from_angle(elevation_degrees.to_radians());
-        let vector = plane.vector(direction);
-        let points = looks.iter().map(|&look| plane.look(mesh, &bvh, look)).collect::<Result<Vec<_>>>()?;
-        let geometry = Geometry::upload(&gpu, &scene)?;
-        let (bundle, row) = plane.bundle(vector, &geometry.positions, layer_size);
+        let flat = Vec2::from_angle(elevation_degrees.to_radians());
+        Ok(Self { bvh: Bvh::new(mesh), vector: plane.vector(flat), flat, plane, scene })
+    }
+
+    pub fn points_at(&self, looks: &[Look]) -> Result<Vec<GatherPoint>> {
+        looks.iter().map(|&look| self.plane.look(&self.scene.mesh, &self.bvh, look)).collect()
+    }
+
+    /// In the slice, at even distances on the fronts of all surfaces that are not enclosed.
+    pub fn points_every(&self, distance: f32) -> Vec<GatherPoint> {
+        let mesh = &self.scene.mesh;
+        let of_triangle = |triangle| {
+            let [a, b] = self.plane.cut(mesh.corners(triangle))?;
+            let count = (a.distance(b) / distance).round();
+            let place = move |i: u32| a.lerp(b, (i as f32 + 0.5) / count);
+            let point = move |i| GatherPoint::flat(self.plane.position(place(i)), mesh.geometric_normal(triangle));
+            Some((0..count as u32).map(point))
+        };
+        let is_open = |point: &GatherPoint| {
+            let above = self.bvh.nearest(point.position + RAY_OFFSET * point.normal, point.normal, None);
+            above.is_none_or(|hit| mesh.geometric_normal(hit.triangle).dot(point.normal) < 0.0 && hit.distance > 0.01)
+        };
+        (0..mesh.triangles.len()).filter_map(of_triangle).flatten().filter(is_open).collect()
+    }
+
+    /// How far ahead the exact ray of each point ends; `None` for points that face away from the direction.
+    pub fn ends(&self, points: &[GatherPoint]) -> Vec<Option<f32>> {
+        let hit = |point: &GatherPoint| self.bvh.nearest(point.position + RAY_OFFSET * point.normal, self.vector, None);
+        let end = |point: &GatherPoint| (point.cosine(self.vector) > 0.0).then(|| hit(point)).flatten();
+        points.iter().map(|point| end(point).map(|hit| hit.distance)).collect()
+    }
+}
+
+impl Slice {
+    /// Peels layers down to the first that is empty in the slice, and lets points in it sample each by KILL.
+    pub fn measure(stage: &Stage, layer_size: u32, points: &[GatherPoint]) -> Result<Self> {
+        let Stage { scene, plane, flat, vector, .. } = stage;
+        let gpu = gpu()?;
+        let geometry = Geometry::upload(&gpu, scene)?;
+        let (bundle, row) = plane.bundle(*vector, &geometry.positions, layer_size);
 
         let from_layer = bundle.to_layer.inverse();
         let in_layer = |x: f32, depth: f32| from_layer.transform_point3(vec3(x, row as f32 + 0.5, depth));
@@ -119,14 +162,14 @@ impl Slice {
         let ray = |column| [0.0, 1.0].map(|depth| plane.place(in_layer(column as f32 + 0.5, depth)).into());
         let mut slice = Self {
             layer_size,
-            direction: plane.flat(vector).into(),
-            surfaces: plane.surfaces(&scene),
+            direction: (*flat).into(),
+            surfaces: plane.surfaces(scene),
             rays: (0..layer_size).map(ray).collect(),
             layers: Vec::new(),
             points: points.iter().map(point).collect(),
         };
 
-        let list = PointList::upload(&gpu, &points)?;
+        let list = PointList::upload(&gpu, points)?;
         let (mut peel, kill) = (Peel::new(&gpu, layer_size)?, Kill::new(&gpu, list.points().size())?);
         let size = layer_size as usize;
         peel.start();
@@ -153,20 +196,23 @@ impl Slice {
             slice.layers.push(texels.iter().enumerate().filter(|(_, texel)| texel.w > 0.0).map(texel).collect());
         }
         gpu.check("sampling layers")?;
-        let ray_of = |point: &GatherPoint| bvh.nearest(point.position + RAY_OFFSET * point.normal, vector, None);
-        let exact: Vec<_> = points.iter().map(|point| ray_of(point).map(|hit| hit.distance)).collect();
-        slice.check(&exact, in_layer(1.0, 0.0).distance(in_layer(0.0, 0.0)))?;
         Ok(slice)
     }
 
     /// Fails unless each point's last sample is where its ray ends, to a hundredth of a texel's width: the point evaluates the texel's plane
-    /// on its own ray, so that only rounding is left.
-    fn check(&self, exact: &[Option<f32>], texel: f32) -> Result<()> {
-        for (point, &exact) in self.points.iter().zip(exact) {
-            let hit = point.hit();
-            let off = hit.zip(exact).map_or(f32::INFINITY, |(hit, exact)| (hit - exact).abs());
-            if off > 0.01 * texel {
-                return Err(format!("the point at {:?} samples {hit:?}, and its ray ends at {exact:?}", point.place).into());
+    /// on its own ray, so that only rounding is left, unless the texel's centre sees another surface.
+    pub fn check(&self, ends: &[Option<f32>]) -> Result<()> {
+        let [first, second] = [0, 1].map(|column| Vec2::from(self.rays[column][0]));
+        let limit = 0.01 * first.distance(second);
+        for (point, &end) in self.points.iter().zip(ends) {
+            let is_there = match (point.hit(), end) {
+                (Some(hit), Some(end)) => (hit - end).abs() <= limit,
+                (hit, end) => hit == end,
+            };
+            if !is_there {
+                return Err(
+                    format!("the point at {:?} samples {:?}, and its ray ends at {end:?}", point.place, point.hit()).into()
+                );
             }
         }
         Ok(())
@@ -197,6 +243,10 @@ impl Plane {
 
     fn flat(&self, vector: Vec3) -> Vec2 {
         vec2(vector.dot(self.right), vector.y)
+    }
+
+    fn position(&self, place: Vec2) -> Vec3 {
+        self.origin + self.vector(place)
     }
 
     fn place(&self, position: Vec3) -> Vec2 {
@@ -265,14 +315,17 @@ mod tests {
         file["parameters"][name].clone().try_into().unwrap()
     }
 
-    fn figure() -> Slice {
+    /// And where exact rays end.
+    fn figure() -> (Slice, Vec<Option<f32>>) {
         let looks: Vec<Look> = declared("points");
-        Slice::measure(declared("depths"), declared("elevation_degrees"), declared("layer_size"), &looks).unwrap()
+        let stage = Stage::new(declared("depths"), declared("elevation_degrees")).unwrap();
+        let points = stage.points_at(&looks).unwrap();
+        (Slice::measure(&stage, declared("layer_size"), &points).unwrap(), stage.ends(&points))
     }
 
     #[test]
     fn layers_come_far_to_near_and_points_sample_those_ahead() {
-        let figure = figure();
+        let (figure, _) = figure();
         let along = |place: Place| Vec2::from(place).dot(figure.direction.into());
         for column in 0..figure.layer_size as usize {
             let texels: Vec<_> = figure.layers.iter().flatten().filter(|texel| texel.column == column).collect();
@@ -289,11 +342,23 @@ mod tests {
 
     #[test]
     fn a_hit_off_its_ray_is_an_error() {
-        let figure = figure();
-        let exact: Vec<_> = figure.points.iter().map(Point::hit).collect();
-        assert!(figure.check(&exact, 0.04).is_ok());
-        let moved: Vec<_> = exact.iter().map(|hit| hit.map(|hit| hit + 0.001)).collect();
-        assert!(figure.check(&moved, 0.04).is_err());
-        assert!(figure.check(&vec![None; exact.len()], 0.04).is_err());
+        let (figure, ends) = figure();
+        assert!(figure.check(&ends).is_ok());
+        let moved: Vec<_> = ends.iter().map(|end| end.map(|end| end + 0.001)).collect();
+        assert!(figure.check(&moved).is_err());
+        assert!(figure.check(&vec![None; ends.len()]).is_err());
+    }
+
+    #[test]
+    fn points_spread_over_open_surfaces_alone() {
+        let stage = Stage::new(declared("depths"), declared("elevation_degrees")).unwrap();
+        let points = stage.points_every(0.1);
+        assert!(points.len() > 20, "{}", points.len());
+        for point in &points {
+            // Nothing is above a side of a block that looks out of the open box.
+            let above = stage.bvh.nearest(point.position + RAY_OFFSET * point.normal, point.normal, None);
+            let normal = above.map(|hit| stage.scene.mesh.geometric_normal(hit.triangle));
+            assert!(normal.is_none_or(|normal| normal.dot(point.normal) < 0.0), "{point:?} is under a block");
+        }
     }
 }

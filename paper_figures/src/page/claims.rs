@@ -5,7 +5,7 @@ use serde::Deserialize;
 
 use crate::document::Document;
 use crate::draw::{joined, percent, seconds, table};
-use crate::figure::{Figure, Result};
+use crate::figure::{Figure, Result, Scale};
 use crate::figures::bench::SideBySide;
 use crate::figures::comparison::PictureComparison;
 use crate::figures::photon_grid::PhotonGridErrors;
@@ -42,6 +42,11 @@ enum Verdict {
     Holds,
     InPart,
     DoesNotHold,
+    /// Measured at less than full scale.
+    NotAtThisScale,
+    /// A measurement is missing.
+    NotMeasured,
+    /// No figure measures it.
     NotJudged,
 }
 
@@ -56,6 +61,8 @@ impl Verdict {
             Self::Holds => ("holds", "holds"),
             Self::InPart => ("part", "in part"),
             Self::DoesNotHold => ("not", "does not hold"),
+            Self::NotAtThisScale => ("unknown", "not judged at this scale"),
+            Self::NotMeasured => ("unknown", "not judged: not measured"),
             Self::NotJudged => ("unknown", "not judged"),
         }
     }
@@ -98,10 +105,11 @@ fn find(measure: &str, run: &mut Evidence) -> Option<(Vec<String>, Verdict)> {
             let error = run.of::<PictureComparison>("figure2")?.error;
             let grid: PhotonGridErrors = run.of("photon_grid")?;
             let PhotonSettings { grid_cells, count, .. } = PhotonSettings::default();
-            let kind = grid.kinds.iter().find(|kind| kind.grid_cells == grid_cells && u64::from(kind.photons) == count)?;
+            let count = run.scale("photon_grid")?.of(count as u32, 1);
+            let kind = grid.kinds.iter().find(|kind| (kind.grid_cells, kind.photons) == (grid_cells, count))?;
             let (seen, gathered) = (kind.seen.noise, kind.gathered.noise);
             let values = [error.photon_map, error.relative_rmse, seen, gathered].map(percent);
-            (values.to_vec(), error.holds? && gathered < seen)
+            (values.to_vec(), error.holds.unwrap_or(false) && gathered < seen)
         }
         // Of a picture of the poster, the error is judged. The times are of other hardware.
         "figure2" | "figure3" => {
@@ -112,7 +120,7 @@ fn find(measure: &str, run: &mut Evidence) -> Option<(Vec<String>, Verdict)> {
                 format!("{} (gather {}) by <code>{}</code>", seconds(run.total), seconds(run.stages.gather), run.pipeline)
             };
             let times: Vec<_> = times.pictures.iter().find(is_it)?.runs.iter().map(of).collect();
-            (vec![percent(error.relative_rmse), percent(error.bias), times.join(", ")], error.holds?)
+            (vec![percent(error.relative_rmse), percent(error.bias), times.join(", ")], error.holds.unwrap_or(false))
         }
         "linear" => {
             let times: Times = run.of("times")?;
@@ -144,11 +152,14 @@ fn find(measure: &str, run: &mut Evidence) -> Option<(Vec<String>, Verdict)> {
                 steps.iter().rev().find_map(|step: &Step| Some((step, step.against("raycast-gl")?)))
             };
             let ((points, at_points), (triangles, at_triangles)) = (most("points")?, most("triangles")?);
-            let millions = format!("{:.1}", f64::from(points.points) / 1e6);
+            let points = match points.points {
+                few @ ..1_000_000 => few.to_string(),
+                many => format!("{:.1} million", f64::from(many) / 1e6),
+            };
             let [fused_text, at_points_text] = [fused, at_points].map(|share| format!("{share:.2}"));
             let [kill_text, at_triangles_text] = [kill, at_triangles].map(|share| format!("{share:.1}"));
             let triangles = triangles.triangles.to_string();
-            let values = vec![fused_text, at_points_text, millions, kill_text, triangles, at_triangles_text];
+            let values = vec![fused_text, at_points_text, points, kill_text, triangles, at_triangles_text];
             let always = [kill, fused, at_triangles].into_iter().all(|share| share < 1.0);
             if !always && (fused < 1.0 || at_points < 1.0) {
                 return Some((values, Verdict::InPart));
@@ -166,6 +177,10 @@ impl Evidence<'_> {
         let document = self.documents.iter().find(|document| document.figure == figure)?;
         self.whole &= document.scale.is_whole();
         document.data()
+    }
+
+    fn scale(&self, figure: &str) -> Option<Scale> {
+        self.documents.iter().find(|document| document.figure == figure).map(|document| document.scale)
     }
 
     /// A contestant's row of the bench.
@@ -202,10 +217,10 @@ impl Claim {
         let Some(measure) = &self.measure else { return (self.text.clone(), Verdict::NotJudged) };
         let mut evidence = Evidence { documents, whole: true };
         let Some((values, verdict)) = find(measure, &mut evidence) else {
-            return ("The run lacks a measurement of full scale that this needs.".into(), Verdict::NotJudged);
+            return ("The run lacks a measurement that this needs.".into(), Verdict::NotMeasured);
         };
         let text = values.iter().fold(self.text.clone(), |text, value| text.replacen("{}", value, 1));
-        if evidence.whole { (text, verdict) } else { (text + " (At less than full scale.)", Verdict::NotJudged) }
+        (text, if evidence.whole { verdict } else { Verdict::NotAtThisScale })
     }
 }
 
@@ -228,7 +243,6 @@ mod tests {
     use serde_json::Value;
 
     use super::*;
-    use crate::figure::Scale;
     use crate::lab::in_repository;
 
     /// Of a recorded run: names of series, rows and pictures are those that the figures write.
@@ -246,17 +260,26 @@ mod tests {
     fn a_whole_run_judges_each_claim_that_a_figure_measures() {
         for claim in Claim::all().unwrap() {
             let (text, verdict) = claim.judged(&recorded());
-            assert_eq!(claim.measure.is_some(), verdict != Verdict::NotJudged, "{text}");
+            let judged = [Verdict::Holds, Verdict::InPart, Verdict::DoesNotHold].contains(&verdict);
+            assert_eq!(claim.measure.is_some(), judged, "{text}");
             assert!(!text.contains('{'), "{text}");
         }
-        assert_eq!(verdicts(&[]), [Verdict::NotJudged; 12]);
+        let unmeasured = |claim: &Claim| if claim.measure.is_some() { Verdict::NotMeasured } else { Verdict::NotJudged };
+        assert_eq!(verdicts(&[]), Claim::all().unwrap().iter().map(unmeasured).collect::<Vec<_>>());
     }
 
     #[test]
-    fn a_run_at_less_than_full_scale_judges_nothing() {
+    fn a_run_at_less_than_full_scale_judges_nothing_but_shows_its_values() {
         let mut documents = recorded();
         documents.iter_mut().for_each(|document| document.scale = Scale(0.5));
-        assert_eq!(verdicts(&documents), [Verdict::NotJudged; 12]);
+        for claim in Claim::all().unwrap().iter().filter(|claim| claim.measure.is_some()) {
+            let (text, verdict) = claim.judged(&documents);
+            // Half the photons are in no recorded map.
+            let expected =
+                if claim.measure.as_deref() == Some("photon map") { Verdict::NotMeasured } else { Verdict::NotAtThisScale };
+            assert_eq!(verdict, expected, "{text}");
+            assert!(expected == Verdict::NotMeasured || text.contains(|c: char| c.is_ascii_digit()), "{text}");
+        }
     }
 
     /// Makes all measurements alike, and errors larger and larger.

@@ -153,6 +153,9 @@ pub fn run(mut args: BakeArgs) -> Result<u8> {
     if args.per == Per::Source && !receivers.contains(&ReceiverKind::Vertices) {
         report::say("warning: --per has no effect here; it is for --to vertices");
     }
+    if args.overrides.view.is_given() && !receivers.contains(&ReceiverKind::Camera) {
+        report::say("warning: --eye, --target, --fov and --up have no effect here; they are for --to camera");
+    }
     let plan = Plan { what, order, gather_bounces, ao_distance, radiance_cache, memory: Plan::MEMORY };
     let resolution = args.texels_per_unit.map_or(Resolution::Pixels(args.resolution), Resolution::TexelsPerUnit);
     let light_map = LightMapOptions { resolution, uvs, padding, samples_per_texel };

@@ -11,7 +11,7 @@ use finalgather::scene::Loaded;
 use finalgather::settings::{LayerSize, Squares};
 use serde_json::{Value, json};
 
-use crate::args::{DeviceArgs, SceneArgs, auto_or, count, size};
+use crate::args::{CameraArgs, DeviceArgs, SceneArgs, auto_or, count, size};
 use crate::report;
 use crate::terminal::Terminal;
 
@@ -59,6 +59,9 @@ pub struct BenchArgs {
     json: bool,
 
     #[command(flatten)]
+    view: CameraArgs,
+
+    #[command(flatten)]
     device: DeviceArgs,
 }
 
@@ -66,7 +69,9 @@ pub struct BenchArgs {
 pub fn run(args: &BenchArgs) -> Result<u8> {
     let mut terminal = Terminal::new(Vec::new())?;
     let file = args.scene.clone().map_or_else(default_scene, Ok)?;
-    let Loaded { world, mut settings, report } = args.files.scene(&file)?.load(true)?;
+    let mut request = args.view.choose(args.files.scene(&file)?)?;
+    request.settings.insert("size".to_owned(), json!(args.size));
+    let Loaded { world, mut settings, report } = request.load(true)?;
     report.warnings.iter().for_each(|warning| terminal.say(&format!("warning: {warning}")));
     // A round has few directions. But its layers must be as large as in a render.
     settings.gather.layer_size = args.layer_size.unwrap_or(settings.gather.layer_size);

@@ -3,8 +3,8 @@
 use std::path::PathBuf;
 
 use finalgather::error::Result;
+use finalgather::settings::{Background, DisplaySettings, Exposure};
 
-use crate::args::stops;
 use crate::terminal::Terminal;
 
 /// Merge the parts of a sharded job, to the same bits as one run
@@ -22,11 +22,19 @@ pub struct MergeArgs {
     outputs: Vec<String>,
 
     /// Exposure of .png in stops [default: the job's]
-    #[arg(long, value_name = "EV", value_parser = stops)]
-    exposure: Option<f32>,
+    #[arg(long, value_name = "auto|EV", value_parser = str::parse::<Exposure>)]
+    exposure: Option<Exposure>,
+
+    /// What a .png shows where there is no surface: environment, transparent, #rrggbb, or linear r,g,b from 0 to 1 [default: the job's]
+    #[arg(long, value_name = "WHAT", value_parser = str::parse::<Background>)]
+    background: Option<Background>,
 }
 
 /// Returns the exit code.
 pub fn run(args: &MergeArgs) -> Result<u8> {
-    finalgather::job::merge(&args.parts, &args.outputs, args.exposure, &mut Terminal::new(Vec::new())?).map(|()| 0)
+    let change = |display: &mut DisplaySettings| {
+        display.exposure = args.exposure.unwrap_or(display.exposure);
+        display.background = args.background.unwrap_or(display.background);
+    };
+    finalgather::job::merge(&args.parts, &args.outputs, change, &mut Terminal::new(Vec::new())?).map(|()| 0)
 }

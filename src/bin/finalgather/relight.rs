@@ -10,7 +10,7 @@ use finalgather::image::{self, Channel, Image, WriteOptions};
 use finalgather::job::{SceneRequest, check_kept};
 use finalgather::points::Vertices;
 use finalgather::scene::{Bvh, Environment, Loaded, Mesh, Scene};
-use finalgather::settings::Settings;
+use finalgather::settings::{Exposure, Settings};
 use glam::{DVec3, Vec2, Vec3};
 use rayon::prelude::*;
 
@@ -97,12 +97,13 @@ pub fn run(args: &RelightArgs) -> Result<u8> {
     if model.as_ref().is_some_and(|model| export::is_of(&args.transfer, model.world()) == Some(false)) {
         return Err(Error::input(&args.transfer, None, "transfer of other points than the scene's vertices", CURE));
     }
-    let options = WriteOptions { exposure: args.exposure, metadata: None };
+    let options = WriteOptions { exposure: args.exposure, ..WriteOptions::default() };
     for path in &args.outputs {
         match (&model, ending(path)) {
             (Some(model), "png" | "exr") => {
                 let size = args.size.unwrap_or(model.loaded.settings.film.size);
-                let settings = Settings::default().with(|s| (s.film.size, s.display.exposure) = (size, args.exposure));
+                let exposure = Exposure::Stops(args.exposure);
+                let settings = Settings::default().with(|s| (s.film.size, s.display.exposure) = (size, exposure));
                 settings.validate()?;
                 model.picture(&irradiance, &environment, size).write(path, &options)?;
             }

@@ -80,8 +80,8 @@ pub fn run(args: &RenderArgs) -> Result<u8> {
 mod tests {
     use clap::Parser;
     use finalgather::settings::{
-        DirectionSettings, DisplaySettings, Estimator, FilmSettings, GatherSettings, LayerSize, PhotonMapKind, PhotonSettings,
-        Pipeline, PointSource, Sequence, Settings, Squares,
+        Background, DirectionSettings, DisplaySettings, Estimator, Exposure, FilmSettings, GatherSettings, LayerSize,
+        PhotonMapKind, PhotonSettings, Pipeline, PointSource, Sequence, Settings, Squares,
     };
 
     use super::*;
@@ -107,10 +107,10 @@ mod tests {
         assert_eq!(settings("render a.toml", &scene), scene);
         let all = "render a.toml --size 3x4 --directions 5 --layer-size 6 --points traced --pipeline raycast-gl --photons 1e2 \
                    --photon-depth 8 --estimator plain --sequence sobol --interleave 4 --seed 9 --stop-fraction 0.5 --target-error 0.25 \
-                   --exposure -1.5 --photon-map grid";
+                   --exposure -1.5 --photon-map grid --background #ff0000 --ground on";
         let expected = Settings {
             seed: 9,
-            film: FilmSettings { size: [3, 4], points: PointSource::Traced, interleave: Squares::Pixels(4) },
+            film: FilmSettings { size: [3, 4], points: PointSource::Traced, interleave: Squares::Pixels(4), ground: true },
             directions: DirectionSettings {
                 count: 5,
                 sequence: Sequence::Sobol,
@@ -119,7 +119,7 @@ mod tests {
             },
             gather: GatherSettings { pipeline: Pipeline::RaycastGl, layer_size: LayerSize::Texels(6), stop_fraction: 0.5 },
             photons: PhotonSettings { count: 100, depth: 8, map: PhotonMapKind::Grid, ..scene.photons },
-            display: DisplaySettings { exposure: -1.5 },
+            display: DisplaySettings { exposure: Exposure::Stops(-1.5), background: Background::Color([1.0, 0.0, 0.0]) },
             ..scene
         };
         assert_eq!(settings(all, &scene), expected);

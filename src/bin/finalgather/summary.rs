@@ -1,6 +1,7 @@
 //! The line at the end of a job: what was made, how well, and where the time went.
 
 use finalgather::job::{JobReport, TaskReport};
+use finalgather::settings::Exposure;
 
 use crate::report;
 
@@ -10,10 +11,12 @@ const LEAST_SECONDS: f64 = 0.05;
 /// For example `box.png: 512x512, 214355 points, 1000 directions, error 1.1 %, 12.3 s (photons 1.0, gather 7.9), 2 warnings`.
 pub fn line(job: &JobReport) -> String {
     let mut facts = match &job.task {
-        TaskReport::Render { gather, error, .. } => {
+        TaskReport::Render { gather, error, exposure, .. } => {
             let [width, height] = job.settings.film.size;
             let mut facts = vec![format!("{width}x{height}"), counted(gather.points as usize, "point")];
             facts.push(counted(gather.directions as usize, "direction"));
+            let automatic = exposure.filter(|_| job.settings.display.exposure == Exposure::Auto);
+            facts.extend(automatic.map(|stops| format!("exposure {stops:+.2}")));
             facts.extend(error.map(|error| format!("error {:.2} %", 100.0 * error)));
             facts
         }

@@ -59,7 +59,7 @@ pub fn write_lightmap(path: &Path, lightmap: &Lightmap, options: &WriteOptions) 
         maps.irradiance = Some((file.texture("irradiance", &linear), intensity));
         maps.shown = Some(file.texture(LIT, &Lightmap::shown_png(irradiance, options.exposure)?));
     }
-    if let Some(png) = lightmap.openness_png()? {
+    if let Some(png) = lightmap.openness_png(std::convert::identity)? {
         maps.openness = Some(file.texture("occlusion", &png));
     }
     file.add_maps(&lightmap.surface, &maps, options.exposure);

@@ -66,7 +66,7 @@ impl Default for LightMapOptions {
 
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Resolution {
-    /// Width of the map. The height is the same, but an atlas ends with its last chart.
+    /// Width and height of the map.
     Pixels(u32),
     /// Texels for each unit of length of the mesh. For texels for each world unit, multiply by the world
     /// [length](crate::scene::UnitSpace::length_to_world) of 1.

@@ -4,7 +4,9 @@
 //!
 //! minimise W |A x|² + |x - x₀|²,
 //!
-//! by conjugate gradients on (1 + W AᵀA) d = -W AᵀA x₀ with x = x₀ + d.
+//! by conjugate gradients on (1 + W AᵀA) d = -W AᵀA x₀ with x = x₀ + d. Texels stay between the least and the greatest gathered value: filtering
+//! extrapolates where a seam lies beside the centres of texels, and openness above 1 or light below 0 would follow. Texels that would leave that range
+//! are held at its end, and the others are solved for again.
 
 use glam::{DVec2, Vec2, dvec2};
 
@@ -18,6 +20,9 @@ const PLACES: f64 = 3.0;
 
 /// The solver ends when the residual is this fraction of the first.
 const SETTLED: f64 = 1e-4;
+
+/// Most times that the equations are solved. Each holds the texels that left the range. What leaves it in the last one ends at its end too.
+const ROUNDS: usize = 8;
 
 /// A row of A: the texels that bilinear filtering reads on both sides of a place, with the weights of the difference.
 type SeamEquation = [(u32, f64); 8];
@@ -57,17 +62,49 @@ impl Seams {
     /// Changes the texels along seams in one channel. Returns sums over all places of the squared step before and after, and the squared value.
     pub fn close(&self, plane: &mut [f32]) -> [f64; 3] {
         let start: Vec<f64> = self.texels.iter().map(|&texel| plane[texel as usize].into()).collect();
-        let mut change = vec![0.0; start.len()];
-        let mut residual: Vec<f64> = self.normal(&start).iter().map(|step| -WEIGHT * step).collect();
+        let [least, most] = [(f64::INFINITY, f64::min as fn(f64, f64) -> f64), (f64::NEG_INFINITY, f64::max)]
+            .map(|(none, of)| start.iter().copied().fold(none, of));
+        let mut end = start.clone();
+        let mut held = vec![false; start.len()];
+        for _ in 0..ROUNDS {
+            self.solve(&start, &mut end, &held);
+            let mut leaves = false;
+            for (value, held) in end.iter_mut().zip(&mut held) {
+                let inside = value.clamp(least, most);
+                *held |= inside != *value;
+                leaves |= inside != *value;
+                *value = inside;
+            }
+            if !leaves {
+                break;
+            }
+        }
+        for (&texel, &value) in self.texels.iter().zip(&end) {
+            plane[texel as usize] = value as f32;
+        }
+        let steps = |values: &[f64]| self.rows.iter().map(|row| step(row, values).powi(2)).sum();
+        let side = |row: &SeamEquation| row[..4].iter().map(|&(texel, weight)| weight * start[texel as usize]).sum::<f64>();
+        [steps(&start), steps(&end), self.rows.iter().map(|row| side(row).powi(2)).sum()]
+    }
+
+    /// Changes all values that are not held to the minimum.
+    fn solve(&self, start: &[f64], values: &mut [f64], held: &[bool]) {
+        let free = |mut all: Vec<f64>| {
+            all.iter_mut().zip(held).filter(|(_, held)| **held).for_each(|(value, _)| *value = 0.0);
+            all
+        };
+        let downhill = |((step, value), start): ((&f64, &f64), &f64)| start - value - WEIGHT * step;
+        let mut residual = free(self.normal(values).iter().zip(&*values).zip(start).map(downhill).collect());
         let mut direction = residual.clone();
         let first = dot(&residual, &residual);
         let mut square = first;
         while square > SETTLED * SETTLED * first {
-            let ahead: Vec<f64> = self.normal(&direction).iter().zip(&direction).map(|(step, d)| d + WEIGHT * step).collect();
+            let ahead = self.normal(&direction).into_iter().zip(&direction).map(|(step, d)| d + WEIGHT * step);
+            let ahead = free(ahead.collect());
             let length = square / dot(&direction, &ahead);
             let before = square;
-            for ((change, residual), (d, ahead)) in change.iter_mut().zip(&mut residual).zip(direction.iter().zip(&ahead)) {
-                *change += length * d;
+            for ((value, residual), (d, ahead)) in values.iter_mut().zip(&mut residual).zip(direction.iter().zip(&ahead)) {
+                *value += length * d;
                 *residual -= length * ahead;
             }
             square = dot(&residual, &residual);
@@ -75,13 +112,6 @@ impl Seams {
                 *d = residual + square / before * *d;
             }
         }
-        let end: Vec<f64> = start.iter().zip(&change).map(|(start, change)| start + change).collect();
-        for (&texel, &value) in self.texels.iter().zip(&end) {
-            plane[texel as usize] = value as f32;
-        }
-        let steps = |values: &[f64]| self.rows.iter().map(|row| step(row, values).powi(2)).sum();
-        let side = |row: &SeamEquation| row[..4].iter().map(|&(texel, weight)| weight * start[texel as usize]).sum::<f64>();
-        [steps(&start), steps(&end), self.rows.iter().map(|row| side(row).powi(2)).sum()]
     }
 
     /// AᵀA x.

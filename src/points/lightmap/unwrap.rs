@@ -108,9 +108,16 @@ pub fn atlas(&UnwrapInput { mesh, welded, cuts, .. }: &UnwrapInput, options: &Li
         let charts = atlas.chart_count;
         return Err(Error::usage(format!("{charts} charts with their padding do not fit into one map of this size"), cure));
     }
+    // The atlas ends with its last chart. A map of so many texels is square all the same, as engines want it.
+    let size = match options.resolution {
+        Resolution::Pixels(side) => [side; 2],
+        Resolution::TexelsPerUnit(_) => [atlas.width, atlas.height],
+    };
+    let share = Vec2::new(atlas.width as f32, atlas.height as f32) / Vec2::from(size.map(|side| side as f32));
     let output = &atlas.meshes[0];
-    let uvs = output.indices.chunks_exact(3).map(|corners| [0, 1, 2].map(|k| output.vertices[corners[k] as usize].uv.into()));
-    Ok(UvLayout { uvs: uvs.collect(), size: [atlas.width, atlas.height] })
+    let uv = |corner: u32| share * Vec2::from(output.vertices[corner as usize].uv);
+    let uvs = output.indices.chunks_exact(3).map(|corners| [0, 1, 2].map(|k| uv(corners[k])));
+    Ok(UvLayout { uvs: uvs.collect(), size })
 }
 
 /// The error that the mesh's own coordinates are not usable.

@@ -15,7 +15,7 @@ use super::texture::Textures;
 use super::{Environment, Material, Mesh, UnitSpace, World};
 use crate::error::{Error, Result};
 use crate::file::{MOST_BYTES, explained};
-use crate::settings::Settings;
+use crate::settings::{Background, DisplaySettings, Exposure, Settings};
 
 mod files;
 pub mod gltf;
@@ -76,6 +76,8 @@ pub struct LoadOptions {
     pub scene: Option<String>,
     /// Swaps the fronts and backs of all surfaces, as [`Mesh::turn`](super::Mesh::turn) does. A scene file can ask for it too.
     pub flip: bool,
+    /// Gives all surfaces the same grey, see [`World::clay`].
+    pub clay: bool,
     pub files: Files,
     /// The bytes of the scene file or model itself, if they are not to be read from its path.
     pub bytes: Option<Vec<u8>>,
@@ -176,7 +178,7 @@ impl<'a> Loader<'a> {
     /// Reads a scene file or a model. The world has no textures yet.
     fn load(&mut self, path: &Path, options: &LoadOptions) -> Result<(World, Settings)> {
         let ending = path.extension().unwrap_or_default();
-        let (mut world, settings) = match format_of(path) {
+        let (mut world, mut settings) = match format_of(path) {
             _ if ending.eq_ignore_ascii_case("toml") => toml::load(self, path)?,
             Some(load) => (self.model(load, path)?, Settings::default()),
             None => return Err(Error::input(path, None, "not a kind of scene that can be read", "give it the ending of one")),
@@ -191,10 +193,18 @@ impl<'a> Loader<'a> {
         if self.flip {
             world.flip();
         }
+        if options.clay {
+            world.clay();
+        }
         world.environment = self.environment.take();
         self.check(&world);
         if !options.unlit && world.is_dark() {
             self.light(&mut world, path, options)?;
+            if !ending.eq_ignore_ascii_case("toml") {
+                // Nobody has said how the model should look.
+                settings.display = DisplaySettings { exposure: Exposure::Auto, background: Background::Transparent };
+                settings.film.ground = true;
+            }
         }
         Ok((world, settings))
     }

@@ -10,14 +10,18 @@ use finalgather::blocks::Shard;
 use finalgather::error::{Error, Result};
 use finalgather::gpu::{Backend, DeviceChoice};
 use finalgather::job::{DeviceRequest, Keeping, SceneRequest};
-use finalgather::settings::{Estimator, LayerSize, PhotonMapKind, Pipeline, PointSource, Sequence, Squares};
+use finalgather::scene::CameraChange;
+use finalgather::settings::{
+    Background, Estimator, Exposure, LayerSize, PhotonMapKind, Pipeline, PointSource, Sequence, Squares,
+};
+use glam::DVec3;
 use serde::Serialize;
 use serde_json::Value;
 
 use crate::streams::{self, STREAM};
 
+use values::{OrAuto, name, number, or_auto, setting, switch, vector};
 pub use values::{auto_or, checked, count, named, side, size, stops};
-use values::{name, number, setting};
 
 /// The source of OpenGL.
 #[derive(Clone, Copy, Debug, clap::Args)]
@@ -97,8 +101,24 @@ pub struct Overrides {
     #[arg(long, alias = "until", value_name = "ERROR", value_parser = number::<f64>, help = setting("Stop when the relative standard error of the picture is at most this. It is estimated a few times. Layers of `auto` size are then as large as this error needs. 0: never stop early", |s| s.directions.target_error))]
     target_error: Option<f64>,
 
-    #[arg(long, value_name = "EV", value_parser = stops, help = setting("Exposure of .png in stops", |s| s.display.exposure))]
-    exposure: Option<f32>,
+    /// Exposure of .png in stops. auto: as bright as the surfaces can be without losing detail [default: the scene file's, else 0; auto for a bare model
+    /// under the soft sky]
+    #[arg(long, value_name = "auto|EV", value_parser = str::parse::<Exposure>)]
+    exposure: Option<Exposure>,
+
+    /// What a .png shows where there is no surface: environment, transparent, #rrggbb, or linear r,g,b from 0 to 1. auto: the scene file's, else the
+    /// environment; transparent for a bare model under the soft sky
+    #[arg(long, value_name = "auto|WHAT", value_parser = |text: &str| or_auto(text, str::parse::<Background>), default_value = "auto")]
+    background: OrAuto<Background>,
+
+    /// A plane under the model that catches its shadow: a shadow catcher. auto: on for a bare model under the soft sky
+    #[arg(long, value_name = "auto|on|off", value_parser = |text: &str| or_auto(text, switch), default_value = "auto")]
+    ground: OrAuto<bool>,
+
+    /// Show all surfaces in one light grey, of albedo 0.8, without textures. Lamps stay lamps
+    #[arg(long)]
+    #[serde(skip)]
+    clay: bool,
 
     /// Environment, a lat-long .hdr or .exr: the light from outside the scene [default: the scene file's, else black]
     #[arg(long, value_name = "FILE")]
@@ -108,6 +128,55 @@ pub struct Overrides {
     #[command(flatten)]
     #[serde(skip)]
     files: SceneArgs,
+
+    #[command(flatten)]
+    #[serde(skip)]
+    pub view: CameraArgs,
+}
+
+/// Parts of the camera. Each replaces only its own.
+#[derive(Clone, Copy, Debug, clap::Args)]
+#[command(next_help_heading = "Camera")]
+pub struct CameraArgs {
+    /// Where the camera is, in the scene's units [default: as the scene says, else where the whole model fills the picture]
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = vector)]
+    eye: Option<[f64; 3]>,
+
+    /// What it looks at [default: as the scene says, else the middle of the model]
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = vector)]
+    target: Option<[f64; 3]>,
+
+    /// Its full vertical angle of view [default: as the scene says, else 40]
+    #[arg(long, value_name = "DEGREES")]
+    fov: Option<f32>,
+
+    /// The direction that points up in the picture. 0,0,1 for a model whose z axis points up [default: as the scene says, else 0,1,0]
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = vector)]
+    up: Option<[f64; 3]>,
+}
+
+impl CameraArgs {
+    /// The scene seen so.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] when the angle of view is infinite or NaN, which a stored request cannot be.
+    pub fn choose(self, scene: SceneRequest) -> Result<SceneRequest> {
+        if let Some(fov) = self.fov.filter(|fov| !fov.is_finite()) {
+            return Err(Error::usage(format!("fov is {fov}"), "give an angle between 0 and 180 degrees"));
+        }
+        let view = CameraChange {
+            eye: self.eye.map(DVec3::from),
+            target: self.target.map(DVec3::from),
+            up: self.up.map(|up| DVec3::from(up).as_vec3()),
+            fov_y_degrees: self.fov,
+        };
+        Ok(SceneRequest { view, ..scene })
+    }
+
+    /// Whether any part is given.
+    pub fn is_given(&self) -> bool {
+        self.eye.is_some() || self.target.is_some() || self.fov.is_some() || self.up.is_some()
+    }
 }
 
 /// The photon map of a picture. Bakes choose it by --radiance-cache.
@@ -228,8 +297,8 @@ impl Overrides {
     /// # Errors
     /// [`Error::Usage`] when a number is infinite or NaN. Requests are stored as JSON, which has no such numbers.
     pub fn scene(&self, path: &Path) -> Result<SceneRequest> {
-        let (stop_fraction, exposure) = (self.stop_fraction.map(f64::from), self.exposure.map(f64::from));
-        for (name, value) in [("stop-fraction", stop_fraction), ("target-error", self.target_error), ("exposure", exposure)] {
+        let stop_fraction = self.stop_fraction.map(f64::from);
+        for (name, value) in [("stop-fraction", stop_fraction), ("target-error", self.target_error)] {
             if let Some(value) = value.filter(|value| !value.is_finite()) {
                 return Err(Error::usage(format!("{name} is {value}"), "give a finite number"));
             }
@@ -239,6 +308,6 @@ impl Overrides {
             _ => unreachable!("options are plain values with names"),
         };
         settings.retain(|_, value| !value.is_null());
-        Ok(SceneRequest { environment: self.env.clone(), settings, ..self.files.scene(path)? })
+        self.view.choose(SceneRequest { environment: self.env.clone(), clay: self.clay, settings, ..self.files.scene(path)? })
     }
 }

@@ -50,8 +50,41 @@ pub fn checked<T: std::str::FromStr>(text: &str, right: impl Fn(&T) -> bool, wro
     text.parse().ok().filter(right).ok_or_else(|| wrong.to_owned())
 }
 
+/// The value of an option that may be `auto`: then the scene decides.
+#[derive(Clone, Copy, Debug, Serialize)]
+#[serde(transparent)]
+pub struct OrAuto<T>(pub Option<T>);
+
+/// Parses "auto" or what `parse` takes.
+pub fn or_auto<T, E: Display>(text: &str, parse: impl Fn(&str) -> Result<T, E>) -> Result<OrAuto<T>, String> {
+    if text == "auto" {
+        return Ok(OrAuto(None));
+    }
+    parse(text).map(|value| OrAuto(Some(value))).map_err(|error| format!("{error}; or auto"))
+}
+
+/// Parses "on" or "off".
+pub fn switch(text: &str) -> Result<bool, &'static str> {
+    match text {
+        "on" => Ok(true),
+        "off" => Ok(false),
+        _ => Err("not on or off"),
+    }
+}
+
 pub fn stops(text: &str) -> Result<f32, String> {
     checked(text, |stops: &f32| stops.is_finite(), "not a number of stops such as -1.5")
+}
+
+/// Parses three finite numbers with commas between them.
+pub fn vector(text: &str) -> Result<[f64; 3], String> {
+    let numbers: Vec<f64> =
+        text.split(',').filter_map(|number| number.trim().parse().ok()).filter(|number: &f64| number.is_finite()).collect();
+    let whole = text.split(',').count() == numbers.len();
+    <[f64; 3]>::try_from(numbers)
+        .ok()
+        .filter(|_| whole)
+        .ok_or_else(|| "not three numbers with commas between them, such as 0,1.5,-3".into())
 }
 
 pub fn number<T: std::str::FromStr>(text: &str) -> Result<T, String> {
@@ -93,6 +126,14 @@ mod tests {
             assert!(count::<u64>(text).is_err(), "{text}");
         }
         assert_eq!(count::<u32>("5e9"), Err("too large".into()));
+    }
+
+    #[test]
+    fn vectors() {
+        assert_eq!(vector("1,-2.5, 1e3"), Ok([1.0, -2.5, 1000.0]));
+        for text in ["", "1,2", "1,2,3,4", "1,,3,4", "1,2,nan", "1,2,inf", "1 2 3"] {
+            assert!(vector(text).is_err(), "{text}");
+        }
     }
 
     #[test]

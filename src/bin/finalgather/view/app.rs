@@ -227,7 +227,7 @@ impl App {
     fn show_scene(&mut self, opened: OpenedScene) {
         self.refused = None;
         self.view.moving = false;
-        self.shown.exposure = self.view.settings.display.exposure;
+        self.shown.exposure = self.view.settings.display.exposure.given();
         opened.warnings.iter().for_each(|text| self.say(text.clone(), NoticeKind::Warning));
         self.progress = RenderProgress::default();
         (self.sent, self.moved) = (Sent::default(), None);

@@ -6,7 +6,7 @@ use egui::{
     Checkbox, CollapsingHeader, Color32, ComboBox, DragValue, Grid, PointerButton, ProgressBar, Response, RichText, ScrollArea,
     Slider, SliderClamping, ThemePreference, Ui, vec2,
 };
-use finalgather::settings::{LayerSize, Pipeline};
+use finalgather::settings::{Exposure, LayerSize, Pipeline};
 
 use super::app::App;
 use super::copy;
@@ -161,7 +161,7 @@ fn shown(app: &mut App, ui: &mut Ui) {
             }
         });
     }
-    let normal = app.scene.as_ref().map_or(0.0, |scene| scene.settings.display.exposure);
+    let normal = app.scene.as_ref().map_or(0.0, |scene| scene.settings.display.exposure.given());
     let developed = app.canvas.developed().and_then(|developed| developed.as_ref().ok());
     rows(ui, "exposure", |ui| {
         let tip = "Brightness in stops: one more is twice as bright. A double-click sets it back. Saved PNGs have it too.";
@@ -184,7 +184,7 @@ fn shown(app: &mut App, ui: &mut Ui) {
         }
     });
     // Saved pictures have the displayed exposure.
-    app.view.settings.display.exposure = shown.exposure;
+    app.view.settings.display.exposure = Exposure::Stops(shown.exposure);
     if let Some(Developed { histogram, .. }) = developed {
         CollapsingHeader::new("Histogram").default_open(true).show(ui, |ui| histogram.draw(ui));
     }

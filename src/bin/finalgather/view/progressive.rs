@@ -334,11 +334,13 @@ impl SceneRender {
     /// If the file cannot be written.
     pub fn save(&self, path: &Path) -> Result<()> {
         // The exposure is the view's. Its other settings may belong to the next render.
-        let exposure = self.view.settings.display.exposure;
+        let display = self.view.settings.display;
         let done = (self.render.directions_done(), self.render.is_done());
         let job = self.render.job();
-        let metadata = metadata(&job, exposure, &of_picture(&job), done);
-        self.render.picture().write(path, &WriteOptions { exposure, metadata: Some(&metadata) })
+        let metadata = metadata(&job, &display, &of_picture(&job), done);
+        let picture = self.render.picture();
+        let (exposure, background) = (picture.stops(display.exposure), display.background);
+        picture.write(path, &WriteOptions { exposure, background, metadata: Some(&metadata) })
     }
 }
 

@@ -68,7 +68,7 @@ fn explanation(message: &str) -> (String, String) {
         let wrong = names.next().unwrap_or_default();
         let known: Vec<_> = names.by_ref().filter(|name| *name != "shadow_size").collect();
         let list = || if known.is_empty() { TABLES.to_owned() } else { format!("give one of {}", known.join(", ")) };
-        let cure = nearest(wrong, &known).map_or_else(list, |meant| format!("write {meant}"));
+        let cure = nearest(wrong, &known).map_or_else(list, |meant| format!("write {meant} in its place"));
         (format!("there is no {kind} {wrong:?}"), cure)
     };
     if message.starts_with("unknown field") {

@@ -1,6 +1,6 @@
 //! Accepts in a scene file what options accept: keys with hyphens, whole numbers such as `1e5`, one number for a size or a colour.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::ops::Range;
 
 use toml::de::{DeTable, DeValue};
@@ -36,7 +36,9 @@ pub fn settle<'a>(table: &mut DeTable<'a>, replacements: &'a [String]) -> HashMa
 }
 
 fn settle_table<'a>(table: &mut DeTable<'a>, name: &str, replacements: &mut std::slice::Iter<'a, String>) {
-    for (mut key, mut value) in std::mem::take(table) {
+    let entries = std::mem::take(table);
+    let known: HashSet<_> = entries.iter().map(|(key, _)| key.get_ref().to_string()).collect();
+    for (mut key, mut value) in entries {
         match value.get_mut() {
             DeValue::Table(inner) => settle_table(inner, key.get_ref(), replacements),
             scalar => {
@@ -47,8 +49,9 @@ fn settle_table<'a>(table: &mut DeTable<'a>, name: &str, replacements: &mut std:
                 }
             }
         }
-        if name != NAMED {
-            let plain = plain(key.get_ref());
+        let plain = plain(key.get_ref());
+        // A key that stands there in both ways is refused by its name.
+        if name != NAMED && !known.contains(&plain) {
             *key.get_mut() = plain.into();
         }
         table.insert(key, value);
