@@ -8,7 +8,7 @@ use egui::text_selection::LabelSelectionState;
 use egui::{CentralPanel, Color32, Context, Frame, Key, KeyboardShortcut, Modifiers, Panel, Rect, Sense, ThemePreference, Ui};
 use finalgather::error::{Error, Result};
 use finalgather::scene::WorldCamera;
-use finalgather::settings::Settings;
+use finalgather::settings::{DisplaySettings, Settings};
 use glam::{DVec3, Vec2};
 use winit::event_loop::EventLoopProxy;
 
@@ -227,7 +227,8 @@ impl App {
     fn show_scene(&mut self, opened: OpenedScene) {
         self.refused = None;
         self.view.moving = false;
-        self.shown.exposure = self.view.settings.display.exposure.given();
+        let DisplaySettings { exposure, background } = self.view.settings.display;
+        (self.shown.exposure, self.shown.background) = (exposure, background);
         opened.warnings.iter().for_each(|text| self.say(text.clone(), NoticeKind::Warning));
         self.progress = RenderProgress::default();
         (self.sent, self.moved) = (Sent::default(), None);
