@@ -19,7 +19,9 @@ use crate::scene_file::SceneView;
 use super::layers::{LayerImages, LayerRequest};
 use super::picture::{Developed, DisplayContent, DisplayOptions, develop};
 use super::reference::ReferencePicture;
-use super::worker::{DisplayPicture, OpenedScene, ReferenceView, RenderProgress, ViewState, Wanted, WorkerOptions, WorkerReport};
+use super::worker::{
+    DisplayPicture, DisplayRequest, OpenedScene, ReferenceView, RenderProgress, ViewState, WorkerOptions, WorkerReport,
+};
 
 /// Sides of the picture are divided by this while the camera moves.
 const SHRINK: u32 = 2;
@@ -124,12 +126,12 @@ impl SceneRender {
         self.view = view;
     }
 
-    pub fn has_work(&self, wanted: &Wanted) -> bool {
+    pub fn has_work(&self, wanted: &DisplayRequest) -> bool {
         self.outdated || !(self.pass.halted || self.pass.finished) || self.occludes(wanted)
     }
 
     /// Whether directions of the ambient occlusion are left to gather.
-    fn occludes(&self, wanted: &Wanted) -> bool {
+    fn occludes(&self, wanted: &DisplayRequest) -> bool {
         let left = self.pass.openness.as_ref().is_none_or(|openness| !openness.is_done());
         wanted.shown.content == DisplayContent::Openness && left && !self.pass.occluded
     }
@@ -143,7 +145,7 @@ impl SceneRender {
     ///
     /// # Errors
     /// If the device is lost.
-    pub fn advance(&mut self, clock: &StageClock, wanted: &Wanted, tell: &dyn Fn(WorkerReport)) -> Result<()> {
+    pub fn advance(&mut self, clock: &StageClock, wanted: &DisplayRequest, tell: &dyn Fn(WorkerReport)) -> Result<()> {
         if !self.has_work(wanted) {
             return Ok(());
         }
@@ -290,7 +292,7 @@ impl SceneRender {
     }
 
     /// Reports the picture as it is to be shown.
-    pub fn show(&self, wanted: &Wanted, tell: &dyn Fn(WorkerReport)) {
+    pub fn show(&self, wanted: &DisplayRequest, tell: &dyn Fn(WorkerReport)) {
         if self.pass.imaged == 0 {
             return;
         }

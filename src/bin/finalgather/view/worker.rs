@@ -202,7 +202,7 @@ fn panicked(words: &(dyn Any + Send)) -> Error {
 
 /// The state of the renderer's thread beside the scene.
 #[derive(Default)]
-pub struct Wanted {
+pub struct DisplayRequest {
     pub shown: DisplayOptions,
     pub layers: Option<LayerRequest>,
     pub reference: Option<ReferencePicture>,
@@ -219,7 +219,7 @@ fn work(options: &WorkerOptions, commands: &Receiver<WorkerCommand>, tell: &dyn 
     let mut scene: Option<SceneRender> = None;
     // The scene's files, or that of a scene that did not open.
     let mut files: Option<(PathBuf, FileWatch)> = None;
-    let mut wanted = Wanted::default();
+    let mut wanted = DisplayRequest::default();
     loop {
         let patience = if scene.as_ref().is_some_and(|scene| scene.has_work(&wanted)) { Duration::ZERO } else { PAUSE };
         match (commands.recv_timeout(patience), scene.as_mut()) {
