@@ -16,7 +16,7 @@ pub use crate::math::{decode_srgb, encode_srgb};
 pub use file::{WriteOptions, check_writable};
 pub(crate) use png::encode as encode_png;
 pub use png::{tone, write_srgb8};
-pub(crate) use shown::luminance;
+pub use shown::luminance;
 
 /// A picture: channels of one size with linear values, rows from the top.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -11,7 +11,7 @@ const MOST: f32 = 0.95;
 const BRIGHT: f32 = 0.7;
 
 /// Rec. 709 luminance.
-pub(crate) fn luminance([r, g, b]: [f32; 3]) -> f32 {
+pub fn luminance([r, g, b]: [f32; 3]) -> f32 {
     0.2126 * r + 0.7152 * g + 0.0722 * b
 }
 

@@ -14,7 +14,7 @@ use crate::geometry::{Geometry, triangle_order};
 use crate::gpu::Gpu;
 use crate::points::{GatherPoint, PointList};
 use crate::prepared::Prepared;
-use crate::scene::Camera;
+use crate::scene::{Camera, WorldCamera};
 
 /// One end of one of a render's directions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -169,11 +169,12 @@ impl Render {
         Ok(Some(Probe { place, point, sampled, hit }))
     }
 
-    /// The surface seen at `place`, as [`Probe::place`]. Mirrors and glass count as surfaces.
-    pub fn surface_at(&self, place: Vec2) -> Option<SeenSurface> {
-        let [width, height] = self.settings.film.size.map(|side| side as f32);
+    /// The surface that a camera sees at `place`, as [`Probe::place`], of a picture of this size. Mirrors and glass count as surfaces.
+    pub fn surface_at(&self, camera: WorldCamera, size: [u32; 2], place: Vec2) -> Option<SeenSurface> {
+        let [width, height] = size.map(|side| side as f32);
         let Prepared { scene, bvh, .. } = &*self.all;
-        let triangle = bvh.nearest(self.camera.eye, self.camera.ray(place, width / height), None)?.triangle;
+        let camera = scene.space.enter_camera(camera);
+        let triangle = bvh.nearest(camera.eye, camera.ray(place, width / height), None)?.triangle;
         let vertex = scene.mesh.triangles[triangle].vertices[0];
         let instance = scene.mesh.sources.get(vertex as usize).and_then(|source| scene.instances.get(source.instance as usize));
         let object = instance.map_or_else(String::new, |instance| instance.name.clone());

@@ -60,12 +60,12 @@ fn keys_stay_in_the_dialog_and_escape_closes_it() {
     let mut view = View::start(&display, view(&display).arg(scene("cornell.toml")));
     view.until_done();
     let plain = view.whole();
-    // The name of the file to save is edited from the beginning.
-    for dialog in ["ctrl+o", "ctrl+s"] {
+    // No text is edited at the first key after ctrl+o. The name of the file to save is edited from the beginning.
+    for (dialog, keys) in [("ctrl+o", "pwl"), ("ctrl+o", "wpl"), ("ctrl+s", "plw")] {
         view.key(dialog);
         view.until("the dialog", |view| view.whole() != plain);
         let middle = view.whole();
-        view.xdotool(&["type", "--delay", "40", "wplf1"]);
+        view.xdotool(&["type", "--delay", "40", keys]);
         view.until("what is typed", |view| view.whole() != middle);
         view.key("Escape");
         view.until("the picture as before: nothing has moved, no panel is hidden", |view| view.whole() == plain);

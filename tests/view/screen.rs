@@ -22,7 +22,7 @@ pub const SMALL: [&str; 8] = ["--size", "128", "--directions", "16", "--layer-si
 /// Where the picture is: in the middle of what the panel and the strip of values leave.
 pub const TOP: usize = (HEIGHT - STRIP - SIDE) / 2;
 /// Height of the strip of values of so narrow a picture.
-pub const STRIP: usize = 5 * 17 + 12;
+pub const STRIP: usize = 5 * 17 + 11;
 /// Of the frame around what went wrong.
 pub const BAD: [u8; 3] = [240, 100, 90];
 

@@ -4,11 +4,11 @@ use std::path::PathBuf;
 use std::sync::mpsc::TryRecvError;
 use std::time::{Duration, Instant};
 
+use egui::text_selection::LabelSelectionState;
 use egui::{CentralPanel, Color32, Context, Frame, Key, KeyboardShortcut, Modifiers, Panel, Rect, Sense, ThemePreference, Ui};
 use finalgather::error::{Error, Result};
-use finalgather::image::Image;
 use finalgather::scene::WorldCamera;
-use finalgather::settings::{DisplaySettings, Exposure, Settings};
+use finalgather::settings::{DisplaySettings, Settings};
 use glam::{DVec3, Vec2};
 use winit::event_loop::EventLoopProxy;
 
@@ -67,7 +67,7 @@ struct Sent {
     view: Option<ViewState>,
     shown: Option<DisplayOptions>,
     layers: Option<Option<LayerRequest>>,
-    surface: Option<Vec2>,
+    surface: Option<(Vec2, WorldCamera)>,
 }
 
 fn spawn(options: &WorkerOptions, proxy: &EventLoopProxy<()>) -> Result<Worker> {
@@ -183,10 +183,7 @@ impl App {
                     self.say(format!("Read {} again, because a file has changed", opened.path.display()), NoticeKind::News);
                     self.show_scene(*opened);
                 }
-                WorkerReport::Picture(picture) => {
-                    self.expose(&picture.image);
-                    self.canvas.set_picture(Some(picture));
-                }
+                WorkerReport::Picture(picture) => self.canvas.set_picture(Some(picture)),
                 WorkerReport::Reference(reference) => self.canvas.set_reference(reference),
                 WorkerReport::Surface(place, surface) => {
                     self.canvas.surface = surface.map(|surface| (place, surface));
@@ -226,19 +223,12 @@ impl App {
         }
     }
 
-    /// Finds the automatic exposure of a scene that asks for it, and begins with that.
-    fn expose(&mut self, picture: &Image) {
-        let Some(scene) = self.scene.as_mut().filter(|scene| scene.settings.display.exposure == Exposure::Auto) else { return };
-        self.shown.exposure = picture.automatic_exposure();
-        scene.settings.display.exposure = Exposure::Stops(self.shown.exposure);
-    }
-
     /// Takes over a scene that was opened.
     fn show_scene(&mut self, opened: OpenedScene) {
         self.refused = None;
         self.view.moving = false;
         let DisplaySettings { exposure, background } = self.view.settings.display;
-        (self.shown.exposure, self.shown.background) = (exposure.given(), background);
+        (self.shown.exposure, self.shown.background) = (exposure, background);
         opened.warnings.iter().for_each(|text| self.say(text.clone(), NoticeKind::Warning));
         self.progress = RenderProgress::default();
         (self.sent, self.moved) = (Sent::default(), None);
@@ -253,13 +243,7 @@ impl App {
         if self.view.camera == before.camera {
             self.view.camera = opened.camera;
         }
-        let settings = &mut self.view.settings;
-        *settings = if *settings == before.settings {
-            opened.settings
-        } else {
-            // The photons are those of the files.
-            Settings { photons: opened.settings.photons, seed: opened.settings.seed, ..*settings }
-        };
+        self.view.settings = kept(&self.view.settings, &before.settings, &opened.settings);
     }
 
     pub fn say(&mut self, text: String, kind: NoticeKind) {
@@ -340,7 +324,9 @@ impl App {
         if ctx.egui_wants_keyboard_input() {
             return;
         }
-        if ctx.input_mut(|input| take(&mut input.events, |event| matches!(event, egui::Event::Copy))) {
+        // Selected text goes first.
+        let selected = ctx.plugin::<LabelSelectionState>().lock().has_selection();
+        if !selected && ctx.input_mut(|input| take(&mut input.events, |event| matches!(event, egui::Event::Copy))) {
             ctx.copy_text(copy::options(&self.view.camera));
             self.say("Copied the view as options".into(), NoticeKind::News);
         }
@@ -449,7 +435,11 @@ impl App {
         send_changed(&self.worker, &mut self.sent.shown, &self.shown, WorkerCommand::Display);
         send_changed(&self.worker, &mut self.sent.view, &self.view, WorkerCommand::SetView);
         if let Some(place) = self.canvas.cursor {
-            send_changed(&self.worker, &mut self.sent.surface, &place, WorkerCommand::Surface);
+            let asked = (place, self.view.camera);
+            if self.sent.surface.is_some_and(|(_, camera)| camera != asked.1) {
+                self.canvas.surface = None;
+            }
+            send_changed(&self.worker, &mut self.sent.surface, &asked, |(place, _)| WorkerCommand::Surface(place));
         }
     }
 }
@@ -466,4 +456,31 @@ fn send_changed<T: Clone + PartialEq>(worker: &Worker, sent: &mut Option<T>, val
 fn take(events: &mut Vec<egui::Event>, is_it: impl Fn(&egui::Event) -> bool) -> bool {
     let place = events.iter().position(is_it);
     place.map(|place| events.remove(place)).is_some()
+}
+
+/// The settings `now` with the changes that they have since `before`. Photons and the seed cannot change in a window: they are those of `now`.
+fn kept(changed: &Settings, before: &Settings, now: &Settings) -> Settings {
+    let [changed, before, mut all] = [changed, before, now].map(|settings| serde_json::to_value(settings).unwrap_or_default());
+    for (key, value) in changed.as_object().into_iter().flatten() {
+        if *value != before[key] {
+            all[key] = value.clone();
+        }
+    }
+    let kept: Settings = serde_json::from_value(all).unwrap_or(*now);
+    Settings { photons: now.photons, seed: now.seed, ..kept }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn changed_settings_are_kept_one_by_one() {
+        let before = Settings::default();
+        let with = |change: &dyn Fn(&mut Settings)| before.with(change);
+        let changed = with(&|settings| (settings.directions.count, settings.photons.count) = (77, 5));
+        let now = with(&|settings| (settings.film.size, settings.directions.count) = ([64, 32], 500));
+        let kept = kept(&changed, &before, &now);
+        assert_eq!((kept.film.size, kept.directions.count, kept.photons), ([64, 32], 77, before.photons));
+    }
 }

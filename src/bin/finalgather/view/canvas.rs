@@ -75,7 +75,7 @@ impl Canvas {
             ..1000.0 => 3.0,
             _ => 2.0,
         };
-        let height = LINE * lines + 12.0;
+        let height = LINE * lines + 11.0;
         area.split_top_bottom_at_y(area.bottom() - height.min(0.5 * area.height()))
     }
 

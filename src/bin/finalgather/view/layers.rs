@@ -386,3 +386,48 @@ fn box_edges(half: Vec3) -> impl Iterator<Item = [Vec3; 2]> {
         ends.map(move |axis| [corner(bits), corner(bits | axis)])
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use finalgather::render::End;
+    use glam::Mat4;
+
+    use super::*;
+
+    #[test]
+    fn it_waits_while_it_is_looked_at() {
+        let layers = Layers {
+            end: End { number: 5, opposite: false },
+            direction: Vec3::Z,
+            from_layer: Mat4::IDENTITY,
+            to_layer: Mat4::IDENTITY,
+            size: 1,
+            layers: vec![vec![None]],
+            corners: [].into(),
+        };
+        let mut view = LayerView::default();
+        view.set(Some(LayerImages::new(Arc::new(layers))));
+        assert_eq!(view.wanted().number, None, "the direction that was gathered last");
+        view.watched = true;
+        assert_eq!(view.wanted().number, Some(5), "the direction that is shown");
+        view.step(1, 16);
+        assert_eq!(view.wanted().number, Some(6), "the direction that was asked for");
+    }
+
+    #[test]
+    fn the_stack_fills_its_area() {
+        let area = Rect::from_min_size(pos2(100.0, 50.0), vec2(400.0, 300.0));
+        let half = Vec3::new(0.5, 0.6, 0.7).normalize();
+        for (reach, yaw, pitch) in [(0.0, 0.0, 0.0), (3.0, -0.5, 0.35), (6.0, 1.2, -1.0)] {
+            let view = LayerView { yaw, pitch, ..LayerView::default() };
+            let projection = Projection::new(&view, area, Vec3::X, reach, half);
+            let corners = || box_edges(half).flatten();
+            let ends = corners().chain(corners().map(|corner| corner + reach * Vec3::X));
+            let bounds = Rect::from_points(&ends.map(|end| projection.project(end).0).collect::<Vec<_>>());
+            assert!(area.contains_rect(bounds), "{bounds:?}");
+            let fills = (bounds.width() / area.width()).max(bounds.height() / area.height());
+            assert!((fills - 0.94).abs() < 0.01, "{fills} of a side");
+            assert!(bounds.center().distance(area.center()) < 0.5);
+        }
+    }
+}

@@ -35,7 +35,7 @@ use crate::args::{DeviceArgs, Overrides, PhotonMapArg, checked, count, size};
 use crate::report;
 use app::App;
 use picture::DisplayContent;
-use reference::Reference;
+use reference::ReferencePicture;
 use window::{Window, WindowSummary};
 use worker::WorkerOptions;
 
@@ -144,7 +144,7 @@ pub fn run(args: &ViewArgs) -> Result<u8> {
         Error::usage(format!("no temporary folder can be made: {error}"), "set TMPDIR to a folder that can be written")
     })?;
     // A picture that cannot be read is an error at once, not only in the window.
-    args.reference.as_deref().map(Reference::open).transpose()?;
+    args.reference.as_deref().map(ReferencePicture::open).transpose()?;
     let scene = args.scene.clone().unwrap_or_else(|| embedded.path().join("cornell.toml"));
     // A development build reloads the shaders of its source tree.
     let own = Path::new(env!("CARGO_MANIFEST_DIR")).join("glsl");

@@ -77,13 +77,14 @@ fn row(ui: &mut Ui, name: &str, tip: &str, add: impl FnOnce(&mut Ui) -> Response
     ui.end_row();
 }
 
-/// A slider that a double-click sets back to `normal`.
-fn slider(ui: &mut Ui, value: &mut f32, range: RangeInclusive<f32>, normal: f32) -> Response {
+/// A slider that a double-click sets back to `normal`. Also returns whether it did.
+fn slider(ui: &mut Ui, value: &mut f32, range: RangeInclusive<f32>, normal: f32) -> (Response, bool) {
     let response = ui.add(Slider::new(value, range).clamping(SliderClamping::Never).show_value(false).step_by(0.05));
-    if response.hovered() && ui.input(|input| input.pointer.button_double_clicked(PointerButton::Primary)) {
+    let back = response.hovered() && ui.input(|input| input.pointer.button_double_clicked(PointerButton::Primary));
+    if back {
         *value = normal;
     }
-    response
+    (response, back)
 }
 
 fn progress(app: &App, ui: &mut Ui) {
@@ -134,7 +135,7 @@ fn layers(app: &mut App, ui: &mut Ui) {
         row(ui, "", tip, |ui| ui.checkbox(&mut view.request.opposite, "reverse the rays"));
         ui.spacing_mut().slider_width = 112.0;
         let tip = "Distance between the layers of the stack. A double-click sets it back.";
-        row(ui, "Spread", tip, |ui| slider(ui, &mut view.explode, 0.0..=1.5, LayerView::EXPLODE));
+        row(ui, "Spread", tip, |ui| slider(ui, &mut view.explode, 0.0..=1.5, LayerView::EXPLODE).0);
     });
 }
 
@@ -161,17 +162,36 @@ fn shown(app: &mut App, ui: &mut Ui) {
             }
         });
     }
-    let normal = app.scene.as_ref().map_or(0.0, |scene| scene.settings.display.exposure.given());
+    let of_scene = app.scene.as_ref().map_or_else(Exposure::default, |scene| scene.settings.display.exposure);
     let developed = app.canvas.developed().and_then(|developed| developed.as_ref().ok());
     rows(ui, "exposure", |ui| {
         let tip = "Brightness in stops: one more is twice as bright. A double-click sets it back. Saved PNGs have it too.";
+        let now = match (shown.exposure, developed) {
+            (Exposure::Auto, Some(developed)) => developed.stops,
+            (exposure, _) => exposure.given(),
+        };
         row(ui, "Exposure", tip, |ui| {
             ui.horizontal(|ui| {
                 ui.spacing_mut().slider_width = 64.0;
-                let slid = slider(ui, &mut shown.exposure, -6.0..=6.0, normal);
-                ui.add(DragValue::new(&mut shown.exposure).speed(0.02).max_decimals(2).suffix(" EV")) | slid
+                let mut stops = now;
+                let (slid, back) = slider(ui, &mut stops, -6.0..=6.0, of_scene.given());
+                let dragged = ui.add(DragValue::new(&mut stops).speed(0.02).max_decimals(2).suffix(" EV"));
+                if back {
+                    shown.exposure = of_scene;
+                } else if slid.changed() || dragged.changed() {
+                    shown.exposure = Exposure::Stops(stops);
+                }
+                dragged | slid
             })
             .inner
+        });
+        row(ui, "", "Chooses the exposure by the light of the surfaces that are seen.", |ui| {
+            let mut automatic = shown.exposure == Exposure::Auto;
+            let chosen = ui.checkbox(&mut automatic, "automatic");
+            if chosen.changed() {
+                shown.exposure = if automatic { Exposure::Auto } else { Exposure::Stops(now) };
+            }
+            chosen
         });
         let tip = "Shows luminance as colours, with a scale below the picture. The error always has them.";
         row(ui, "False colours", tip, |ui| {
@@ -184,7 +204,7 @@ fn shown(app: &mut App, ui: &mut Ui) {
         }
     });
     // Saved pictures have the displayed exposure.
-    app.view.settings.display.exposure = Exposure::Stops(shown.exposure);
+    app.view.settings.display.exposure = shown.exposure;
     if let Some(Developed { histogram, .. }) = developed {
         CollapsingHeader::new("Histogram").default_open(true).show(ui, |ui| histogram.draw(ui));
     }

@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use egui::ColorImage;
 use finalgather::error::{Error, Result};
-use finalgather::image::{Channel, Image};
-use finalgather::settings::Background;
+use finalgather::image::{Channel, Image, encode_srgb, luminance as luminance_of};
+use finalgather::settings::{Background, Exposure};
 
 use super::false_color::{ColorMap, ColorScale, automatic_range};
 use super::histogram::{Axis, Histogram};
@@ -19,9 +19,8 @@ pub struct DisplayOptions {
     pub indirect: bool,
     pub caustics: bool,
     pub emission: bool,
-    /// In stops.
-    pub exposure: f32,
-    /// Stands where there is no surface. A transparent one shows the environment.
+    pub exposure: Exposure,
+    /// What a PNG shows where there is no surface.
     pub background: Background,
     pub false_color: bool,
     /// Values of the first and the last false colour; `None`: by the picture.
@@ -47,6 +46,8 @@ pub struct Developed {
     /// The scale of false colours.
     pub scale: Option<ColorScale>,
     pub histogram: Histogram,
+    /// The exposure.
+    pub stops: f32,
 }
 
 impl Default for DisplayOptions {
@@ -57,7 +58,7 @@ impl Default for DisplayOptions {
             indirect: true,
             caustics: true,
             emission: true,
-            exposure: 0.0,
+            exposure: Exposure::default(),
             background: Background::default(),
             false_color: false,
             range: None,
@@ -99,7 +100,7 @@ impl DisplayOptions {
 }
 
 /// Red, green and blue, or three times the same numbers, of what is displayed.
-type Planes = [Vec<f32>; 3];
+type ShownPlanes = [Vec<f32>; 3];
 
 /// Makes the displayed pixels. If all radiance is displayed, they have the bytes of the saved PNG.
 ///
@@ -108,15 +109,20 @@ type Planes = [Vec<f32>; 3];
 pub fn develop(picture: &Image, shown: &DisplayOptions) -> Result<Developed> {
     let size = [picture.width, picture.height];
     let planes = planes(picture, shown)?;
-    let light = shown.content.is_light();
+    let (light, stops) = (shown.content.is_light(), picture.stops(shown.exposure));
     let error = shown.content == DisplayContent::Error;
     let axis = match shown.content {
-        _ if light => Axis::Stops(shown.exposure),
+        _ if light => Axis::Stops(stops),
         DisplayContent::Normals => Axis::Values([-1.0, 1.0]),
         DisplayContent::Error => Axis::Values([0.0, automatic_range(&planes[0])[1]]),
         _ => Axis::Values([0.0, 1.0]),
     };
     let histogram = Histogram::new(planes.each_ref().map(Vec::as_slice), axis);
+    if shown.is_radiance() {
+        let bytes = picture.to_srgba8(stops, shown.background)?;
+        let image = Arc::new(ColorImage::from_rgba_unmultiplied(size, &bytes));
+        return Ok(Developed { image, scale: None, histogram, stops });
+    }
     let (bytes, scale) = if error || shown.false_color && shown.content != DisplayContent::Normals {
         let values = luminance(&planes);
         let [low, high] = automatic_range(&values);
@@ -130,9 +136,9 @@ pub fn develop(picture: &Image, shown: &DisplayOptions) -> Result<Developed> {
         let scale = ColorScale { map: ColorMap::Viridis, range: shown.range.unwrap_or(automatic), what, percent: error };
         (scale.colors(&values), Some(scale))
     } else {
-        (bytes(picture, planes, shown)?, None)
+        (bytes(picture, planes, shown.content, stops)?, None)
     };
-    Ok(Developed { image: Arc::new(ColorImage::from_rgb(size, &bytes)), scale, histogram })
+    Ok(Developed { image: Arc::new(ColorImage::from_rgb(size, &bytes)), scale, histogram, stops })
 }
 
 /// The difference of luminance from the reference, in false colours.
@@ -141,7 +147,7 @@ pub fn develop(picture: &Image, shown: &DisplayOptions) -> Result<Developed> {
 /// If a picture lacks a channel, or the sizes differ.
 pub fn develop_difference(picture: &Image, reference: &Image, shown: &DisplayOptions) -> Result<Developed> {
     let [of_picture, of_reference] = [planes(picture, shown)?, planes(reference, shown)?];
-    let differences: Planes = [0, 1, 2].map(|k| of_picture[k].iter().zip(&of_reference[k]).map(|(a, b)| a - b).collect());
+    let differences: ShownPlanes = [0, 1, 2].map(|k| of_picture[k].iter().zip(&of_reference[k]).map(|(a, b)| a - b).collect());
     let values = luminance(&differences);
     let sizes: Vec<f32> = values.iter().map(|value| value.abs()).collect();
     let [_, most] = shown.range.map_or_else(|| automatic_range(&sizes), |[low, high]| [0.0, low.abs().max(high.abs())]);
@@ -154,15 +160,10 @@ pub fn develop_difference(picture: &Image, reference: &Image, shown: &DisplayOpt
     };
     let histogram = Histogram::new(differences.each_ref().map(Vec::as_slice), Axis::Values(range));
     let image = ColorImage::from_rgb([picture.width, picture.height], &scale.colors(&values));
-    Ok(Developed { image: Arc::new(image), scale: Some(scale), histogram })
+    Ok(Developed { image: Arc::new(image), scale: Some(scale), histogram, stops: shown.exposure.given() })
 }
 
-/// By Rec. 709, whose primaries sRGB has.
-pub fn luminance_of([r, g, b]: [f32; 3]) -> f32 {
-    0.2126 * r + 0.7152 * g + 0.0722 * b
-}
-
-fn luminance([r, g, b]: &Planes) -> Vec<f32> {
+fn luminance([r, g, b]: &ShownPlanes) -> Vec<f32> {
     r.iter().zip(g).zip(b).map(|((&r, &g), &b)| luminance_of([r, g, b])).collect()
 }
 
@@ -174,7 +175,7 @@ fn missing(name: &str) -> Error {
     }
 }
 
-fn planes(picture: &Image, shown: &DisplayOptions) -> Result<Planes> {
+fn planes(picture: &Image, shown: &DisplayOptions) -> Result<ShownPlanes> {
     let channel = |name: &str| picture.channel(name).map(<[f32]>::to_vec).ok_or_else(|| missing(name));
     let three = |[a, b, c]: [&str; 3]| Ok([channel(a)?, channel(b)?, channel(c)?]);
     match shown.content {
@@ -210,7 +211,7 @@ fn planes(picture: &Image, shown: &DisplayOptions) -> Result<Planes> {
 }
 
 /// The error of each pixel's luminance by the luminance. Below a hundredth of the picture's mean, by that: black pixels have no relative error.
-fn relative_error(error: &Planes, radiance: &Planes) -> Vec<f32> {
+fn relative_error(error: &ShownPlanes, radiance: &ShownPlanes) -> Vec<f32> {
     let (error, radiance) = (luminance(error), luminance(radiance));
     let mean = radiance.iter().sum::<f32>() / radiance.len().max(1) as f32;
     let least = (0.01 * mean).max(f32::MIN_POSITIVE);
@@ -218,24 +219,19 @@ fn relative_error(error: &Planes, radiance: &Planes) -> Vec<f32> {
 }
 
 /// The bytes of a PNG of these planes.
-fn bytes(picture: &Image, planes: Planes, shown: &DisplayOptions) -> Result<Vec<u8>> {
+fn bytes(picture: &Image, planes: ShownPlanes, content: DisplayContent, stops: f32) -> Result<Vec<u8>> {
     let by = |byte: &dyn Fn(f32) -> f32| {
         (0..planes[0].len()).flat_map(|pixel| planes.each_ref().map(|plane| (255.0 * byte(plane[pixel])).round() as u8)).collect()
     };
-    Ok(match shown.content {
+    Ok(match content {
         // Normals and openness are data: no exposure, no curve.
         DisplayContent::Normals => by(&|value| 0.5 * (1.0 + value)),
         DisplayContent::Openness => by(&|value| value.clamp(0.0, 1.0)),
-        _ if shown.is_radiance() => {
-            let opaque = if shown.background == Background::Transparent { Background::Environment } else { shown.background };
-            let rgba = picture.to_srgba8(shown.exposure, opaque)?;
-            rgba.chunks_exact(4).flat_map(|pixel| &pixel[..3]).copied().collect()
-        }
-        DisplayContent::Albedo => by(&|value| finalgather::image::encode_srgb(value)),
+        DisplayContent::Albedo => by(&|value| encode_srgb(value)),
         _ => {
             let channels = ["R", "G", "B"].into_iter().zip(planes);
             let channels = channels.map(|(name, samples)| Channel { name: name.into(), samples }).collect();
-            Image { channels, ..*picture }.to_srgb8(shown.exposure)?
+            Image { channels, ..*picture }.to_srgb8(stops)?
         }
     })
 }

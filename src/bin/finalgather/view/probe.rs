@@ -2,13 +2,12 @@
 
 use egui::text::{LayoutJob, TextFormat};
 use egui::{FontId, Visuals};
-use finalgather::image::Image;
+use finalgather::image::{Image, luminance};
 use finalgather::render::SeenSurface;
 use glam::{DVec3, Vec2, Vec3};
 use serde::Serialize;
 
 use super::false_color::short;
-use super::picture::luminance_of;
 
 /// The channels of a picture at one pixel, in world space.
 #[derive(Clone, Debug, Serialize)]
@@ -69,10 +68,10 @@ impl PixelValues {
         Some(Self {
             pixel: pixel_at(picture, place),
             radiance,
-            luminance: luminance_of(radiance.to_array()),
+            luminance: luminance(radiance.to_array()),
             surface: one("A").filter(|&coverage| coverage > 0.0).and_then(|_| surface()),
             occlusion: one("AO"),
-            error: three(picture, ["Error.R", "Error.G", "Error.B"]).map(|error| luminance_of(error.to_array())),
+            error: three(picture, ["Error.R", "Error.G", "Error.B"]).map(|error| luminance(error.to_array())),
             reference: reference.and_then(|reference| three(reference, ["R", "G", "B"])),
         })
     }

@@ -4,21 +4,24 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use finalgather::error::Result;
+use finalgather::error::{Error, Result};
 use finalgather::file::{check_writable, write_file};
 use finalgather::gpu::{Gpu, StageClock};
 use finalgather::image::{Image, WriteOptions};
 use finalgather::job::{Openness, SceneRequest, metadata, of_picture};
 use finalgather::render::{End, Layers, Render, SeenSurface};
 use finalgather::scene::{Loaded, WorldCamera};
-use finalgather::settings::LayerSize;
+use finalgather::settings::{Exposure, LayerSize};
 use glam::{DVec3, Vec2};
 
 use crate::scene_file::SceneView;
 
 use super::layers::{LayerImages, LayerRequest};
 use super::picture::{Developed, DisplayContent, DisplayOptions, develop};
-use super::worker::{DisplayPicture, OpenedScene, RenderProgress, ViewState, Wanted, WorkerOptions, WorkerReport};
+use super::reference::ReferencePicture;
+use super::worker::{
+    DisplayPicture, DisplayRequest, OpenedScene, ReferenceView, RenderProgress, ViewState, WorkerOptions, WorkerReport,
+};
 
 /// Sides of the picture are divided by this while the camera moves.
 const SHRINK: u32 = 2;
@@ -123,26 +126,26 @@ impl SceneRender {
         self.view = view;
     }
 
-    pub fn has_work(&self, wanted: &Wanted) -> bool {
+    pub fn has_work(&self, wanted: &DisplayRequest) -> bool {
         self.outdated || !(self.pass.halted || self.pass.finished) || self.occludes(wanted)
     }
 
     /// Whether directions of the ambient occlusion are left to gather.
-    fn occludes(&self, wanted: &Wanted) -> bool {
+    fn occludes(&self, wanted: &DisplayRequest) -> bool {
         let left = self.pass.openness.as_ref().is_none_or(|openness| !openness.is_done());
         wanted.shown.content == DisplayContent::Openness && left && !self.pass.occluded
     }
 
-    /// The surface at a place of the picture.
+    /// The surface at a place of the requested picture.
     pub fn surface_at(&self, place: Vec2) -> Option<SeenSurface> {
-        self.render.surface_at(place)
+        self.render.surface_at(self.view.camera, self.view.settings.film.size, place)
     }
 
     /// Gathers one step. When a picture is due, reports it with the requested layers.
     ///
     /// # Errors
     /// If the device is lost.
-    pub fn advance(&mut self, clock: &StageClock, wanted: &Wanted, tell: &dyn Fn(WorkerReport)) -> Result<()> {
+    pub fn advance(&mut self, clock: &StageClock, wanted: &DisplayRequest, tell: &dyn Fn(WorkerReport)) -> Result<()> {
         if !self.has_work(wanted) {
             return Ok(());
         }
@@ -289,18 +292,28 @@ impl SceneRender {
     }
 
     /// Reports the picture as it is to be shown.
-    pub fn show(&self, wanted: &Wanted, tell: &dyn Fn(WorkerReport)) {
+    pub fn show(&self, wanted: &DisplayRequest, tell: &dyn Fn(WorkerReport)) {
         if self.pass.imaged == 0 {
             return;
         }
         let (image, sharp) = (self.pass.image.clone(), !self.view.moving);
-        let comparison = wanted.reference.as_ref().filter(|_| sharp);
-        let comparison = comparison.map(|reference| reference.compare(&image, wanted.shown.exposure));
+        // A reference has the exposure of the picture.
+        let shown = &DisplayOptions { exposure: Exposure::Stops(image.stops(wanted.shown.exposure)), ..wanted.shown };
+        let words = |error: Error| error.to_string();
+        let reference = wanted.reference.as_ref();
+        if let Some(reference) = reference.filter(|reference| reference.is_new(shown)) {
+            tell(WorkerReport::Reference(Some(Box::new(ReferenceView {
+                path: reference.path.clone(),
+                developed: reference.develop(shown).map_err(words),
+                image: reference.image.clone(),
+            }))));
+        }
+        let comparison = reference.filter(|_| sharp).map(|reference| reference.compare(&image, shown).map_err(words));
         tell(WorkerReport::Picture(Box::new(DisplayPicture {
-            developed: developed(&image, wanted).map_err(|error| error.to_string()),
+            developed: developed(&image, shown, reference).map_err(words),
             directions: self.pass.imaged,
             sharp,
-            comparison: comparison.map(|comparison| comparison.map_err(|error| error.to_string())),
+            comparison,
             image,
         })));
     }
@@ -315,7 +328,7 @@ impl SceneRender {
         let ViewState { camera, settings, .. } = self.view;
         let view = SceneView { source: &self.request.path, world: &world, camera, settings };
         write_file(path, view.text(path.parent().unwrap_or(Path::new("")))?.as_bytes())?;
-        let SceneRequest { environment, allow_outside, flip, clay, strict, no_default_light, scene, .. } = &self.request;
+        let SceneRequest { environment, allow_outside, flip, strict, no_default_light, scene, clay, .. } = &self.request;
         let named = |name: &str, value: String| format!("{name} {value}");
         let env = environment.iter().map(|path| named("--env", path.display().to_string()));
         let part = scene.iter().map(|part| named("--gltf-scene", part.clone()));
@@ -346,7 +359,7 @@ impl SceneRender {
 }
 
 /// The pixels to display. With a reference, both have the false colours that show the reference best.
-fn developed(image: &Image, Wanted { shown, reference, .. }: &Wanted) -> Result<Developed> {
+fn developed(image: &Image, shown: &DisplayOptions, reference: Option<&ReferencePicture>) -> Result<Developed> {
     let Some(reference) = reference else { return develop(image, shown) };
     if shown.difference {
         return reference.difference(image, shown);

@@ -1,5 +1,6 @@
 //! A picture to compare the render with.
 
+use std::cell::Cell;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -10,14 +11,16 @@ use finalgather::image::{Channel, Image, decode_srgb};
 use super::picture::{Developed, DisplayContent, DisplayOptions, develop, develop_difference};
 
 /// A reference that is open.
-pub struct Reference {
+pub struct ReferencePicture {
     pub path: PathBuf,
     pub image: Arc<Image>,
     /// It is a PNG: its pixels have an exposure and a tone curve already.
     toned: bool,
+    /// As what it was told last.
+    told: Cell<Option<DisplayOptions>>,
 }
 
-impl Reference {
+impl ReferencePicture {
     /// # Errors
     /// [`Error::Input`] when it is no picture with R, G and B.
     pub fn open(path: &Path) -> Result<Self> {
@@ -26,7 +29,12 @@ impl Reference {
             return Err(Error::input(path, None, problem, cure));
         }
         let toned = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("png"));
-        Ok(Self { path: path.to_owned(), image: Arc::new(image), toned })
+        Ok(Self { path: path.to_owned(), image: Arc::new(image), toned, told: Cell::new(None) })
+    }
+
+    /// Whether it is to be shown otherwise than when this was asked last.
+    pub fn is_new(&self, shown: &DisplayOptions) -> bool {
+        self.told.replace(Some(*shown)).as_ref() != Some(shown)
     }
 
     /// Its pixels to display.
@@ -58,17 +66,17 @@ impl Reference {
     pub fn difference(&self, picture: &Image, shown: &DisplayOptions) -> Result<Developed> {
         self.check_size(picture)?;
         let shown = &DisplayOptions { content: if self.toned { DisplayContent::Radiance } else { shown.content }, ..*shown };
-        develop_difference(&self.like_it(picture, shown.exposure)?, &self.image, shown)
+        develop_difference(&self.like_it(picture, shown)?, &self.image, shown)
     }
 
-    /// Bias, RMSE and FLIP of `picture`. With a PNG, of the colours that this exposure shows.
+    /// Bias, RMSE and FLIP of `picture`. With a PNG, of the shown colours.
     ///
     /// # Errors
     /// If their sizes differ, or a sample is not finite.
-    pub fn compare(&self, picture: &Image, exposure: f32) -> Result<Comparison> {
+    pub fn compare(&self, picture: &Image, shown: &DisplayOptions) -> Result<Comparison> {
         self.check_size(picture)?;
-        let view = ViewingConditions { exposure: if self.toned { 0.0 } else { exposure }, toned: [self.toned; 2] };
-        let like = self.like_it(picture, exposure)?;
+        let view = ViewingConditions { exposure: if self.toned { 0.0 } else { shown.exposure.given() }, toned: [self.toned; 2] };
+        let like = self.like_it(picture, shown)?;
         Ok(compare_as(&like, &self.image, Selection::default(), view)?.0)
     }
 
@@ -82,12 +90,14 @@ impl Reference {
     }
 
     /// The picture, with the exposure and curve of a PNG if the reference is one.
-    fn like_it(&self, picture: &Image, exposure: f32) -> Result<Image> {
+    fn like_it(&self, picture: &Image, shown: &DisplayOptions) -> Result<Image> {
         if !self.toned {
             return Ok(picture.clone());
         }
-        let bytes = picture.to_srgb8(exposure)?;
-        let plane = |k| bytes.iter().skip(k).step_by(3).map(|&byte| decode_srgb(f32::from(byte) / 255.0)).collect();
+        let bytes = picture.to_srgba8(shown.exposure.given(), shown.background)?;
+        // As a transparent PNG is read: over black.
+        let over_black = |pixel: &[u8], k: usize| decode_srgb(f32::from(pixel[k]) / 255.0) * f32::from(pixel[3]) / 255.0;
+        let plane = |k| bytes.chunks_exact(4).map(|pixel| over_black(pixel, k)).collect();
         let [r, g, b] = [0, 1, 2].map(plane);
         let channels = [("R", r), ("G", g), ("B", b)].map(|(name, samples)| Channel { name: name.into(), samples });
         Ok(Image { channels: channels.into(), ..*picture })
@@ -97,6 +107,7 @@ impl Reference {
 #[cfg(test)]
 mod tests {
     use finalgather::image::encode_srgb;
+    use finalgather::settings::Exposure;
 
     use super::*;
 
@@ -105,14 +116,18 @@ mod tests {
         Image { width: side, height: side, channels: channels.into() }
     }
 
-    fn reference(image: Image, toned: bool) -> Reference {
-        Reference { path: "reference".into(), image: Arc::new(image), toned }
+    fn exposed(stops: f32) -> DisplayOptions {
+        DisplayOptions { exposure: Exposure::Stops(stops), ..DisplayOptions::default() }
+    }
+
+    fn reference(image: Image, toned: bool) -> ReferencePicture {
+        ReferencePicture { path: "reference".into(), image: Arc::new(image), toned, told: Cell::new(None) }
     }
 
     #[test]
     fn sizes_must_agree() {
-        let error = reference(picture(4, 1.0), false).compare(&picture(2, 1.0), 0.0).unwrap_err().to_string();
-        assert!(error.contains("4 x 4") && error.contains("2 x 2") && error.contains("cure"), "{error}");
+        let error = reference(picture(4, 1.0), false).compare(&picture(2, 1.0), &exposed(0.0)).unwrap_err().to_string();
+        assert!(error.contains("4 x 4") && error.contains("2 x 2") && error.contains("Take its size"), "{error}");
     }
 
     #[test]
@@ -120,11 +135,11 @@ mod tests {
         // Half of white, one stop brighter, is white in a PNG up to its tone curve.
         let shown = decode_srgb(f32::from(picture(2, 0.5).to_srgb8(1.0).unwrap()[0]) / 255.0);
         let toned = reference(picture(2, shown), true);
-        assert_eq!(toned.compare(&picture(2, 0.5), 1.0).unwrap().rmse, 0.0);
-        assert!(toned.compare(&picture(2, 0.5), 0.0).unwrap().rmse > 0.1);
+        assert_eq!(toned.compare(&picture(2, 0.5), &exposed(1.0)).unwrap().rmse, 0.0);
+        assert!(toned.compare(&picture(2, 0.5), &exposed(0.0)).unwrap().rmse > 0.1);
         let linear = reference(picture(2, 0.5), false);
-        assert_eq!(linear.compare(&picture(2, 0.75), 1.0).unwrap().bias, 0.5);
-        let developed = toned.develop(&DisplayOptions { exposure: 3.0, ..DisplayOptions::default() }).unwrap();
+        assert_eq!(linear.compare(&picture(2, 0.75), &exposed(1.0)).unwrap().bias, 0.5);
+        let developed = toned.develop(&exposed(3.0)).unwrap();
         let byte = (255.0 * encode_srgb(shown)).round() as u8;
         assert_eq!(developed.image.pixels[0].r(), byte, "its own colours, whatever the exposure");
         assert!(toned.develop(&DisplayOptions { false_color: true, ..DisplayOptions::default() }).is_err());

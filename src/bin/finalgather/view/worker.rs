@@ -25,7 +25,7 @@ use glam::{DVec3, Vec2, Vec3};
 use super::layers::{LayerImages, LayerRequest};
 use super::picture::{Developed, DisplayOptions};
 use super::progressive::{SceneRender, open};
-use super::reference::Reference;
+use super::reference::ReferencePicture;
 use super::watch::{FileWatch, PAUSE};
 
 /// Commands to the renderer.
@@ -202,10 +202,10 @@ fn panicked(words: &(dyn Any + Send)) -> Error {
 
 /// The state of the renderer's thread beside the scene.
 #[derive(Default)]
-pub struct Wanted {
+pub struct DisplayRequest {
     pub shown: DisplayOptions,
     pub layers: Option<LayerRequest>,
-    pub reference: Option<Reference>,
+    pub reference: Option<ReferencePicture>,
 }
 
 fn work(options: &WorkerOptions, commands: &Receiver<WorkerCommand>, tell: &dyn Fn(WorkerReport)) -> Result<()> {
@@ -219,7 +219,7 @@ fn work(options: &WorkerOptions, commands: &Receiver<WorkerCommand>, tell: &dyn 
     let mut scene: Option<SceneRender> = None;
     // The scene's files, or that of a scene that did not open.
     let mut files: Option<(PathBuf, FileWatch)> = None;
-    let mut wanted = Wanted::default();
+    let mut wanted = DisplayRequest::default();
     loop {
         let patience = if scene.as_ref().is_some_and(|scene| scene.has_work(&wanted)) { Duration::ZERO } else { PAUSE };
         match (commands.recv_timeout(patience), scene.as_mut()) {
@@ -268,15 +268,16 @@ fn work(options: &WorkerOptions, commands: &Receiver<WorkerCommand>, tell: &dyn 
             }
             (Ok(WorkerCommand::Display(other)), scene) => {
                 wanted.shown = other;
-                tell_reference(&wanted, tell);
                 scene.into_iter().for_each(|scene| scene.show(&wanted, tell));
             }
             (Ok(WorkerCommand::Reference(path)), scene) => {
-                match path.map(|path| Reference::open(&path)).transpose() {
-                    Ok(reference) => wanted.reference = reference,
+                match path.map(|path| ReferencePicture::open(&path)).transpose() {
+                    Ok(reference) => {
+                        wanted.reference = reference;
+                        tell(WorkerReport::Reference(None));
+                    }
                     Err(error) => tell(WorkerReport::Refused(error)),
                 }
-                tell_reference(&wanted, tell);
                 scene.into_iter().for_each(|scene| scene.show(&wanted, tell));
             }
             (Ok(WorkerCommand::Layers(other)), scene) => {
@@ -296,13 +297,4 @@ fn work(options: &WorkerOptions, commands: &Receiver<WorkerCommand>, tell: &dyn 
             (Ok(_), None) => {}
         }
     }
-}
-
-fn tell_reference(wanted: &Wanted, tell: &dyn Fn(WorkerReport)) {
-    let view = |reference: &Reference| ReferenceView {
-        path: reference.path.clone(),
-        developed: reference.develop(&wanted.shown).map_err(|error| error.to_string()),
-        image: reference.image.clone(),
-    };
-    tell(WorkerReport::Reference(wanted.reference.as_ref().map(view).map(Box::new)));
 }
