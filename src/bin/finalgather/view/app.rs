@@ -290,6 +290,7 @@ impl App {
     pub fn show(&mut self, ui: &mut Ui) {
         ui.ctx().set_theme(self.theme);
         self.dialogs.escape(ui.ctx());
+        self.quit |= ui.ctx().input_mut(|input| input.consume_shortcut(&KeyboardShortcut::new(Modifiers::CTRL, Key::Q)));
         // Keys belong to the dialog while it is open.
         if !self.dialogs.is_open() {
             self.keys(ui.ctx());
@@ -319,7 +320,6 @@ impl App {
                 self.ask(purpose);
             }
         }
-        self.quit |= shortcut(Modifiers::CTRL, Key::Q);
         self.canvas.held = false;
         if ctx.egui_wants_keyboard_input() {
             return;

@@ -100,7 +100,8 @@ fn notices(app: &mut App, ui: &Ui, card: Frame) {
                             dismissed = Some(index);
                         }
                         let text = RichText::new(&notice.text);
-                        let long = notice.text.lines().count() > 4;
+                        // So does an error that marks its place by carets below the line.
+                        let long = notice.text.lines().count() > 4 || notice.text.contains("^^");
                         ui.add(egui::Label::new(if long { text.monospace() } else { text }).wrap());
                     });
                 });
