@@ -26,6 +26,7 @@ install: setup ## Install the tool, its manual pages and completions of bash, zs
 	$(INSTALLED) completions bash > $(DATA)/bash-completion/completions/finalgather
 	$(INSTALLED) completions zsh > $(DATA)/zsh/site-functions/_finalgather
 	$(INSTALLED) completions fish > $(DATA)/fish/vendor_completions.d/finalgather.fish
+	@echo 'zsh needs this before compinit in ~/.zshrc: fpath+=$(DATA)/zsh/site-functions'
 
 check: ## Check format, lints, unit tests, imports among modules and shaders: a minute, once dependencies are built
 	@scripts/setup.sh --tests

@@ -410,7 +410,7 @@ fn stops_with(signal: &str, code: i32) {
             continue;
         }
         assert!(said.starts_with("stopped after ") && said.contains(" of 1000000000 directions"), "{said}");
-        let kept = "picture so far written to cornell.png; a run so short keeps no checkpoint, unless --checkpoint names one\n";
+        let kept = "picture so far written to cornell.png; no checkpoint is kept (--checkpoint FILE keeps one)\n";
         assert!(said.ends_with(kept), "{said}");
         let report: Value = serde_json::from_slice(&output.stdout).unwrap();
         assert_eq!(report["interrupted"], true);

@@ -58,6 +58,11 @@ fn streams_hold_one_thing() {
     assert!(render(&["-o", "-", "--resume"]).contains("stdout has no checkpoint to go on from"));
     let bake = refused(tool(&folder).args(["bake", "small.toml", "--to", "vertices", "-o", "-"]), 2);
     assert!(bake.contains("as in -o ply:-"), "{bake}");
+    let bake = refused(tool(&folder).args(["bake", "cornell.obj", "--to", "lightmap", "-o", "obj:-"]), 2);
+    assert!(bake.contains("an OBJ has files beside it"), "{bake}");
+    // A merge would not find the scene.
+    let bake = ["bake", "-", "--to", "vertices", "--what", "ao", "--shard", "1/2", "-o", "1.part"];
+    assert!(refused(piped(folder.path(), "cornell.obj").args(bake), 2).contains("stdin has none"));
     assert!(refused(piped(folder.path(), "empty").args(["render", "-"]), 65).contains("stdin: it is empty"));
 }
 
@@ -91,6 +96,11 @@ fn init_writes_a_scene_that_renders_as_the_model() {
 
     assert!(refusal(tool(&folder).args(["init", "cornell.obj"]), 2).contains("cornell.toml: is there already"));
     success(tool(&folder).args(["init", "cornell.obj", "--force"]));
+    success(tool(&folder).args(["init", "cornell.obj", "--flip", "-o", "flipped.toml"]));
+    let flipped = text(&bytes(&folder, "flipped.toml"));
+    assert!(flipped.contains("mesh = \"cornell.obj\"\nflip = true\n\n[camera]\n"), "{flipped}");
+    assert!(refusal(tool(&folder).args(["init", "cornell.obj", "-o", "a.txt"]), 2).contains("end it in .toml"));
+    assert!(refusal(tool(&folder).args(["init", "-"]), 2).contains("stdin has none"));
     assert!(refusal(tool(&folder).args(["init", "cornell.toml"]), 2).contains("is a scene file already"));
     fs::create_dir(path("below")).unwrap();
     let said = refusal(tool(&folder).args(["init", "cornell.obj", "-o", "below/a.toml"]), 2);

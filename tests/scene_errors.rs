@@ -177,7 +177,7 @@ fn scene_files() {
         (b"mesh = 'm.obj'\n[settings]\nseed = 1\ntarget_error = 2", "s.toml:4", "target-error is 2"),
         (b"mesh = 'm.obj'\n[settings]\nseed = 1\nuntil = 2", "s.toml:4", "target-error is 2"),
         (b"mesh = 'm.obj'\n[settings]\nphoton_depth = 1\nbounces = 1", "s.toml:2", "duplicate field `photon_depth`"),
-        (b"mesh = 'm.obj'\n[settings]\nlayer_size = 64\nlayer-size = 96", "s.toml:4", "there is no key \"layer-size\""),
+        (b"mesh = 'm.obj'\n[settings]\nlayer_size = 64\nlayer-size = 96", "s.toml:4", "\"layer-size\" stands here twice"),
         (b"mesh = 'm.obj'\n[settings]\nlayer_size = 0", "s.toml:3", "layer-size is 0"),
         (b"mesh = 'm.obj'\n[settings]\ninterleave = 3", "s.toml:3", "interleave is 3"),
         (b"mesh = 'm.obj'\n[settings]\ninterleave = 'fine'", "s.toml:3", "is no square: give 1, 2 or 4 pixels, or \"auto\""),

@@ -42,6 +42,8 @@ fn values_as_of_options() {
     assert_eq!(radiance(&loose), radiance(&plain));
     let wide = load("mesh = \"m.obj\"\n[settings]\nsize = \"640x480\"\n").unwrap();
     assert_eq!(wide.settings.film.size, [640, 480]);
+    // A material may have the name of a table.
+    assert!(refused("mesh = \"m.obj\"\n[materials.settings]\nalbedo = 1\n").contains("no material \"settings\""));
     // Names of materials stay as they are.
     assert!(refused("mesh = \"m.obj\"\n[materials.la-mp]\nalbedo = 1\n").contains("no material \"la-mp\""));
 }

@@ -60,7 +60,7 @@ impl Image {
         let pixel = |i: usize| {
             let (radiance, cover) = (rgb.map(|samples| samples[i]), cover.map_or(1.0, |cover| cover[i].clamp(0.0, 1.0)));
             let behind = environment.map_or([0.0; 3], |samples| samples.map(|samples| samples[i]));
-            let shadow = shadow.map_or(0.0, |shadow| shadow[i].clamp(0.0, 1.0 - cover));
+            let shadow = shadow.map_or(0.0, |shadow| shadow[i].min(1.0 - cover).max(0.0));
             // The curve is of the surface alone. Otherwise the edge of a bright surface would turn dark.
             let surface = |k: usize| if cover > 0.0 { tone((radiance[k] - behind[k]) / cover * scale) } else { 0.0 };
             let alpha = if background == Background::Transparent { cover + shadow } else { 1.0 };

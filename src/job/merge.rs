@@ -21,6 +21,7 @@ pub fn merge(parts: &[PathBuf], outputs: &[String], change: impl Fn(&mut Display
         change(&mut display);
         settings.with(|settings| settings.display = display).validate().map(|()| display)
     };
+    changed(&Settings::default(), DisplaySettings::default())?;
     let path = parts.first().ok_or_else(|| Error::usage("no parts to merge", "name those of all shards"))?;
     let first = Part::read(path)?;
     // Reads one part at a time, because there may be many.

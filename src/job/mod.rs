@@ -100,7 +100,7 @@ pub struct Outcome {
 
 impl Job {
     /// # Errors
-    /// [`Error::Input`] when there is no such scene; [`Error::Usage`] when an output cannot be written or would replace an input or earlier sums; [`Error::Output`] while another run writes it.
+    /// [`Error::Input`] when the scene is of no kind that can be read; [`Error::Usage`] when an output cannot be written or would replace an input or earlier sums; [`Error::Output`] while another run writes it.
     pub fn new(request: JobRequest, keeping: &Keeping) -> Result<Self> {
         let started = Instant::now();
         if request.scene.bytes.is_none() && request.scene.path.exists() {
@@ -205,7 +205,7 @@ impl Job {
             };
             let resume = match kept {
                 Ok(true) => "; --resume goes on",
-                Ok(false) => "; a run so short keeps no checkpoint, unless --checkpoint names one",
+                Ok(false) => "; no checkpoint is kept (--checkpoint FILE keeps one)",
                 Err(_) => "",
             };
             watch.say(&format!("{how} after {done} of {total} directions; {what}{resume}"));

@@ -84,7 +84,7 @@ mod tests {
         assert_eq!(remaining.seconds(1000), None);
         (0..7).for_each(|_| step(&mut remaining, false, 0.1));
         step(&mut remaining, true, 1.1);
-        // 55 directions of this block, and two blocks.
+        // 56 directions of this block, and two blocks.
         let left = remaining.seconds(56 + 128).unwrap();
         assert!((left - (0.1 * (56.0 + 128.0) / 8.0 + 2.0)).abs() < 1e-6, "{left}");
     }

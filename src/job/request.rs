@@ -20,7 +20,7 @@ use crate::points::LightMapOptions;
 use crate::quantity::Quantity;
 use crate::render::{blocks_of, memory_of};
 use crate::scene::{CameraChange, Environment, Files, LoadOptions, Loaded, Material, World};
-use crate::settings::{DisplaySettings, PointSource, Settings, Squares};
+use crate::settings::{DisplaySettings, Exposure, PointSource, Settings, Squares};
 
 /// A job. Parts of a bake contain it, because a merge makes the receivers again.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -123,8 +123,9 @@ impl SceneRequest {
             },
         )?;
         if self.view != CameraChange::default() {
-            let size = self.settings(&loaded.settings)?.film.size;
-            let camera = loaded.world.changed_camera(size, &self.view).check();
+            let settings = self.settings(&loaded.settings)?;
+            settings.validate()?;
+            let camera = loaded.world.changed_camera(settings.film.size, &self.view).check();
             let camera = camera.map_err(|(problem, cure)| Error::usage(problem, cure))?;
             loaded.world.cameras.insert(0, ("options".to_owned(), camera));
         }
@@ -187,6 +188,7 @@ impl JobRequest {
             // A bake uses all its directions. The layer size must follow from their number.
             settings.directions.target_error = 0.0;
             settings.film.ground = false;
+            settings.display.exposure = Exposure::Stops(settings.display.exposure.given());
             settings.film.interleave = Squares::Auto;
             bake.plan.validate()?;
         }

@@ -212,7 +212,9 @@ impl<'a> Task<'a> {
         }
         let (job, done) = either!(&self.gather, gather => (gather.job(), (gather.directions_done(), gather.is_done())));
         self.request.warning_of_origin(&job).iter().for_each(|warning| watch.say(warning));
-        self.stops = Some(results.stops(self.settings.display.exposure));
+        let is_png = |path: &PathBuf| path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("png"));
+        let shows = self.request.outputs.iter().flatten().any(is_png);
+        self.stops = shows.then(|| results.stops(self.settings.display.exposure));
         let (counts, errors) = results.write(self.request, &job, &self.settings.display, done);
         self.counts = counts;
         errors

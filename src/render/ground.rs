@@ -23,7 +23,10 @@ impl ShadowCatcher {
     /// `None` without an environment: then no light is missing in the shadow.
     pub fn new(scene: &Scene, camera: &Camera, wanted: bool) -> Option<Self> {
         let environment = scene.environment.as_ref().filter(|_| wanted)?;
-        let ground = Ground::under(&scene.mesh, camera.up);
+        // A view from above has its up in the plane of the ground.
+        let forward = (camera.target - camera.eye).normalize_or_zero();
+        let up = if forward.y.abs() > 0.9 && camera.up.y.abs() < 0.5 { Vec3::Y } else { camera.up };
+        let ground = Ground::under(&scene.mesh, up);
         Some(Self { bright: ground.bright(environment), ground })
     }
 }

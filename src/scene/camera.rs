@@ -112,11 +112,18 @@ impl WorldCamera {
     }
 
     /// The camera with the parts of `change`.
+    /// A lens that is sharp at the target stays so.
     #[must_use]
     pub fn changed(self, change: &CameraChange) -> Self {
+        let (eye, target) = (change.eye.unwrap_or(self.eye), change.target.unwrap_or(self.target));
+        let lens = self.lens.map(|lens| match lens.focus_distance == self.eye.distance(self.target) as f32 {
+            true => Lens { focus_distance: eye.distance(target) as f32, ..lens },
+            false => lens,
+        });
         Self {
-            eye: change.eye.unwrap_or(self.eye),
-            target: change.target.unwrap_or(self.target),
+            eye,
+            target,
+            lens,
             up: change.up.unwrap_or(self.up),
             fov_y_degrees: change.fov_y_degrees.unwrap_or(self.fov_y_degrees),
             ..self

@@ -98,11 +98,14 @@ impl Display for Exposure {
 }
 
 impl Background {
-    /// An opaque colour from `#rrggbb`.
+    /// An opaque colour from `#rrggbb` or `#rgb`.
     fn of_hex(text: &str) -> Option<Self> {
-        let digits = text.strip_prefix('#').filter(|digits| digits.len() == 6 && digits.is_ascii())?;
-        let byte = |index: usize| u8::from_str_radix(&digits[2 * index..2 * index + 2], 16).ok();
-        let bytes = [byte(0)?, byte(1)?, byte(2)?];
+        let digits: Vec<u32> = text.strip_prefix('#')?.chars().map(|digit| digit.to_digit(16)).collect::<Option<_>>()?;
+        let bytes = match digits[..] {
+            [r, g, b] => [r, g, b].map(|digit| 17 * digit as u8),
+            [r, r2, g, g2, b, b2] => [[r, r2], [g, g2], [b, b2]].map(|[high, low]| (16 * high + low) as u8),
+            _ => return None,
+        };
         Some(Self::Color(bytes.map(|byte| decode_srgb(f32::from(byte) / 255.0))))
     }
 }

@@ -1,9 +1,9 @@
 //! `finalgather bake`: computes values at the points of receivers.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use finalgather::bake::{Plan, RadianceCache};
-use finalgather::error::Result;
+use finalgather::error::{Error, Result};
 use finalgather::harmonics::MAX_ORDER;
 use finalgather::job::{BakeRequest, Job, JobRequest, Per, ReceiverKind, Work, outputs_of};
 use finalgather::points::{LightMapOptions, Resolution, UvSource};
@@ -12,15 +12,17 @@ use finalgather::settings::PhotonMapKind;
 use serde::Deserialize;
 
 use crate::args::{DeviceArgs, JobArgs, Overrides, checked, choose_photon_map, count, named, side};
-use crate::streams::ToStdout;
+use crate::streams::{STREAM, ToStdout};
 use crate::{report, terminal};
 
 /// Texels along a side of a light map, where nothing else is said.
 pub const LIGHT_MAP_SIDE: u32 = 512;
 
 /// Options of pictures that bakes accept, each with the reason why it does nothing.
-const OF_PICTURES: [(&str, &str); 5] = [
+const OF_PICTURES: [(&str, &str); 7] = [
     ("size", "it is for --to camera; a light map has --resolution"),
+    ("background", "it is for the light of --to camera"),
+    ("ground", "only a render has it"),
     ("points", "points of --to camera are rasterised"),
     ("interleave", "every point gathers along every direction"),
     ("estimator", "each quantity has its own"),
@@ -33,7 +35,7 @@ const OF_PICTURES: [(&str, &str); 5] = [
 /// defaults shown here.
 #[derive(Debug, clap::Args)]
 #[command(after_long_help = include_str!("help/bake.txt"), args_override_self = true, allow_negative_numbers = true)]
-#[command(mut_args(|arg| if OF_PICTURES.iter().any(|(key, _)| arg.get_id() == *key && *key != "size") { arg.hide(true) } else { arg }))]
+#[command(mut_args(|arg| if OF_PICTURES.iter().any(|(key, _)| arg.get_id() == *key && !["size", "background"].contains(key)) { arg.hide(true) } else { arg }))]
 pub struct BakeArgs {
     /// Scene file (.toml) or model (.obj with its .mtl, .glb, .gltf, .ply, .stl). - is stdin
     scene: PathBuf,
@@ -123,6 +125,12 @@ enum RadianceChoice {
 
 /// Returns the exit code.
 pub fn run(mut args: BakeArgs) -> Result<u8> {
+    if args.scene == Path::new(STREAM) && args.job.names_sums() {
+        let cure = "give the file of the scene";
+        return Err(Error::usage("the sums of a bake name the file of its scene, and stdin has none", cure));
+    }
+    // Before there is anything to leave behind, because stdin may never end.
+    let scene = args.overrides.scene(&args.scene)?;
     let stdout = ToStdout::of(&mut args.outputs, None, args.json)?;
     let BakeArgs { to: receivers, order, gather_bounces, ao_distance, radiance_cache, uvs, padding, samples_per_texel, .. } =
         args;
@@ -159,9 +167,14 @@ pub fn run(mut args: BakeArgs) -> Result<u8> {
     let plan = Plan { what, order, gather_bounces, ao_distance, radiance_cache, memory: Plan::MEMORY };
     let resolution = args.texels_per_unit.map_or(Resolution::Pixels(args.resolution), Resolution::TexelsPerUnit);
     let light_map = LightMapOptions { resolution, uvs, padding, samples_per_texel };
-    let (scene, device) = (choose_photon_map(args.overrides.scene(&args.scene)?, map), args.device.request());
+    let (scene, device) = (choose_photon_map(scene, map), args.device.request());
     let has_pixels = receivers.contains(&ReceiverKind::Camera);
-    let without = OF_PICTURES.iter().filter(|(key, _)| scene.settings.contains_key(*key) && (*key != "size" || !has_pixels));
+    let works = |key: &str| match key {
+        "size" => has_pixels,
+        "background" => has_pixels && args.what.contains(&Quantity::Irradiance),
+        _ => false,
+    };
+    let without = OF_PICTURES.iter().filter(|(key, _)| scene.settings.contains_key(*key) && !works(key));
     without.for_each(|(key, reason)| {
         report::say(&format!("warning: --{} has no effect here: {reason}", key.replace('_', "-")));
     });

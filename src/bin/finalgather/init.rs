@@ -9,6 +9,7 @@ use finalgather::scene::Loaded;
 use crate::args::SceneArgs;
 use crate::report;
 use crate::scene_file::SceneView;
+use crate::streams::STREAM;
 
 /// Write a scene file for a model, with its camera, settings and materials to edit
 #[derive(Debug, clap::Args)]
@@ -32,10 +33,16 @@ pub struct InitArgs {
 /// Returns the exit code.
 pub fn run(args: &InitArgs) -> Result<u8> {
     let source = &args.model;
+    if source == Path::new(STREAM) {
+        return Err(Error::usage("a scene file names the file of its model, and stdin has none", "give a file"));
+    }
     let output = args.output.clone().unwrap_or_else(|| source.with_extension("toml"));
     let to_stdout = output == Path::new("-");
     if source.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("toml")) {
         return Err(Error::usage(format!("{}: is a scene file already", source.display()), "edit it, or give a model"));
+    }
+    if !to_stdout && output.extension().is_none_or(|ending| !ending.eq_ignore_ascii_case("toml")) {
+        return Err(Error::usage(format!("{}: is no name of a scene file", output.display()), "end it in .toml"));
     }
     if !to_stdout {
         check_writable(&output)?;
@@ -46,10 +53,18 @@ pub fn run(args: &InitArgs) -> Result<u8> {
             "edit it, give another -o, or replace it by --force",
         ));
     }
-    let Loaded { world, settings, report: load } = args.files.scene(source)?.load(true)?;
+    let request = args.files.scene(source)?;
+    if let Some(scene) = &request.scene {
+        let problem = format!("--gltf-scene {scene}: a scene file cannot name a scene of a glTF file");
+        return Err(Error::usage(problem, "leave it out here, and give it to render"));
+    }
+    let Loaded { world, settings, report: load } = request.load(true)?;
     load.warnings.iter().for_each(|warning| report::say(&format!("warning: {warning}")));
     let view = SceneView { source, world: &world, camera: world.camera(settings.film.size), settings };
+    let flip = if request.flip { "flip = true\n" } else { "" };
     let text = view.text(if to_stdout { Path::new("") } else { folder_of(&output) })?;
+    // Before the first table.
+    let text = text.replacen("\n\n[camera]", &format!("\n{flip}\n[camera]"), 1);
     if to_stdout {
         return report::print(text.trim_end()).map(|()| 0);
     }

@@ -2,7 +2,7 @@
 
 use std::env;
 use std::os::unix::process::CommandExt;
-use std::path::Path;
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::error::ErrorKind;
@@ -63,7 +63,7 @@ enum ToolCommand {
 fn main() -> ExitCode {
     let matches = brief(Args::command()).color(report::color_of(env::args_os())).try_get_matches().unwrap_or_else(|error| {
         if let Some(scene) = scene_without_command(&error) {
-            report::say(&format!("error: {scene}: which command?\n  cure: finalgather render {scene}"));
+            report::say(&format!("error: {}: which command?\n  cure: finalgather render {0}", scene.display()));
             std::process::exit(2);
         }
         error.exit()
@@ -117,9 +117,9 @@ fn brief(tool: Command) -> Command {
 }
 
 /// The file that stands in the place of a command.
-fn scene_without_command(error: &clap::Error) -> Option<String> {
-    let first = (error.kind() == ErrorKind::InvalidSubcommand).then(|| env::args().nth(1))??;
-    Path::new(&first).is_file().then_some(first)
+fn scene_without_command(error: &clap::Error) -> Option<PathBuf> {
+    let first = (error.kind() == ErrorKind::InvalidSubcommand).then(|| env::args_os().nth(1))??;
+    Some(PathBuf::from(first)).filter(|path| path.is_file())
 }
 
 /// Lets Rayon and Mesa's software driver use this many threads. Both read their number from the environment, which a process cannot change safely once

@@ -56,7 +56,7 @@ impl ProgressLine {
 
     pub fn stage(&self, stage: &'static str) {
         let mut state = locked(&self.state);
-        report::detail(&format!("{} took {:.2} s", state.stage, state.since.elapsed().as_secs_f64()));
+        self.bar.suspend(|| report::detail(&state.took()));
         *state = State { stage, since: Instant::now(), directions: None, left: None };
         self.bar.set_style(style(STAGE));
         self.bar.set_prefix(stage);
@@ -82,7 +82,10 @@ impl ProgressLine {
 
     /// Removes the line for good.
     pub fn clear(&mut self) {
-        self.bar.finish_and_clear();
+        if !self.bar.is_finished() {
+            self.bar.finish_and_clear();
+            report::detail(&locked(&self.state).took());
+        }
         if let Some((sender, thread)) = self.log.take() {
             drop(sender);
             // It has nothing to say.
@@ -103,6 +106,10 @@ fn log_to(state: Arc<Mutex<State>>) -> Option<(Sender<()>, JoinHandle<()>)> {
 }
 
 impl State {
+    fn took(&self) -> String {
+        format!("{} took {:.2} s", self.stage, self.since.elapsed().as_secs_f64())
+    }
+
     /// A line of a log.
     fn line(&self) -> String {
         let Some([done, total]) = self.directions else {

@@ -64,6 +64,8 @@ impl RenderArgs {
 
 /// Returns the exit code.
 pub fn run(args: &RenderArgs) -> Result<u8> {
+    // Before there is anything to leave behind, because stdin may never end.
+    let (scene, device) = (args.scene()?, args.device.request());
     let mut outputs = args.outputs();
     let stdout = ToStdout::of(&mut outputs, Some("png"), args.json)?;
     let outputs: Vec<_> = outputs.iter().map(PathBuf::from).collect();
@@ -71,7 +73,6 @@ pub fn run(args: &RenderArgs) -> Result<u8> {
     if stdout.is_some() {
         ToStdout::keep(&mut keeping)?;
     }
-    let (scene, device) = (args.scene()?, args.device.request());
     let request = JobRequest { scene, work: Work::Render, outputs: vec![outputs], memory: args.memory, device };
     terminal::run(Job::new(request, &keeping)?, args.json, stdout)
 }

@@ -35,7 +35,7 @@ impl SceneView<'_> {
             String::from("# Take away a # to change what stands behind it. docs/scene-format.md explains every key.\n");
         text += &format!("mesh = {mesh}\n\n[camera]");
         if let [(name, _), rest @ ..] = &world.cameras[..] {
-            text += &format!(" # \"{name}\" of the file");
+            text += &format!(" # {name:?} of the file");
             if !rest.is_empty() {
                 let names: Vec<_> = rest.iter().map(|(name, _)| format!("{name:?}")).collect();
                 text += &format!(", which also has {}: --camera NAME", names.join(", "));

@@ -1,7 +1,7 @@
 //! Scenes on stdin and results on stdout. Both are named `-`.
 
 use std::fs;
-use std::io::{self, IsTerminal, Read};
+use std::io::{self, ErrorKind, IsTerminal, Read};
 use std::path::{Path, PathBuf};
 
 use finalgather::error::{Error, Result};
@@ -42,6 +42,12 @@ impl ToStdout {
         let Some(ending) = Some(ending).filter(|ending| !ending.is_empty()).or(plain) else {
             return refused("of which format?", "name it before the stream, as in -o ply:-");
         };
+        if ["obj", "part"].contains(&ending) {
+            return refused(
+                "an OBJ has files beside it, and a part is no result",
+                "name a file, or another format such as ply:-",
+            );
+        }
         let folder = tempfile::tempdir().map_err(|error| {
             Error::usage(format!("no temporary folder can be made: {error}"), "set TMPDIR to a folder that can be written")
         })?;
@@ -79,7 +85,9 @@ impl ToStdout {
     pub fn send(self) -> Result<()> {
         match fs::read(&self.path) {
             Ok(bytes) => report::print_bytes(&bytes),
-            Err(_) => Ok(()),
+            // It was stopped before there was a result.
+            Err(error) if error.kind() == ErrorKind::NotFound => Ok(()),
+            Err(error) => Err(Error::output(&self.path, error.to_string(), "name a file for the result")),
         }
     }
 }
@@ -91,26 +99,31 @@ pub fn scene() -> Result<(PathBuf, Vec<u8>)> {
     let mut bytes = Vec::new();
     let cure = "send a scene file or a model to stdin";
     let path = Path::new("stdin");
-    let read = io::stdin().lock().take(MOST).read_to_end(&mut bytes);
+    let read = io::stdin().lock().take(MOST + 1).read_to_end(&mut bytes);
     read.map_err(|error| Error::input(path, None, error.to_string(), cure))?;
+    if bytes.len() as u64 > MOST {
+        return Err(Error::input(path, None, format!("it has more than {MOST} bytes"), "give a file"));
+    }
     if bytes.is_empty() {
         return Err(Error::input(path, None, "it is empty", cure));
     }
     Ok((path.with_extension(ending_of(&bytes)), bytes))
 }
 
-/// What a scene is by its first bytes.
+/// What a scene is by its first bytes or, for a text, by its first line that is no comment.
 fn ending_of(bytes: &[u8]) -> &'static str {
-    let text = String::from_utf8_lossy(&bytes[..bytes.len().min(4096)]);
-    let of_obj =
-        |line: &str| ["v ", "vn ", "vt ", "f ", "o ", "g ", "mtllib ", "usemtl "].iter().any(|word| line.starts_with(word));
-    match text.trim_start() {
+    /// Comments at the head are shorter.
+    const MOST: usize = 1 << 20;
+    let text = String::from_utf8_lossy(&bytes[..bytes.len().min(MOST)]);
+    let line = text.lines().map(str::trim).find(|line| !line.is_empty() && !line.starts_with('#')).unwrap_or_default();
+    let of_obj = |word: &&str| line.split_whitespace().next() == Some(*word);
+    match line {
         _ if bytes.starts_with(b"glTF") => "glb",
-        _ if bytes.starts_with(b"ply") => "ply",
-        _ if bytes.starts_with(b"solid") => "stl",
-        text if text.starts_with('{') => "gltf",
-        text if text.lines().any(of_obj) => "obj",
-        text if text.contains('=') => "toml",
+        "ply" => "ply",
+        _ if line.starts_with("solid") => "stl",
+        _ if line.starts_with('{') => "gltf",
+        _ if ["v", "vn", "vt", "f", "o", "g", "s", "mtllib", "usemtl"].iter().any(of_obj) => "obj",
+        _ if line.starts_with('[') || line.contains('=') => "toml",
         _ => "stl",
     }
 }

@@ -46,7 +46,7 @@ pub fn run(job: Job, json: bool, stdout: Option<ToStdout>) -> Result<u8> {
     let leftovers = job.lock_path().map(Path::to_owned).into_iter().chain(stdout.as_ref().map(|to| to.folder().to_owned()));
     let mut terminal = Terminal::new(leftovers.collect())?;
     let threads = rayon::current_num_threads();
-    report::detail(&format!("{threads} CPU thread{}", if threads == 1 { "" } else { "s" }));
+    terminal.detail(&format!("{threads} CPU thread{}", if threads == 1 { "" } else { "s" }));
     let outcome = job.run(&mut terminal)?;
     terminal.clear();
     if outcome.ending == Ending::Finished {

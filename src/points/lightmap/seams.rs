@@ -70,7 +70,7 @@ impl Seams {
             self.solve(&start, &mut end, &held);
             let mut leaves = false;
             for (value, held) in end.iter_mut().zip(&mut held) {
-                let inside = value.clamp(least, most);
+                let inside = value.max(least).min(most);
                 *held |= inside != *value;
                 leaves |= inside != *value;
                 *value = inside;

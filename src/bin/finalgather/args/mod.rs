@@ -260,6 +260,11 @@ impl DeviceArgs {
 }
 
 impl JobArgs {
+    /// Whether a file of sums is asked for.
+    pub fn names_sums(&self) -> bool {
+        self.checkpoint.is_some() || self.shard.is_some()
+    }
+
     /// What this run keeps, and which part of the job it does. `auto` reads the variables of an array job.
     ///
     /// # Errors

@@ -67,6 +67,9 @@ fn explanation(message: &str) -> (String, String) {
     let mut wrong_name = |kind: &str| {
         let wrong = names.next().unwrap_or_default();
         let known: Vec<_> = names.by_ref().filter(|name| *name != "shadow_size").collect();
+        if known.contains(&wrong.replace('-', "_").as_str()) {
+            return (format!("{wrong:?} stands here twice, with - and with _"), "leave one of the two out".to_owned());
+        }
         let list = || if known.is_empty() { TABLES.to_owned() } else { format!("give one of {}", known.join(", ")) };
         let cure = nearest(wrong, &known).map_or_else(list, |meant| format!("write {meant} in its place"));
         (format!("there is no {kind} {wrong:?}"), cure)
@@ -81,11 +84,14 @@ fn explanation(message: &str) -> (String, String) {
             "u32" | "u64" => "a whole number, such as 1000 or 1e3",
             "f32" | "f64" => "a number, such as 0.5",
             "a boolean" => "true or false",
+            "a map" => "a table, such as [materials.NAME]",
             "an array of length 2" => "two numbers, such as [640, 480]",
             "an array of length 3" => "three numbers, such as [0.5, 0.5, 0.5]",
             other => other,
         };
         (format!("a value of the wrong kind: {found}"), format!("give {wanted}"))
+    } else if message.starts_with("duplicate") {
+        (message.to_owned(), "leave one of the two out".to_owned())
     } else if message.starts_with("missing field `mesh`") {
         ("it names no model".to_owned(), "begin it with mesh = \"MODEL\", a file in its folder".to_owned())
     } else {

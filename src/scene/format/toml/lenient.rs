@@ -18,7 +18,7 @@ pub fn replacements(table: &DeTable) -> Vec<String> {
     fn collect(table: &DeTable, name: &str, texts: &mut Vec<String>) {
         for (key, value) in table {
             match value.get_ref() {
-                DeValue::Table(inner) => collect(inner, key.get_ref(), texts),
+                DeValue::Table(inner) => collect(inner, &below(name, key.get_ref()), texts),
                 scalar => texts.extend(replacement(name, key.get_ref(), scalar)),
             }
         }
@@ -40,7 +40,7 @@ fn settle_table<'a>(table: &mut DeTable<'a>, name: &str, replacements: &mut std:
     let known: HashSet<_> = entries.iter().map(|(key, _)| key.get_ref().to_string()).collect();
     for (mut key, mut value) in entries {
         match value.get_mut() {
-            DeValue::Table(inner) => settle_table(inner, key.get_ref(), replacements),
+            DeValue::Table(inner) => settle_table(inner, &below(name, key.get_ref()), replacements),
             scalar => {
                 let text = replacement(name, key.get_ref(), scalar).and_then(|_| replacements.next());
                 // Its place stays that of the text in the file.
@@ -58,6 +58,11 @@ fn settle_table<'a>(table: &mut DeTable<'a>, name: &str, replacements: &mut std:
     }
 }
 
+/// The name of a table in the table `name`.
+fn below(name: &str, key: &str) -> String {
+    if name.is_empty() { key.to_owned() } else { format!("{name}.{key}") }
+}
+
 fn plain(key: &str) -> String {
     key.replace('-', "_")
 }
@@ -66,6 +71,11 @@ fn plain(key: &str) -> String {
 fn replacement(name: &str, key: &str, value: &DeValue) -> Option<String> {
     match plain(key).as_str() {
         "size" if name == SETTINGS => size(value),
+        "ground" if name == SETTINGS => match value.as_str() {
+            Some("on") => Some("true".to_owned()),
+            Some("off") => Some("false".to_owned()),
+            _ => None,
+        },
         _ if name == SETTINGS => number(value),
         key if COLORS.contains(&key) => color(value),
         _ => None,
