@@ -170,6 +170,7 @@ mod tests {
             assert_eq!(serde_json::from_value::<Background>(serde_json::to_value(background).unwrap()).unwrap(), background);
         }
         assert_eq!("#ff0080".parse(), Ok(Background::Color([1.0, 0.0, decode_srgb(128.0 / 255.0)])));
+        assert_eq!("#f08".parse::<Background>(), "#ff0088".parse());
         for wrong in ["", "blue", "#12345", "#12345g", "1,2,3", "0,0", "0,0,nan"] {
             assert!(wrong.parse::<Background>().is_err(), "{wrong}");
         }
