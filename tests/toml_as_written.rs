@@ -73,6 +73,15 @@ fn faults_are_shown_with_what_was_meant() {
             "3: directions is 0\n  3 | directions = 0\n    | ^^^^^^^^^^\n  cure: give directions of 1 or more",
         ),
         (
+            "mesh = \"m.obj\"\n[settings]\nsize = [16, 16, 16]\n",
+            "3: a list with too many numbers\n  3 | size = [16, 16, 16]\n    |        ^^^^^^^^^^^^\n  cure: give 2 numbers",
+        ),
+        (
+            "mesh = \"m.obj\"\n[settings]\nphotons = -1\n",
+            "3: a value of the wrong kind: integer `-1`\n  3 | photons = -1\n    |           ^^\n  \
+             cure: give a whole number, such as 1000 or 1e3",
+        ),
+        (
             "mesh = \"n.obj\"\n",
             "1: n.obj: cannot read this model: there is no such file; like it: m.obj\n  1 | mesh = \"n.obj\"\n    |        ^^^^^^^\n  \
              cure: put it there, or correct its name",

@@ -137,7 +137,7 @@ impl Checkpoint {
             self.say_beginning(watch);
         } else if exists && !self.resume {
             watch.say(&format!(
-                "an earlier run has left {path}; --resume goes on from it, and without this run replaces it in time"
+                "an earlier run has left {path}; --resume goes on from it, else it is replaced once this run keeps a checkpoint"
             ));
         }
         if !(self.resume && exists) {

@@ -157,7 +157,10 @@ impl WorldCamera {
         };
         if forward.cross(up).length() < 1e-4 {
             let problem = format!("camera up {} is parallel to the direction of view", self.up);
-            return Err((problem, "give an up direction across the view, such as [0, 0, 1] for a view straight down"));
+            return Err((
+                problem,
+                "give an up direction that is not along the view: 0, 1, 0 for a level view, 0, 0, 1 for one straight down along y",
+            ));
         }
         if !(self.fov_y_degrees > 0.0 && self.fov_y_degrees < 180.0) {
             let problem = format!("camera fov_y_degrees is {}", self.fov_y_degrees);

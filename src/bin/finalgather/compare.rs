@@ -1,5 +1,6 @@
 //! `finalgather compare`: the difference between a picture and its reference.
 
+use std::collections::BTreeSet;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
@@ -7,6 +8,7 @@ use finalgather::error::{Error, Result};
 use finalgather::image::compare::{Comparison, Selection, ViewingConditions, compare_as, mask_of};
 use finalgather::image::{Image, check_writable};
 use finalgather::job::check_kept;
+use finalgather::nearest::nearest;
 
 use crate::args::{checked, stops};
 use crate::report;
@@ -96,6 +98,8 @@ fn share(text: &str) -> Result<f32, String> {
 /// A picture with R, G and B: its own or, with a name, those of a layer.
 fn read(path: &Path, layer: &str) -> Result<Image> {
     let mut image = Image::read(path)?;
+    let layers: BTreeSet<_> =
+        image.channels.iter().filter_map(|channel| Some(channel.name.split_once('.')?.0.to_owned())).collect();
     if !layer.is_empty() {
         image.channels.retain_mut(|channel| match channel.name.split_once('.') {
             Some((name, component)) if name == layer => {
@@ -106,7 +110,12 @@ fn read(path: &Path, layer: &str) -> Result<Image> {
         });
     }
     if !layer.is_empty() && image.channels.is_empty() {
-        let cure = "name a layer that it has, such as PhotonMap; a render writes all to .exr";
+        let all = || layers.iter().cloned().collect::<Vec<_>>().join(", ");
+        let cure = match nearest(layer, &layers) {
+            Some(meant) => format!("write {meant} in its place"),
+            None if layers.is_empty() => "give an .exr of a render, which has all layers".to_owned(),
+            None => format!("name one that it has: {}", all()),
+        };
         return Err(Error::input(path, None, format!("it has no layer {layer:?}"), cure));
     }
     match image.rgb() {

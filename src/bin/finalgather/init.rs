@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use finalgather::error::{Error, Result};
 use finalgather::file::{check_writable, write_file};
+use finalgather::job::check_kept;
 use finalgather::scene::Loaded;
 
 use crate::args::SceneArgs;
@@ -59,6 +60,9 @@ pub fn run(args: &InitArgs) -> Result<u8> {
         return Err(Error::usage(problem, "leave it out here, and give it to render"));
     }
     let Loaded { world, settings, report: load } = request.load(true)?;
+    if !to_stdout {
+        check_kept(std::slice::from_ref(&output), load.files.iter().map(PathBuf::as_path))?;
+    }
     load.warnings.iter().for_each(|warning| report::say(&format!("warning: {warning}")));
     let view = SceneView { source, world: &world, camera: world.camera(settings.film.size), settings };
     let flip = if request.flip { "flip = true\n" } else { "" };

@@ -56,6 +56,9 @@ impl ProgressLine {
 
     pub fn stage(&self, stage: &'static str) {
         let mut state = locked(&self.state);
+        if state.stage == stage {
+            return;
+        }
         self.bar.suspend(|| report::detail(&state.took()));
         *state = State { stage, since: Instant::now(), directions: None, left: None };
         self.bar.set_style(style(STAGE));

@@ -172,7 +172,10 @@ fn rebased(file: &Path, folder: &Path) -> Result<PathBuf> {
     inside.ok_or_else(|| {
         Error::usage(
             format!("{}: lies outside the folder of the scene file, {}", file.display(), folder.display()),
-            format!("write the scene file into {}", file.parent().unwrap_or(Path::new(".")).display()),
+            format!(
+                "write the scene file into {}",
+                file.parent().filter(|at| !at.as_os_str().is_empty()).unwrap_or(Path::new(".")).display()
+            ),
         )
     })
 }

@@ -14,7 +14,7 @@ use crate::report;
 #[command(after_long_help = include_str!("help/completions.txt"))]
 pub struct CompletionsArgs {
     /// The shell
-    #[arg(value_name = "bash|zsh|fish|powershell|elvish", hide_possible_values = true)]
+    #[arg(value_name = "SHELL")]
     shell: Shell,
 }
 

@@ -49,10 +49,10 @@ pub fn run(job: Job, json: bool, stdout: Option<ToStdout>) -> Result<u8> {
     terminal.detail(&format!("{threads} CPU thread{}", if threads == 1 { "" } else { "s" }));
     let outcome = job.run(&mut terminal)?;
     terminal.clear();
+    stdout.map_or(Ok(()), ToStdout::send)?;
     if outcome.ending == Ending::Finished {
         report::say(&summary::line(&outcome.report));
     }
-    stdout.map_or(Ok(()), ToStdout::send)?;
     if json {
         report::print_json(&outcome.report)?;
     }

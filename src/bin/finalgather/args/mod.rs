@@ -108,7 +108,7 @@ pub struct Overrides {
 
     /// What a .png shows where there is no surface: environment, transparent, #rrggbb, or linear r,g,b from 0 to 1. auto: the scene file's, else the
     /// environment; transparent for a bare model under the soft sky
-    #[arg(long, value_name = "auto|WHAT", value_parser = |text: &str| or_auto(text, str::parse::<Background>), default_value = "auto")]
+    #[arg(long, value_name = "auto|WHAT", allow_hyphen_values = true, value_parser = |text: &str| or_auto(text, str::parse::<Background>), default_value = "auto")]
     background: OrAuto<Background>,
 
     /// A plane under the model that catches its shadow: a shadow catcher. auto: on for a bare model under the soft sky
@@ -147,7 +147,7 @@ pub struct CameraArgs {
     target: Option<[f64; 3]>,
 
     /// Its full vertical angle of view [default: as the scene says, else 40]
-    #[arg(long, value_name = "DEGREES")]
+    #[arg(long, value_name = "DEGREES", value_parser = number::<f32>)]
     fov: Option<f32>,
 
     /// The direction that points up in the picture. 0,0,1 for a model whose z axis points up [default: as the scene says, else 0,1,0]

@@ -78,8 +78,8 @@ fn explanation(message: &str) -> (String, String) {
         wrong_name("key")
     } else if message.starts_with("unknown variant") {
         wrong_name("value")
-    } else if let Some(wanted) = message.strip_prefix("invalid type: ").and_then(|rest| rest.split_once(", expected ")) {
-        let (found, wanted) = wanted;
+    } else if let Some(wanted) = message.strip_prefix("invalid ").and_then(|rest| rest.split_once(", expected ")) {
+        let (found, wanted) = (wanted.0.split_once(": ").map_or(wanted.0, |(_, found)| found), wanted.1);
         let wanted = match wanted {
             "u32" | "u64" => "a whole number, such as 1000 or 1e3",
             "f32" | "f64" => "a number, such as 0.5",
@@ -90,10 +90,14 @@ fn explanation(message: &str) -> (String, String) {
             other => other,
         };
         (format!("a value of the wrong kind: {found}"), format!("give {wanted}"))
-    } else if message.starts_with("duplicate") {
-        (message.to_owned(), "leave one of the two out".to_owned())
+    } else if message.starts_with("string values must be quoted") {
+        (message.to_owned(), "put a text into quotes, and commas between the values of a list".to_owned())
     } else if message.starts_with("missing field `mesh`") {
         ("it names no model".to_owned(), "begin it with mesh = \"MODEL\", a file in its folder".to_owned())
+    } else if let Some(name) = message.strip_prefix("missing field ") {
+        (format!("{} is missing", name.replace('`', "")), "give it, as docs/scene-format.md shows".to_owned())
+    } else if message.starts_with("duplicate") {
+        (message.to_owned(), "leave one of the two out".to_owned())
     } else {
         (message.to_owned(), TABLES.to_owned())
     }

@@ -35,6 +35,23 @@ pub fn settle<'a>(table: &mut DeTable<'a>, replacements: &'a [String]) -> HashMa
     settings.into_iter().flatten().map(|(key, _)| (Settings::key_of(key.get_ref()).to_owned(), key.span())).collect()
 }
 
+/// A list with more numbers than its key takes: its place, and how many the key takes. Serde would leave the rest out.
+pub fn too_long(table: &DeTable) -> Option<(Range<usize>, usize)> {
+    table.iter().find_map(|(key, value)| {
+        let most = match plain(key.get_ref()).as_str() {
+            "size" => 2,
+            "eye" | "target" | "up" | "background" => 3,
+            key if COLORS.contains(&key) => 3,
+            _ => usize::MAX,
+        };
+        match value.get_ref() {
+            DeValue::Table(inner) => too_long(inner),
+            DeValue::Array(list) if list.len() > most => Some((value.span(), most)),
+            _ => None,
+        }
+    })
+}
+
 fn settle_table<'a>(table: &mut DeTable<'a>, name: &str, replacements: &mut std::slice::Iter<'a, String>) {
     let entries = std::mem::take(table);
     let known: HashSet<_> = entries.iter().map(|(key, _)| key.get_ref().to_string()).collect();

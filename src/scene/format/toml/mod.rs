@@ -114,6 +114,9 @@ pub fn load(loader: &mut Loader, path: &Path) -> Result<(World, Settings)> {
     let source = SceneText { path, text };
     let error = |span: Range<usize>, problem: String, cure: &str| source.error(&span, &problem, cure);
     let mut table = DeTable::parse(text).map_err(|fault| source.refused(&fault))?;
+    if let Some((span, most)) = lenient::too_long(table.get_ref()) {
+        return Err(error(span, "a list with too many numbers".into(), &format!("give {most} numbers")));
+    }
     let replacements = lenient::replacements(table.get_ref());
     let places = lenient::settle(table.get_mut(), &replacements);
     let file = SceneFile::deserialize(toml::Deserializer::from(table)).map_err(|fault| source.refused(&fault))?;
