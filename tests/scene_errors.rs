@@ -208,7 +208,7 @@ fn scene_files() {
     for (toml, place, fragment) in cases {
         check("s.toml", "s.toml", toml, place, fragment);
     }
-    check("none.toml", "other", b"", "none.toml", "cannot read this scene file");
+    check("none.toml", "other", b"", "none.toml", "there is no such file");
     check("none.obj", "other", b"", "none.obj", "cannot read this model");
     check("m.xyz", "other", b"", "m.xyz", "scene file (.toml) or a model (.obj");
 }

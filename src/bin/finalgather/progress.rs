@@ -61,9 +61,9 @@ impl ProgressLine {
         }
         self.bar.suspend(|| report::detail(&state.took()));
         *state = State { stage, since: Instant::now(), directions: None, left: None };
+        self.bar.reset_elapsed();
         self.bar.set_style(style(STAGE));
         self.bar.set_prefix(stage);
-        self.bar.reset_elapsed();
     }
 
     pub fn progress(&self, Progress { done, total, seconds_left }: Progress) {
