@@ -209,7 +209,7 @@ fn scene_files() {
         check("s.toml", "s.toml", toml, place, fragment);
     }
     check("none.toml", "other", b"", "none.toml", "there is no such file");
-    check("none.obj", "other", b"", "none.obj", "cannot read this model");
+    check("none.obj", "other", b"", "none.obj", "there is no such file");
     check("m.xyz", "other", b"", "m.xyz", "scene file (.toml) or a model (.obj");
 }
 
