@@ -126,7 +126,6 @@ impl WorldCamera {
             lens,
             up: change.up.unwrap_or(self.up),
             fov_y_degrees: change.fov_y_degrees.unwrap_or(self.fov_y_degrees),
-            ..self
         }
     }
 
