@@ -196,7 +196,7 @@ fn bad_vertices_lose_their_triangles() {
     let told = [
         "m.glb: 1 of 6 triangles of meshes[0].primitives[0] refer to vertices that it does not have; they are left out",
         "m.glb: 3 of 6 triangles of meshes[0].primitives[0] have corners that are not finite or beyond 1e9; they are left out",
-        "1 of 6 triangles has no area and was skipped",
+        "m.glb: 1 of 6 triangles has no area and was skipped",
     ];
     assert_eq!(warnings, told);
     let strict = finalgather::scene::LoadOptions { strict: true, ..crate::build::options() };
