@@ -239,7 +239,11 @@ impl App {
 
     /// Keeps the camera and the settings that the user has changed. The others become those of the scene's files, now read again.
     fn keep_view(&mut self, opened: &OpenedScene) {
-        let Some(before) = &self.scene else { return };
+        let Some(before) = &self.scene else {
+            // It was broken until now.
+            (self.view.camera, self.view.settings) = (opened.camera, opened.settings);
+            return;
+        };
         if self.view.camera == before.camera {
             self.view.camera = opened.camera;
         }
