@@ -201,6 +201,10 @@ impl App {
                     let kind = if needed.is_empty() { NoticeKind::News } else { NoticeKind::Warning };
                     self.say(format!("Saved {}{with}", path.display()), kind);
                 }
+                WorkerReport::NotCompared(error, before) => {
+                    self.reference = before;
+                    self.say(error.to_string(), NoticeKind::Bad);
+                }
                 WorkerReport::Refused(error) => self.say(error.to_string(), NoticeKind::Bad),
                 WorkerReport::NotOpened(error) => {
                     self.opening -= 1;

@@ -82,6 +82,8 @@ pub enum WorkerReport {
     Surface(Vec2, Option<SeenSurface>),
     /// The reference as it is to be displayed; `None`: it is closed.
     Reference(Option<Box<ReferenceView>>),
+    /// A reference cannot be used. The previous one, if any, stays open.
+    NotCompared(Error, Option<PathBuf>),
     Saved(PathBuf),
     /// A scene file is written. It needs these options to render as here.
     SceneSaved(PathBuf, Vec<String>),
@@ -311,7 +313,10 @@ fn work(options: &WorkerOptions, commands: &Receiver<WorkerCommand>, tell: &dyn 
                         wanted.reference = reference;
                         tell(WorkerReport::Reference(None));
                     }
-                    Err(error) => tell(WorkerReport::Refused(error)),
+                    Err(error) => {
+                        let before = wanted.reference.as_ref().map(|reference| reference.path.clone());
+                        tell(WorkerReport::NotCompared(error, before));
+                    }
                 }
                 scene.into_iter().for_each(|scene| scene.show(&wanted, tell));
             }
