@@ -33,14 +33,13 @@ mod lab;
 mod page;
 
 use std::fs;
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::Parser;
 
 use crate::document::{Declaration, Document};
-use crate::figure::{Format, Result, Scale, folder, of_file};
+use crate::figure::{Format, Result, Scale, caught, folder, of_file};
 use crate::lab::write_small;
 use crate::page::Page;
 
@@ -109,14 +108,6 @@ fn run(args: &Args) -> Result<()> {
     if failed.is_empty() { Ok(()) } else { Err(format!("failed: {}; {} says why", failed.join(", "), index.display()).into()) }
 }
 
-/// A panic of one figure is its error, so that the others and the page are made. Each figure has its own device.
-fn caught(work: impl FnOnce() -> Result<()>) -> Result<()> {
-    catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|panic| {
-        let text = panic.downcast_ref::<String>().map(String::as_str).or_else(|| panic.downcast_ref::<&str>().copied());
-        Err(format!("it panicked: {}", text.unwrap_or("without a message")).into())
-    })
-}
-
 fn make(figure: &Declaration, args: &Args, out: &Path) -> Result<()> {
     let file = |folder: &Path, ending: &str| folder.join(format!("{}.{ending}", figure.name));
     let json = figure.json(out);
@@ -153,16 +144,4 @@ fn write(path: &Path, text: &str) -> Result<()> {
     of_file(path, fs::write(path, text))?;
     eprintln!("  {}", path.display());
     Ok(())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_panic_is_an_error_with_its_message() {
-        let error = caught(|| panic!("no {}", "light")).unwrap_err();
-        assert_eq!(error.to_string(), "it panicked: no light");
-        assert!(caught(|| Ok(())).is_ok());
-    }
 }

@@ -219,6 +219,7 @@ fn failures_have_exit_codes() {
     refusal(view(&display).env_remove("DISPLAY"), 69, "no window system");
     refusal(view(&display).args(["--gl-device", "99"]), 69, "no EGL device 99");
     refusal(view(&display).arg("none.toml"), 65, "none.toml");
+    refusal(view(&display).args(["--show", "difference"]), 2, "no picture to differ from");
 
     // A panic on the renderer's thread, and what goes wrong while the window is already there.
     let folder = folder();

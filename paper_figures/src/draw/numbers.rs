@@ -15,15 +15,28 @@ pub fn short_percent(share: f64) -> String {
     format!("{percent:.digits$} %")
 }
 
-/// A tick of an axis: with the digits that the step between ticks needs, or with its own, at most three that count. Large round ones are short,
-/// so that neighbours do not meet.
-pub fn tick_label(tick: f64, step: Option<f64>) -> String {
+/// A tick of an axis with even steps, or of another. `even` is the step and the largest tick: all ticks have one form, with the digits that the
+/// step needs. Others have their own, at most three digits that count. Large round ones are short, so that neighbours do not meet.
+pub fn tick_label(tick: f64, even: Option<[f64; 2]>) -> String {
     let digits = |number: f64| (-number.abs().log10() - 1e-9).ceil().max(0.0) as usize;
-    match step {
-        _ if tick != 0.0 && tick.abs() < 1e-4 => format!("{}e{}", trimmed(tick / power(tick), 3), power(tick).log10().round()),
+    let exponential = || format!("{}e{}", trimmed(tick / power(tick), 3), power(tick).log10().round());
+    match even {
+        Some([step, _]) if step < 1e-4 => {
+            if tick == 0.0 {
+                "0".into()
+            } else {
+                exponential()
+            }
+        }
+        Some([step, most]) => {
+            let in_tenths = |unit: f64| is_round(step + unit, unit);
+            let form = [(1e6, 1e6, "M"), (1e4, 1e3, "k")].into_iter().find(|&(from, unit, _)| most >= from && in_tenths(unit));
+            let (unit, mark) = form.map_or((1.0, ""), |(_, unit, mark)| (unit, mark));
+            if tick == 0.0 && unit > 1.0 { "0".into() } else { format!("{:.*}{mark}", digits(step / unit), tick / unit) }
+        }
+        _ if tick != 0.0 && tick.abs() < 1e-4 => exponential(),
         _ if is_round(tick, 1e6) => trimmed(tick / 1e6, 1) + "M",
         _ if tick.abs() >= 1e4 && is_round(tick, 1e3) => trimmed(tick / 1e3, 1) + "k",
-        Some(step) => format!("{tick:.0$}", digits(step)),
         None if tick == 0.0 => "0".into(),
         None => trimmed(tick, digits(tick) + 2),
     }

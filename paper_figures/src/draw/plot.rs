@@ -175,9 +175,11 @@ impl Axis {
     }
 
     fn label(&self, tick: f64) -> String {
+        let most = self.ticks.iter().fold(0.0, |most: f64, tick| most.max(tick.abs()));
+        let even = self.step.map(|step| [step, most]);
         match self.unit {
-            Unit::Number => tick_label(tick, self.step),
-            Unit::Percent => tick_label(100.0 * tick, self.step.map(|step| 100.0 * step)) + " %",
+            Unit::Number => tick_label(tick, even),
+            Unit::Percent => tick_label(100.0 * tick, even.map(|even| even.map(|value| 100.0 * value))) + " %",
         }
     }
 }
@@ -383,7 +385,9 @@ mod tests {
         assert_eq!(number(&[0.0041]), ["0.000", "0.001", "0.002", "0.003", "0.004", "0.005"]);
         assert_eq!(number(&[0.3, 0.9]), ["0.0", "0.2", "0.4", "0.6", "0.8", "1.0"]);
         assert_eq!(number(&[101.0]), ["0", "50", "100", "150"]);
-        assert_eq!(number(&[-3.0, 2e6]), ["-500k", "0", "500k", "1M", "1.5M", "2M"]);
+        assert_eq!(number(&[-3.0, 2e6]), ["-0.5M", "0", "0.5M", "1.0M", "1.5M", "2.0M"]);
+        assert_eq!(number(&[11e3]), ["0", "5k", "10k", "15k"]);
+        assert_eq!(number(&[1.1e-4]), ["0", "5e-5", "1e-4", "1.5e-4"]);
         assert_eq!(number(&[f64::NAN, f64::INFINITY]), ["0.0", "0.2", "0.4", "0.6", "0.8", "1.0"]);
         let percent = labels(&Axis::linear("", Unit::Percent), &[0.0002]);
         assert_eq!(percent, ["0.000 %", "0.005 %", "0.010 %", "0.015 %", "0.020 %"]);

@@ -13,7 +13,7 @@ use serde::Deserialize;
 
 use crate::document::{Declaration, Document};
 use crate::draw::{escaped, note, plot_in_page};
-use crate::figure::{Format, Result, folder, of_file};
+use crate::figure::{Format, Result, caught, folder, of_file};
 use crate::lab::in_repository;
 use crate::page::claims::claims_table;
 
@@ -192,7 +192,7 @@ impl Found {
         };
         // The document of an older version may lack fields.
         Ok(head
-            + &drawn(document, out).unwrap_or_else(|error| {
+            + &caught(|| drawn(document, out)).unwrap_or_else(|error| {
                 failed(&format!("Its measurements cannot be drawn: {}. {again}", escaped(&error.to_string())))
             }))
     }
@@ -223,6 +223,22 @@ fn relative(folder: &Path, file: &Path) -> Result<String> {
     let [folder, file] = [of_file(folder, folder.canonicalize())?, of_file(file, file.canonicalize())?];
     let same = folder.components().zip(file.components()).take_while(|(a, b)| a == b).count();
     let up = folder.components().skip(same).map(|_| "..".to_owned());
-    let down = file.components().skip(same).map(|part| part.as_os_str().to_string_lossy().into_owned());
+    let down = file.components().skip(same).map(|part| encoded(part.as_os_str().as_encoded_bytes()));
     Ok(up.chain(down).collect::<Vec<_>>().join("/"))
+}
+
+/// A name as a part of an address.
+fn encoded(name: &[u8]) -> String {
+    let plain = |byte: u8| byte.is_ascii_alphanumeric() || b"-._~".contains(&byte);
+    name.iter().map(|&byte| if plain(byte) { char::from(byte).to_string() } else { format!("%{byte:02X}") }).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_address_has_no_marks_of_its_own() {
+        assert_eq!(encoded("a #1 100%.md".as_bytes()), "a%20%231%20100%25.md");
+    }
 }

@@ -1,6 +1,5 @@
 // Steps that play, sliders between two pictures, and pictures in full. The page is whole without it.
 "use strict";
-document.documentElement.classList.add("scripts");
 
 function element(tag, properties, ...children) {
   const made = Object.assign(document.createElement(tag), properties);
@@ -179,3 +178,5 @@ for (const image of document.querySelectorAll("figure img")) {
   if (!image.closest(".choice")) on_press(image, `Show in full: ${image.alt}`, () => open_full(image));
 }
 for (const image of document.querySelectorAll("img")) sampling.observe(image);
+// Last, so that no hint stands where a script failed.
+document.documentElement.classList.add("scripts");

@@ -19,14 +19,12 @@ pub struct SceneView<'a> {
 }
 
 impl SceneView<'_> {
-    /// The text of a scene file in `folder`. It renders as the source, with this camera and these settings.
+    /// The text of a scene file in `folder` for a model. It renders as the model, with this camera and these settings.
     ///
     /// # Errors
-    /// [`Error::Usage`] when the source lies outside `folder`, because a scene file reads only files in its folder; [`Error::Input`] when a scene
-    /// file is no longer readable.
+    /// [`Error::Usage`] when the model lies outside `folder`, because a scene file reads only files in its folder.
     pub fn text(&self, folder: &Path) -> Result<String> {
-        let is_scene = self.source.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("toml"));
-        if is_scene { self.changed(folder) } else { Ok(self.of_model(&quoted(&rebased(self.source, folder)?))) }
+        Ok(self.of_model(&quoted(&rebased(self.source, folder)?)))
     }
 
     fn of_model(&self, mesh: &str) -> String {
@@ -59,19 +57,19 @@ impl SceneView<'_> {
         text
     }
 
-    fn changed(&self, folder: &Path) -> Result<String> {
+    /// The text of the source, a scene file, for `folder`, with this camera and the settings that differ from its own.
+    ///
+    /// # Errors
+    /// As [`Self::text`]; [`Error::Input`] when the source is no longer readable.
+    pub fn changed(&self, folder: &Path, of_file: &Settings) -> Result<String> {
         let Self { source, camera, settings, .. } = self;
         let bad = |problem: String| Error::input(source, None, problem, "save again when it can be read");
         let text = fs::read_to_string(source).map_err(|error| bad(error.to_string()))?;
         let mut scene: DocumentMut = text.parse().map_err(|error: toml_edit::TomlError| bad(error.message().to_owned()))?;
-        let of_file: Settings = match scene.get("settings") {
-            None => Settings::default(),
-            Some(_) => World::load(source)?.settings,
-        };
         let camera_table = table(&mut scene, "camera");
         camera_keys(camera).iter().try_for_each(|(key, value)| set(camera_table, key, value))?;
         let settings_table = table(&mut scene, "settings");
-        for ((key, value), (_, before)) in setting_keys(settings).into_iter().zip(setting_keys(&of_file)) {
+        for ((key, value), (_, before)) in setting_keys(settings).into_iter().zip(setting_keys(of_file)) {
             if value != before {
                 set(settings_table, &key, &value)?;
             }

@@ -201,6 +201,10 @@ impl App {
                     let kind = if needed.is_empty() { NoticeKind::News } else { NoticeKind::Warning };
                     self.say(format!("Saved {}{with}", path.display()), kind);
                 }
+                WorkerReport::NotCompared(error, before) => {
+                    self.reference = before;
+                    self.say(error.to_string(), NoticeKind::Bad);
+                }
                 WorkerReport::Refused(error) => self.say(error.to_string(), NoticeKind::Bad),
                 WorkerReport::NotOpened(error) => {
                     self.opening -= 1;
@@ -239,7 +243,11 @@ impl App {
 
     /// Keeps the camera and the settings that the user has changed. The others become those of the scene's files, now read again.
     fn keep_view(&mut self, opened: &OpenedScene) {
-        let Some(before) = &self.scene else { return };
+        let Some(before) = &self.scene else {
+            // It was broken until now.
+            (self.view.camera, self.view.settings) = (opened.camera, opened.settings);
+            return;
+        };
         if self.view.camera == before.camera {
             self.view.camera = opened.camera;
         }

@@ -122,16 +122,24 @@ impl Canvas {
         let painter = ui.painter_at(area);
         let squares = self.zoom.scale.is_some_and(|scale| scale >= 1.0);
         let which = usize::from(self.shows_reference());
+        let say = |words: String| {
+            let weak = ui.visuals().weak_text_color();
+            let galley = painter.layout(words, FontId::proportional(14.0), weak, area.width() - 24.0);
+            painter.galley(area.center() - 0.5 * galley.size(), galley, weak);
+            place
+        };
+        let most = ui.input(|input| input.max_texture_side);
         match self.developed() {
             None => return place,
-            Some(Err(words)) => {
-                let weak = ui.visuals().weak_text_color();
-                let galley = painter.layout(words.clone(), FontId::proportional(14.0), weak, area.width() - 24.0);
-                painter.galley(area.center() - 0.5 * galley.size(), galley, weak);
-                return place;
+            Some(Err(words)) => return say(words.clone()),
+            Some(Ok(Developed { image, .. })) if image.size.into_iter().any(|side| side > most) => {
+                let [width, height] = image.size;
+                return say(format!("{width} x {height} pixels: this window shows at most {most} a side"));
             }
-            Some(Ok(developed)) => {
-                let image = &developed.image;
+            Some(Ok(Developed { image, .. })) => {
+                // A reference of another size keeps its shape.
+                let own =
+                    if which == 1 && image.size != size.map(|side| side as usize) { fitted(image.size, place) } else { place };
                 let magnification = if squares { TextureFilter::Nearest } else { TextureFilter::Linear };
                 let load = || {
                     ui.ctx().load_texture("picture", image.clone(), TextureOptions { magnification, ..TextureOptions::LINEAR })
@@ -140,7 +148,7 @@ impl Canvas {
                     Some((texture, as_squares)) if *as_squares == squares => texture.clone(),
                     _ => load(),
                 };
-                painter.image(texture.id(), place, Rect::from_min_max(Pos2::ZERO, pos2(1.0, 1.0)), Color32::WHITE);
+                painter.image(texture.id(), own, Rect::from_min_max(Pos2::ZERO, pos2(1.0, 1.0)), Color32::WHITE);
                 self.textures[which] = Some((texture, squares));
             }
         }
@@ -171,11 +179,16 @@ impl Canvas {
         let zoom = if self.zoom.scale == Some(1.0) { "1:1".to_owned() } else { format!("{:.0} %", 100.0 * factor) };
         let zoom = painter.text(values.right_top(), Align2::RIGHT_TOP, zoom, font.clone(), weak);
         let width = zoom.left() - values.left() - 12.0;
-        let at_cursor = self.cursor.and_then(|place| {
+        let same = |image: &Image| {
+            self.picture
+                .as_ref()
+                .is_some_and(|picture| [image.width, image.height] == [picture.image.width, picture.image.height])
+        };
+        let other = self.reference.as_ref().filter(|reference| self.shows_reference() && !same(&reference.image)).is_some();
+        let at_cursor = self.cursor.filter(|_| !other).and_then(|place| {
             let picture = self.picture.as_ref()?;
             let seen = self.surface.as_ref().filter(|(at, _)| *at == place).map(|(_, seen)| seen);
-            let same = |image: &&Image| (image.width, image.height) == (picture.image.width, picture.image.height);
-            let reference = self.reference.as_ref().map(|reference| &*reference.image).filter(same);
+            let reference = self.reference.as_ref().map(|reference| &*reference.image).filter(|image| same(image));
             PixelValues::new(&picture.image, place, origin, seen, reference)
         });
         match &at_cursor {
@@ -184,10 +197,21 @@ impl Canvas {
                 painter.galley(values.min, galley, weak);
             }
             None => {
-                let galley = painter.layout("Point at the picture to read its values.".into(), font, weak, width);
+                let words = if other {
+                    "The reference has another size than the picture: its pixels have no values here."
+                } else {
+                    "Point at the picture to read its values."
+                };
+                let galley = painter.layout(words.into(), font, weak, width);
                 painter.galley(values.min, galley, weak);
             }
         }
         self.values = at_cursor.or(self.values.take());
     }
+}
+
+/// The largest place of this shape in the middle of `place`.
+fn fitted(size: [usize; 2], place: Rect) -> Rect {
+    let sides = vec2(size[0] as f32, size[1] as f32);
+    Rect::from_center_size(place.center(), sides * (place.size() / sides).min_elem())
 }

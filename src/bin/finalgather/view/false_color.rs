@@ -28,9 +28,12 @@ pub struct ColorScale {
 }
 
 impl ColorMap {
-    /// The colour at `at`, from 0 to 1. Values beyond have the colour of the end, NaN that of 0.
+    /// The colour at `at`, from 0 to 1. Values beyond have the colour of the end. NaN has magenta, which no scale has.
     pub fn color(self, at: f32) -> [u8; 3] {
-        let at = if at.is_nan() { 0.0 } else { at.clamp(0.0, 1.0) };
+        if at.is_nan() {
+            return [255, 0, 255];
+        }
+        let at = at.clamp(0.0, 1.0);
         let color = match self {
             Self::Viridis => viridis(at),
             Self::BlueToRed => blue_to_red(at),
@@ -132,7 +135,7 @@ mod tests {
         }
         assert_eq!(ColorMap::Viridis.color(-1.0), ColorMap::Viridis.color(0.0));
         assert_eq!(ColorMap::Viridis.color(f32::INFINITY), ColorMap::Viridis.color(1.0));
-        assert_eq!(ColorMap::Viridis.color(f32::NAN), ColorMap::Viridis.color(0.0));
+        assert_eq!(ColorMap::Viridis.color(f32::NAN), [255, 0, 255]);
     }
 
     #[test]

@@ -33,7 +33,8 @@ impl Histogram {
     pub fn new(channels: [&[f32]; 3], axis: Axis) -> Self {
         let mut counts = [[0; BINS]; 3];
         let (mut beyond, mut total) = ([0_u32; 2], 0_u32);
-        let step = channels[0].len().div_ceil(COUNTED).max(1);
+        // An odd step does not keep to some columns of a picture with an even width.
+        let step = channels[0].len().div_ceil(COUNTED) | 1;
         for (counts, channel) in counts.iter_mut().zip(channels) {
             for &value in channel.iter().step_by(step) {
                 let at = axis.place(value);

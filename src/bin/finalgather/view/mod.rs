@@ -143,6 +143,9 @@ pub fn run(args: &ViewArgs) -> Result<u8> {
     let embedded = unpack_cornell_box().map_err(|error| {
         Error::usage(format!("no temporary folder can be made: {error}"), "set TMPDIR to a folder that can be written")
     })?;
+    if args.reference.is_none() && matches!(args.show, ShownFirst::Difference) {
+        return Err(Error::usage("--show difference: there is no picture to differ from", "add --reference FILE"));
+    }
     // A picture that cannot be read is an error at once, not only in the window.
     args.reference.as_deref().map(ReferencePicture::open).transpose()?;
     let scene = args.scene.clone().unwrap_or_else(|| embedded.path().join("cornell.toml"));

@@ -11,6 +11,11 @@ use super::panel;
 /// How long news is shown.
 const NEWS: Duration = Duration::from_secs(5);
 
+/// Whether a line marks a place in the line above it.
+fn is_mark(line: &str) -> bool {
+    line.contains('^') && line.chars().all(|character| "|^ ".contains(character))
+}
+
 /// A sentence for the user.
 pub struct Notice {
     pub text: String,
@@ -78,20 +83,21 @@ pub fn show(app: &mut App, ui: &Ui) {
 fn notices(app: &mut App, ui: &Ui, card: Frame) {
     let area = ui.ctx().content_rect();
     let width = (area.width() - if app.panel { panel::WIDTH } else { 0.0 } - 24.0).clamp(160.0, 560.0);
+    let bad = panel::bad(ui.visuals());
     let mut dismissed = None;
     let mut again = false;
     egui::Area::new("notices".into()).fixed_pos(pos2(area.left() + 12.0, area.top() + 12.0)).show(ui.ctx(), |ui| {
         ui.set_max_width(width);
         if let Some(error) = app.failed() {
-            card.stroke((1.0, panel::BAD)).show(ui, |ui| {
-                ui.label(RichText::new("The renderer has stopped").strong().color(panel::BAD));
+            card.stroke((1.0, bad)).show(ui, |ui| {
+                ui.label(RichText::new("The renderer has stopped").strong().color(bad));
                 ui.label(error.to_string());
                 ui.add_space(6.0);
                 again = ui.button("Start again").clicked();
             });
         }
         for (index, notice) in app.notices.iter().enumerate() {
-            let color = if notice.kind == NoticeKind::Bad { panel::BAD } else { ui.visuals().weak_text_color() };
+            let color = if notice.kind == NoticeKind::Bad { bad } else { ui.visuals().weak_text_color() };
             card.stroke((1.0, color)).show(ui, |ui| {
                 // A shader's log has many lines.
                 egui::ScrollArea::vertical().max_height(0.6 * area.height()).id_salt(index).show(ui, |ui| {
@@ -101,7 +107,7 @@ fn notices(app: &mut App, ui: &Ui, card: Frame) {
                         }
                         let text = RichText::new(&notice.text);
                         // So does an error that marks its place by carets below the line.
-                        let long = notice.text.lines().count() > 4 || notice.text.contains("^^");
+                        let long = notice.text.lines().count() > 4 || notice.text.lines().any(is_mark);
                         ui.add(egui::Label::new(if long { text.monospace() } else { text }).wrap());
                     });
                 });

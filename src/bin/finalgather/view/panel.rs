@@ -4,7 +4,7 @@ use std::ops::RangeInclusive;
 
 use egui::{
     Checkbox, CollapsingHeader, Color32, ComboBox, DragValue, Grid, PointerButton, ProgressBar, Response, RichText, ScrollArea,
-    Slider, SliderClamping, ThemePreference, Ui, vec2,
+    Slider, SliderClamping, ThemePreference, Ui, Visuals, vec2,
 };
 use finalgather::settings::{Exposure, LayerSize, Pipeline};
 
@@ -18,7 +18,9 @@ use super::picture::{Developed, DisplayContent};
 
 /// Width of the panel, in points.
 pub const WIDTH: f32 = 264.0;
-pub const BAD: Color32 = Color32::from_rgb(240, 100, 90);
+
+/// Values that can bound a range of colours. Their differences are finite.
+const VALUES: RangeInclusive<f32> = -1e30..=1e30;
 
 const PIPELINES: [(Pipeline, &str); 6] = [
     (Pipeline::Auto, "auto"),
@@ -28,6 +30,11 @@ const PIPELINES: [(Pipeline, &str); 6] = [
     (Pipeline::RaycastGl, "rays, GL"),
     (Pipeline::Raycast, "rays, CPU"),
 ];
+
+/// The colour of what went wrong, dark enough to read on a light panel.
+pub fn bad(visuals: &Visuals) -> Color32 {
+    if visuals.dark_mode { Color32::from_rgb(240, 100, 90) } else { Color32::from_rgb(185, 30, 20) }
+}
 
 pub fn show(app: &mut App, ui: &mut Ui) {
     ui.spacing_mut().item_spacing = vec2(8.0, 6.0);
@@ -51,8 +58,13 @@ pub fn show(app: &mut App, ui: &mut Ui) {
         if app.layers {
             layers(app, ui);
         }
+        let before = (app.shown.content, app.shown.difference);
         shown(app, ui);
         reference(app, ui);
+        if (app.shown.content, app.shown.difference) != before {
+            // Their numbers are others.
+            app.shown.range = None;
+        }
         view(app, ui);
         settings(app, ui);
         stages(app, ui);
@@ -170,12 +182,17 @@ fn shown(app: &mut App, ui: &mut Ui) {
             (Exposure::Auto, Some(developed)) => developed.stops,
             (exposure, _) => exposure.given(),
         };
+        let light = shown.content.is_light();
         row(ui, "Exposure", tip, |ui| {
             ui.horizontal(|ui| {
+                if !light {
+                    ui.disable();
+                }
                 ui.spacing_mut().slider_width = 64.0;
                 let mut stops = now;
                 let (slid, back) = slider(ui, &mut stops, -6.0..=6.0, of_scene.given());
-                let dragged = ui.add(DragValue::new(&mut stops).speed(0.02).max_decimals(2).suffix(" EV"));
+                let value = DragValue::new(&mut stops).speed(0.02).max_decimals(2).suffix(" EV").custom_parser(finite);
+                let dragged = ui.add(value.range(-Exposure::MOST..=Exposure::MOST));
                 if back {
                     shown.exposure = of_scene;
                 } else if slid.changed() || dragged.changed() {
@@ -187,7 +204,7 @@ fn shown(app: &mut App, ui: &mut Ui) {
         });
         row(ui, "", "Chooses the exposure by the light of the surfaces that are seen.", |ui| {
             let mut automatic = shown.exposure == Exposure::Auto;
-            let chosen = ui.checkbox(&mut automatic, "automatic");
+            let chosen = ui.add_enabled(light, Checkbox::new(&mut automatic, "automatic"));
             if chosen.changed() {
                 shown.exposure = if automatic { Exposure::Auto } else { Exposure::Stops(now) };
             }
@@ -226,13 +243,20 @@ fn range(ui: &mut Ui, range: &mut Option<[f32; 2]>, automatic: [f32; 2]) {
         ui.horizontal(|ui| {
             let text = |value: f64, _| short(value as f32);
             let speed = f64::from((*high - *low).abs().max(1e-4)) * 0.005;
-            let first = ui.add(DragValue::new(low).speed(speed).custom_formatter(text));
-            let last = ui.add(DragValue::new(high).speed(speed).custom_formatter(text));
+            let first = ui.add(DragValue::new(low).range(VALUES).speed(speed).custom_formatter(text).custom_parser(finite));
+            let last = ui.add(DragValue::new(high).range(VALUES).speed(speed).custom_formatter(text).custom_parser(finite));
             *high = high.max(*low + f32::EPSILON * low.abs().max(1e-3));
             first | last
         })
         .inner
     });
+}
+
+/// The number of a text, if it is finite.
+fn finite(text: &str) -> Option<f64> {
+    let text: String = text.chars().filter(|character| !character.is_whitespace()).collect();
+    // egui writes a minus sign for a hyphen.
+    text.replace('−', "-").parse().ok().filter(|number: &f64| number.is_finite())
 }
 
 fn reference(app: &mut App, ui: &mut Ui) {
@@ -265,7 +289,7 @@ fn reference(app: &mut App, ui: &mut Ui) {
             ui.weak("Compared once the camera is still.");
         }
         Some(Err(problem)) => {
-            ui.colored_label(BAD, problem);
+            ui.colored_label(bad(ui.visuals()), problem);
             let size = app.canvas.reference.as_ref().map(|reference| [reference.image.width, reference.image.height]);
             if let Some(size) = size.map(|size| size.map(|side| side as u32)).filter(|size| *size != app.view.settings.film.size)
                 && ui.button("Take its size").on_hover_text("Renders the picture in the size of the reference.").clicked()

@@ -102,7 +102,7 @@ impl DisplayOptions {
 /// Red, green and blue, or three times the same numbers, of what is displayed.
 type ShownPlanes = [Vec<f32>; 3];
 
-/// Makes the displayed pixels. If all radiance is displayed, they have the bytes of the saved PNG.
+/// Makes the displayed pixels. If all radiance is displayed and the background is not transparent, they have the bytes of the saved PNG.
 ///
 /// # Errors
 /// If the picture lacks a channel.
@@ -119,7 +119,9 @@ pub fn develop(picture: &Image, shown: &DisplayOptions) -> Result<Developed> {
     };
     let histogram = Histogram::new(planes.each_ref().map(Vec::as_slice), axis);
     if shown.is_radiance() {
-        let bytes = picture.to_srgba8(stops, shown.background)?;
+        // The window has nothing behind the picture, so a transparent one shows the environment.
+        let background = Some(shown.background).filter(|&it| it != Background::Transparent).unwrap_or(Background::Environment);
+        let bytes = picture.to_srgba8(stops, background)?;
         let image = Arc::new(ColorImage::from_rgba_unmultiplied(size, &bytes));
         return Ok(Developed { image, scale: None, histogram, stops });
     }
@@ -146,6 +148,9 @@ pub fn develop(picture: &Image, shown: &DisplayOptions) -> Result<Developed> {
 /// # Errors
 /// If a picture lacks a channel, or the sizes differ.
 pub fn develop_difference(picture: &Image, reference: &Image, shown: &DisplayOptions) -> Result<Developed> {
+    if shown.content == DisplayContent::Normals {
+        return Err(Error::usage("the difference of normals is no number", "show another view, or the reference itself"));
+    }
     let [of_picture, of_reference] = [planes(picture, shown)?, planes(reference, shown)?];
     let differences: ShownPlanes = [0, 1, 2].map(|k| of_picture[k].iter().zip(&of_reference[k]).map(|(a, b)| a - b).collect());
     let values = luminance(&differences);

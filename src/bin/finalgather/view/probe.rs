@@ -81,7 +81,8 @@ impl PixelValues {
         let three = |value: Vec3| value.to_array().map(short).join(" ");
         let mut words = vec![
             ("pixel", format!("{}, {}", self.pixel[0], self.pixel[1])),
-            ("R G B", three(self.radiance)),
+            // With both, each has its name: the strip is the same while the reference is shown.
+            (if self.reference.is_some() { "render" } else { "R G B" }, three(self.radiance)),
             ("luminance", short(self.luminance)),
         ];
         words.extend(self.reference.map(|reference| ("reference", three(reference))));
@@ -122,7 +123,10 @@ impl PixelValues {
 
 /// A coordinate of the scene. It keeps its digits before the point.
 fn coordinate(value: f64) -> String {
-    if value.abs() >= 100.0 { format!("{value:.1}") } else { format!("{value:.3}") }
+    let digits = if value.abs() >= 100.0 { 1 } else { 3 };
+    let scale = 10_f64.powi(digits);
+    // Plus 0 takes the sign from a zero.
+    format!("{:.*}", digits as usize, (scale * value).round() / scale + 0.0)
 }
 
 /// The pixel at `place`, both coordinates in [0, 1).
@@ -148,5 +152,6 @@ mod tests {
         let surface = values.surface.unwrap();
         assert_eq!((surface.position, surface.depth), (DVec3::new(1005.0, 6.0, 7.0), 14.0));
         assert!(at(0.25, 0.25).surface.is_none(), "nothing is seen there");
+        assert_eq!([-1e-5, -0.5, -1234.56].map(coordinate), ["0.000", "-0.500", "-1234.6"]);
     }
 }

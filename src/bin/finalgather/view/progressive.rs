@@ -35,6 +35,8 @@ pub struct SceneRender {
     render: Render,
     /// The view that was requested last.
     view: ViewState,
+    /// Whether no view was requested yet. Until then nothing is shown: after a reload the file's own view may not be the requested one.
+    unviewed: bool,
     /// Whether the render must begin again with this view.
     outdated: bool,
     pass: RenderPass,
@@ -98,6 +100,7 @@ pub fn open(gpu: &Gpu, options: &WorkerOptions, path: &Path) -> Result<(OpenedSc
         request,
         render,
         view: ViewState { camera, settings, moving: false, pace: 0 },
+        unviewed: true,
         outdated: false,
         pass: RenderPass::default(),
         taken: Instant::now(),
@@ -124,9 +127,14 @@ impl SceneRender {
     pub fn set(&mut self, view: ViewState) {
         self.outdated |= !self.view.is_gathered_as(&view);
         self.view = view;
+        self.unviewed = false;
     }
 
     pub fn has_work(&self, wanted: &DisplayRequest) -> bool {
+        !self.unviewed && self.has_work_left(wanted)
+    }
+
+    fn has_work_left(&self, wanted: &DisplayRequest) -> bool {
         self.outdated || !(self.pass.halted || self.pass.finished) || self.occludes(wanted)
     }
 
@@ -160,6 +168,10 @@ impl SceneRender {
         if self.occludes(wanted) {
             let stepped = self.occlude();
             self.pass.occluded |= self.stops(stepped, tell)?;
+            if self.pass.occluded {
+                // There may be no other picture to say so.
+                self.show(wanted, tell);
+            }
         }
         self.pass.worked += begun.elapsed();
 
@@ -299,7 +311,10 @@ impl SceneRender {
         let (image, sharp) = (self.pass.image.clone(), !self.view.moving);
         // A reference has the exposure of the picture.
         let shown = &DisplayOptions { exposure: Exposure::Stops(image.stops(wanted.shown.exposure)), ..wanted.shown };
-        let words = |error: Error| error.to_string();
+        let words = |error: Error| match shown.content {
+            DisplayContent::Openness if self.pass.occluded => "an error has stopped the ambient occlusion".to_owned(),
+            _ => error.to_string(),
+        };
         let reference = wanted.reference.as_ref();
         if let Some(reference) = reference.filter(|reference| reference.is_new(shown)) {
             tell(WorkerReport::Reference(Some(Box::new(ReferenceView {
@@ -324,14 +339,16 @@ impl SceneRender {
     /// If the file cannot be written, or the scene can no longer be read.
     pub fn save_scene(&self, path: &Path) -> Result<Vec<String>> {
         check_writable(path)?;
-        let Loaded { world, .. } = self.request.load(true)?;
+        let Loaded { world, settings: of_file, .. } = self.request.load(true)?;
         let ViewState { camera, settings, .. } = self.view;
         let view = SceneView { source: &self.request.path, world: &world, camera, settings };
-        write_file(path, view.text(path.parent().unwrap_or(Path::new("")))?.as_bytes())?;
+        let folder = path.parent().unwrap_or(Path::new(""));
+        let is_scene = view.source.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("toml"));
+        let text = if is_scene { view.changed(folder, &of_file)? } else { view.text(folder)? };
+        write_file(path, text.as_bytes())?;
         let SceneRequest { environment, allow_outside, flip, strict, no_default_light, scene, clay, .. } = &self.request;
-        let named = |name: &str, value: String| format!("{name} {value}");
-        let env = environment.iter().map(|path| named("--env", path.display().to_string()));
-        let part = scene.iter().map(|part| named("--gltf-scene", part.clone()));
+        let env = environment.iter().map(|path| format!("--env {}", quoted(&path.to_string_lossy())));
+        let part = scene.iter().map(|part| format!("--gltf-scene {}", quoted(part)));
         let switches = [
             (*allow_outside, "--allow-outside"),
             (*flip, "--flip"),
@@ -358,6 +375,12 @@ impl SceneRender {
     }
 }
 
+/// A word of a command line. Quotes keep others than plain ones together.
+fn quoted(word: &str) -> String {
+    let plain = |character: char| character.is_alphanumeric() || "/._-+=:,@%".contains(character);
+    if !word.is_empty() && word.chars().all(plain) { word.to_owned() } else { format!("'{}'", word.replace('\'', r"'\''")) }
+}
+
 /// The pixels to display. With a reference, both have the false colours that show the reference best.
 fn developed(image: &Image, shown: &DisplayOptions, reference: Option<&ReferencePicture>) -> Result<Developed> {
     let Some(reference) = reference else { return develop(image, shown) };
@@ -365,6 +388,7 @@ fn developed(image: &Image, shown: &DisplayOptions, reference: Option<&Reference
         return reference.difference(image, shown);
     }
     let of_reference = || reference.develop(shown).ok()?.scale.map(|scale| scale.range);
-    let range = shown.range.or_else(|| if shown.false_color { of_reference() } else { None });
+    let range =
+        shown.range.or_else(|| if shown.false_color || shown.content == DisplayContent::Error { of_reference() } else { None });
     develop(image, &DisplayOptions { range, ..*shown })
 }

@@ -45,9 +45,7 @@ impl ReferencePicture {
         if !self.toned {
             return develop(&self.image, shown);
         }
-        if !(DisplayOptions { difference: false, ..*shown }).is_radiance() {
-            return Err(Error::usage("a PNG holds only the shown colours", "show all radiance, or open an EXR"));
-        }
+        self.check_shown(&DisplayOptions { difference: false, ..*shown })?;
         // Its colours are the encoded values themselves. Albedo is shown so: without exposure and tone curve.
         let names = [("R", "Albedo.R"), ("G", "Albedo.G"), ("B", "Albedo.B")];
         let channels = names.map(|(from, name)| Channel { name: name.into(), samples: self.samples(from) });
@@ -65,7 +63,8 @@ impl ReferencePicture {
     /// If their sizes differ, or one lacks what is shown.
     pub fn difference(&self, picture: &Image, shown: &DisplayOptions) -> Result<Developed> {
         self.check_size(picture)?;
-        let shown = &DisplayOptions { content: if self.toned { DisplayContent::Radiance } else { shown.content }, ..*shown };
+        // Differences have false colours anyway.
+        self.check_shown(&DisplayOptions { difference: false, false_color: false, ..*shown })?;
         develop_difference(&self.like_it(picture, shown)?, &self.image, shown)
     }
 
@@ -78,6 +77,13 @@ impl ReferencePicture {
         let view = ViewingConditions { exposure: if self.toned { 0.0 } else { shown.exposure.given() }, toned: [self.toned; 2] };
         let like = self.like_it(picture, shown)?;
         Ok(compare_as(&like, &self.image, Selection::default(), view)?.0)
+    }
+
+    fn check_shown(&self, shown: &DisplayOptions) -> Result<()> {
+        if self.toned && !shown.is_radiance() {
+            return Err(Error::usage("a PNG holds only the shown colours", "show all radiance, or open an EXR"));
+        }
+        Ok(())
     }
 
     fn check_size(&self, picture: &Image) -> Result<()> {
@@ -143,5 +149,9 @@ mod tests {
         let byte = (255.0 * encode_srgb(shown)).round() as u8;
         assert_eq!(developed.image.pixels[0].r(), byte, "its own colours, whatever the exposure");
         assert!(toned.develop(&DisplayOptions { false_color: true, ..DisplayOptions::default() }).is_err());
+        let difference = |content| toned.difference(&picture(2, 0.5), &DisplayOptions { content, ..exposed(1.0) });
+        assert!(difference(DisplayContent::Radiance).is_ok());
+        let error = difference(DisplayContent::Albedo).err().unwrap().to_string();
+        assert!(error.contains("only the shown colours"), "{error}");
     }
 }

@@ -4,6 +4,7 @@
 
 use std::any::Any;
 use std::io;
+use std::mem;
 use std::panic::{self, AssertUnwindSafe};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -81,6 +82,8 @@ pub enum WorkerReport {
     Surface(Vec2, Option<SeenSurface>),
     /// The reference as it is to be displayed; `None`: it is closed.
     Reference(Option<Box<ReferenceView>>),
+    /// A reference cannot be used. The previous one, if any, stays open.
+    NotCompared(Error, Option<PathBuf>),
     Saved(PathBuf),
     /// A scene file is written. It needs these options to render as here.
     SceneSaved(PathBuf, Vec<String>),
@@ -208,6 +211,39 @@ pub struct DisplayRequest {
     pub reference: Option<ReferencePicture>,
 }
 
+/// Commands that were received, but not handled yet.
+#[derive(Default)]
+struct WaitingCommands(Vec<WorkerCommand>);
+
+impl WaitingCommands {
+    /// The next command. Of those that wait, the ones that a later one replaces are left out: a drag sends some in each frame.
+    fn next(&mut self, commands: &Receiver<WorkerCommand>, patience: Duration) -> Result<WorkerCommand, RecvTimeoutError> {
+        if self.0.is_empty() {
+            self.add(commands.recv_timeout(patience)?);
+        }
+        commands.try_iter().for_each(|command| self.add(command));
+        Ok(self.0.remove(0))
+    }
+
+    fn add(&mut self, command: WorkerCommand) {
+        use WorkerCommand::{Display, Layers, SetView, Surface};
+        // The others are done one by one, with what was sent before them.
+        let replaceable = |command: &WorkerCommand| matches!(command, Display(_) | SetView(_) | Surface(_) | Layers(_));
+        let first = self.0.iter().rposition(|waiting| !replaceable(waiting)).map_or(0, |last| last + 1);
+        let same = |waiting: &WorkerCommand| mem::discriminant(waiting) == mem::discriminant(&command);
+        let old = self.0[first..].iter().position(same).map(|old| first + old).filter(|_| replaceable(&command));
+        match (old, &command) {
+            (None, _) => self.0.push(command),
+            // A surface is of the view that was sent before it.
+            (Some(old), Surface(_)) => {
+                self.0.remove(old);
+                self.0.push(command);
+            }
+            (Some(old), _) => self.0[old] = command,
+        }
+    }
+}
+
 fn work(options: &WorkerOptions, commands: &Receiver<WorkerCommand>, tell: &dyn Fn(WorkerReport)) -> Result<()> {
     let watch_shaders = |folder: &PathBuf| FileWatch::new(vec![folder.clone()], SystemTime::now());
     let mut watched_shaders = options.shaders.as_ref().map(watch_shaders);
@@ -220,9 +256,10 @@ fn work(options: &WorkerOptions, commands: &Receiver<WorkerCommand>, tell: &dyn 
     // The scene's files, or that of a scene that did not open.
     let mut files: Option<(PathBuf, FileWatch)> = None;
     let mut wanted = DisplayRequest::default();
+    let mut waiting = WaitingCommands::default();
     loop {
         let patience = if scene.as_ref().is_some_and(|scene| scene.has_work(&wanted)) { Duration::ZERO } else { PAUSE };
-        match (commands.recv_timeout(patience), scene.as_mut()) {
+        match (waiting.next(commands, patience), scene.as_mut()) {
             (Err(RecvTimeoutError::Disconnected), _) => return Ok(()),
             (Err(RecvTimeoutError::Timeout), mut opened) => {
                 if watched_shaders.as_mut().is_some_and(FileWatch::changed)
@@ -276,7 +313,10 @@ fn work(options: &WorkerOptions, commands: &Receiver<WorkerCommand>, tell: &dyn 
                         wanted.reference = reference;
                         tell(WorkerReport::Reference(None));
                     }
-                    Err(error) => tell(WorkerReport::Refused(error)),
+                    Err(error) => {
+                        let before = wanted.reference.as_ref().map(|reference| reference.path.clone());
+                        tell(WorkerReport::NotCompared(error, before));
+                    }
                 }
                 scene.into_iter().for_each(|scene| scene.show(&wanted, tell));
             }
@@ -296,5 +336,31 @@ fn work(options: &WorkerOptions, commands: &Receiver<WorkerCommand>, tell: &dyn 
             }
             (Ok(_), None) => {}
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_the_last_command_of_a_drag_is_done() {
+        let (sender, receiver) = mpsc::channel();
+        let surface = |x| WorkerCommand::Surface(Vec2::splat(x));
+        let display = || WorkerCommand::Display(DisplayOptions::default());
+        for command in
+            [surface(1.0), display(), surface(2.0), display(), WorkerCommand::Save("a.png".into()), display(), surface(3.0)]
+        {
+            sender.send(command).unwrap();
+        }
+        drop(sender);
+        let mut waiting = WaitingCommands::default();
+        let mut next = || match waiting.next(&receiver, Duration::ZERO).ok()? {
+            WorkerCommand::Surface(place) => Some(place.x),
+            WorkerCommand::Display(_) => Some(-1.0),
+            _ => Some(-2.0),
+        };
+        let done: Vec<f32> = std::iter::from_fn(&mut next).collect();
+        assert_eq!(done, [-1.0, 2.0, -2.0, -1.0, 3.0], "a file is saved as it was asked for");
     }
 }
