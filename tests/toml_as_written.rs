@@ -66,7 +66,7 @@ fn faults_are_shown_with_what_was_meant() {
         (
             "mesh = \"m.obj\"\n[settings]\nphotons = \"many\"\n",
             "3: a value of the wrong kind: string \"many\"\n  3 | photons = \"many\"\n    |           ^^^^^^\n  \
-             cure: give a whole number, such as 1000 or 1e3",
+             cure: give a whole number, such as 1000 or 1e3 here",
         ),
         (
             "mesh = \"m.obj\"\n[settings]\ndirections = 0\n",
@@ -79,7 +79,7 @@ fn faults_are_shown_with_what_was_meant() {
         (
             "mesh = \"m.obj\"\n[settings]\nphotons = -1\n",
             "3: a value of the wrong kind: integer `-1`\n  3 | photons = -1\n    |           ^^\n  \
-             cure: give a whole number, such as 1000 or 1e3",
+             cure: give a whole number, such as 1000 or 1e3 here",
         ),
         (
             "mesh = \"n.obj\"\n",

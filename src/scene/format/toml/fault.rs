@@ -74,12 +74,16 @@ fn explanation(message: &str) -> (String, String) {
         let cure = nearest(wrong, &known).map_or_else(list, |meant| format!("write {meant} in its place"));
         (format!("there is no {kind} {wrong:?}"), cure)
     };
+    // Serde's. The reader of TOML has "invalid" texts of its own.
+    let invalid = message.strip_prefix("invalid ").and_then(|rest| {
+        let of_length = || rest.starts_with("length ").then_some(rest);
+        rest.strip_prefix("type: ").or_else(|| rest.strip_prefix("value: ")).or_else(of_length)
+    });
     if message.starts_with("unknown field") {
         wrong_name("key")
     } else if message.starts_with("unknown variant") {
         wrong_name("value")
-    } else if let Some(wanted) = message.strip_prefix("invalid ").and_then(|rest| rest.split_once(", expected ")) {
-        let (found, wanted) = (wanted.0.split_once(": ").map_or(wanted.0, |(_, found)| found), wanted.1);
+    } else if let Some((found, wanted)) = invalid.and_then(|rest| rest.split_once(", expected ")) {
         let wanted = match wanted {
             "u32" | "u64" => "a whole number, such as 1000 or 1e3",
             "f32" | "f64" => "a number, such as 0.5",
@@ -89,7 +93,7 @@ fn explanation(message: &str) -> (String, String) {
             "an array of length 3" => "three numbers, such as [0.5, 0.5, 0.5]",
             other => other,
         };
-        (format!("a value of the wrong kind: {found}"), format!("give {wanted}"))
+        (format!("a value of the wrong kind: {found}"), format!("give {wanted} here"))
     } else if message.starts_with("string values must be quoted") {
         (message.to_owned(), "put a text into quotes, and commas between the values of a list".to_owned())
     } else if message.starts_with("missing field `mesh`") {
