@@ -233,8 +233,10 @@ impl<'a> View<'a> {
         let before = self.picture();
         self.key("ctrl+o");
         self.until("the dialog", |view| view.picture() != before);
+        // Frames are slow while many tests draw, and the field has the keys a few frames after.
+        sleep(Duration::from_millis(500));
         self.key("slash");
-        sleep(Duration::from_millis(300));
+        sleep(Duration::from_millis(1500));
         self.key("ctrl+a");
         self.xdotool(&["type", path.to_str().unwrap()]);
         self.key("Return");
