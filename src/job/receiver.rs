@@ -346,7 +346,7 @@ pub(super) fn is_picture(path: &Path) -> bool {
     path.extension().and_then(|ending| ending.to_str()).is_some_and(|ending| PICTURES.contains(&ending.to_lowercase().as_str()))
 }
 
-fn is_png(path: &Path) -> bool {
+pub(super) fn is_png(path: &Path) -> bool {
     path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("png"))
 }
 

@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 
 use super::inside_out::inside_out;
 use super::outputs::are_finished;
-use super::receiver::is_picture;
+use super::receiver::{is_picture, is_png};
 use super::report::{ReceiverReport, TaskReport};
 use super::{BakeRequest, JobRequest, Per, Receiver, ReceiverKind, Watch, Work, check_kept, per_source};
 use crate::bake::Bake;
@@ -212,8 +212,7 @@ impl<'a> Task<'a> {
         }
         let (job, done) = either!(&self.gather, gather => (gather.job(), (gather.directions_done(), gather.is_done())));
         self.request.warning_of_origin(&job).iter().for_each(|warning| watch.say(warning));
-        let is_png = |path: &PathBuf| path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("png"));
-        let shows = self.request.outputs.iter().flatten().any(is_png);
+        let shows = self.request.outputs.iter().flatten().any(|path| is_png(path));
         self.stops = shows.then(|| results.stops(self.settings.display.exposure));
         let (counts, errors) = results.write(self.request, &job, &self.settings.display, done);
         self.counts = counts;

@@ -156,7 +156,7 @@ fn a_broken_scene_is_said_and_the_old_one_stays() {
     let start = view.until_done();
     assert!(!view.whole().has(BAD));
 
-    view.choose(&broken);
+    view.choose(&broken, |view| view.whole().has(BAD));
     view.until("the error", |view| view.whole().has(BAD));
     // The error is over the upper part of the picture.
     let lower = [0, SIDE - 8, SIDE, 8];

@@ -229,7 +229,22 @@ impl<'a> View<'a> {
     }
 
     /// By the dialog: its path is edited after /.
-    pub fn choose(&mut self, path: &Path) {
+    /// Opens a scene by the dialog, until `opened` shows that it has the path: keys may come before a field takes them, where frames are slow.
+    pub fn choose(&mut self, path: &Path, opened: impl Fn(&mut Self) -> bool) {
+        for _ in 0..5 {
+            self.try_to_choose(path);
+            if (0..50).any(|_| {
+                sleep(Duration::from_millis(100));
+                opened(self)
+            }) {
+                return;
+            }
+            self.key("Escape");
+            sleep(Duration::from_secs(1));
+        }
+    }
+
+    fn try_to_choose(&mut self, path: &Path) {
         let before = self.picture();
         self.key("ctrl+o");
         self.until("the dialog", |view| view.picture() != before);

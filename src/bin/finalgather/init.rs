@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use finalgather::error::{Error, Result};
-use finalgather::file::{check_writable, write_file};
+use finalgather::file::{check_writable, folder_of, write_file};
 use finalgather::job::check_kept;
 use finalgather::scene::Loaded;
 
@@ -38,7 +38,7 @@ pub fn run(args: &InitArgs) -> Result<u8> {
         return Err(Error::usage("a scene file names the file of its model, and stdin has none", "give a file"));
     }
     let output = args.output.clone().unwrap_or_else(|| source.with_extension("toml"));
-    let to_stdout = output == Path::new("-");
+    let to_stdout = output == Path::new(STREAM);
     if source.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("toml")) {
         return Err(Error::usage(format!("{}: is a scene file already", source.display()), "edit it, or give a model"));
     }
@@ -65,18 +65,12 @@ pub fn run(args: &InitArgs) -> Result<u8> {
     }
     load.warnings.iter().for_each(|warning| report::say(&format!("warning: {warning}")));
     let view = SceneView { source, world: &world, camera: world.camera(settings.film.size), settings };
-    let flip = if request.flip { "flip = true\n" } else { "" };
-    let text = view.text(if to_stdout { Path::new("") } else { folder_of(&output) })?;
-    // Before the first table.
-    let text = text.replacen("\n\n[camera]", &format!("\n{flip}\n[camera]"), 1);
+    // The folder of the stream is the current one.
+    let text = view.text(folder_of(&output), request.flip)?;
     if to_stdout {
         return report::print(text.trim_end()).map(|()| 0);
     }
     write_file(&output, text.as_bytes())?;
     report::say(&format!("{}: written; edit it, then: finalgather render {0}", output.display()));
     Ok(0)
-}
-
-fn folder_of(path: &Path) -> &Path {
-    path.parent().unwrap_or(Path::new(""))
 }

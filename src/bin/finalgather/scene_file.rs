@@ -5,6 +5,7 @@ use std::fs;
 use std::path::{Component, Path, PathBuf};
 
 use finalgather::error::{Error, Result};
+use finalgather::file::folder_of;
 use finalgather::scene::{Material, World, WorldCamera};
 use finalgather::settings::Settings;
 use toml_edit::{DocumentMut, Item, Key, Table, TableLike, Value};
@@ -19,19 +20,20 @@ pub struct SceneView<'a> {
 }
 
 impl SceneView<'_> {
-    /// The text of a scene file in `folder` for a model. It renders as the model, with this camera and these settings.
+    /// The text of a scene file in `folder` for a model, whose surfaces it turns if `flip`. It renders as the model, with this camera and these settings.
     ///
     /// # Errors
     /// [`Error::Usage`] when the model lies outside `folder`, because a scene file reads only files in its folder.
-    pub fn text(&self, folder: &Path) -> Result<String> {
-        Ok(self.of_model(&quoted(&rebased(self.source, folder)?)))
+    pub fn text(&self, folder: &Path, flip: bool) -> Result<String> {
+        Ok(self.of_model(&quoted(&rebased(self.source, folder)?), flip))
     }
 
-    fn of_model(&self, mesh: &str) -> String {
+    fn of_model(&self, mesh: &str, flip: bool) -> String {
         let Self { world, camera, settings, .. } = self;
         let mut text =
             String::from("# Take away a # to change what stands behind it. docs/scene-format.md explains every key.\n");
-        text += &format!("mesh = {mesh}\n\n[camera]");
+        let flip = if flip { "flip = true\n" } else { "" };
+        text += &format!("mesh = {mesh}\n{flip}\n[camera]");
         if let [(name, _), rest @ ..] = &world.cameras[..] {
             text += &format!(" # {name:?} of the file");
             if !rest.is_empty() {
@@ -159,7 +161,6 @@ fn name_of(path: &Path) -> String {
 
 /// The path of `file`, relative to `folder`.
 fn rebased(file: &Path, folder: &Path) -> Result<PathBuf> {
-    let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
     let inside = fs::canonicalize(folder).ok().and_then(|folder| {
         // By the name that the scene gives, if that is below the folder; a link counts as its target.
         let place = std::path::absolute(file).ok()?;
@@ -170,10 +171,7 @@ fn rebased(file: &Path, folder: &Path) -> Result<PathBuf> {
     inside.ok_or_else(|| {
         Error::usage(
             format!("{}: lies outside the folder of the scene file, {}", file.display(), folder.display()),
-            format!(
-                "write the scene file into {}",
-                file.parent().filter(|at| !at.as_os_str().is_empty()).unwrap_or(Path::new(".")).display()
-            ),
+            format!("write the scene file into {}", folder_of(file).display()),
         )
     })
 }

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use finalgather::error::{Error, Result};
+use finalgather::file::folder_of;
 use finalgather::file::{check_writable, write_file};
 use finalgather::gpu::{Gpu, StageClock};
 use finalgather::image::{Image, WriteOptions};
@@ -342,9 +343,9 @@ impl SceneRender {
         let Loaded { world, settings: of_file, .. } = self.request.load(true)?;
         let ViewState { camera, settings, .. } = self.view;
         let view = SceneView { source: &self.request.path, world: &world, camera, settings };
-        let folder = path.parent().unwrap_or(Path::new(""));
+        let folder = folder_of(path);
         let is_scene = view.source.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("toml"));
-        let text = if is_scene { view.changed(folder, &of_file)? } else { view.text(folder)? };
+        let text = if is_scene { view.changed(folder, &of_file)? } else { view.text(folder, false)? };
         write_file(path, text.as_bytes())?;
         let SceneRequest { environment, allow_outside, flip, strict, no_default_light, scene, clay, .. } = &self.request;
         let env = environment.iter().map(|path| format!("--env {}", quoted(&path.to_string_lossy())));
