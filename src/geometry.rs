@@ -79,16 +79,22 @@ impl Geometry {
         }
         let (texels, first_rows) = upload_texels(gpu, &scene.textures)?;
         let entry = |material: &Material| {
-            let texture = material.albedo_texture.map_or([0.0; 4], |texture| {
-                let ImageTexture { width, height, sampler, .. } = scene.textures[texture];
-                [width as f32, height as f32, first_rows[texture] as f32, sampler_code(sampler)]
-            });
+            let texture_entry = |texture: Option<usize>| {
+                texture.map_or([0.0; 4], |texture| {
+                    let ImageTexture { width, height, sampler, .. } = scene.textures[texture];
+                    [width as f32, height as f32, first_rows[texture] as f32, sampler_code(sampler)]
+                })
+            };
             // Bits: a texture, colours of vertices.
             let varied = u8::from(material.albedo_texture.is_some()) + 2 * u8::from(!mesh.colors.is_empty());
             [
                 material.albedo.extend(f32::from(varied)).to_array(),
                 material.emission.extend(f32::from(material.two_sided)).to_array(),
-                texture,
+                texture_entry(material.albedo_texture),
+                [0.0; 4],
+                [0.0; 4],
+                [0.0; 4],
+                [0.0; 4],
                 [0.0; 4],
             ]
         };

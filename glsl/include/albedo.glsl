@@ -54,7 +54,7 @@ vec3 albedo_texture_color(vec4 entry, vec2 coordinates)
 // The albedo of a triangle at a position.
 vec3 albedo(int triangle, Surface surface, vec3 position)
 {
-    ivec2 texel = table_texel(surface.material);
+    ivec2 texel = material_texel(surface);
     vec4 plain = texelFetch(materials, texel, 0);
     int varied = int(plain.a);
     vec3 color = plain.rgb;

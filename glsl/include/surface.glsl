@@ -1,8 +1,7 @@
 // The tables of the scene's triangles and materials. Mirrors `Geometry` in src/geometry.rs.
 
 uniform sampler2D triangles;        // three texels each, see Surface
-uniform sampler2D materials;        // three texels each: albedo (a: bits of what varies it, 1 a texture, 2 vertex colours), emission (a: 1 if the back
-                                    // emits), albedo texture
+uniform sampler2D materials;        // eight texels each, see material_texel
 uniform sampler2D colors;           // three texels for each triangle: red, green and blue as functions of the position; empty without vertex colours
 
 struct Surface
@@ -30,10 +29,20 @@ Surface fetch_surface(int triangle)
                    texelFetch(triangles, texel + ivec2(2, 0), 0));
 }
 
+// The first texel of a surface's material:
+// 0: albedo; a: bits of what varies it, 1 a texture, 2 vertex colours
+// 1: emission; a: 1 if the back emits
+// 2: albedo texture
+// 3 to 7: not used
+ivec2 material_texel(Surface surface)
+{
+    return table_texel(2 * surface.material);
+}
+
 // The albedo of the material, without its texture and vertex colours, which multiply it.
 vec3 plain_albedo(Surface surface)
 {
-    return texelFetch(materials, table_texel(surface.material), 0).rgb;
+    return texelFetch(materials, material_texel(surface), 0).rgb;
 }
 
 // The vertex colours of a triangle at a position.
@@ -50,7 +59,7 @@ vec3 vertex_color(int triangle, vec3 position)
 // The radiance that the front or the back emits.
 vec3 emission(Surface surface, bool front)
 {
-    vec4 emitted = texelFetch(materials, table_texel(surface.material) + ivec2(1, 0), 0);
+    vec4 emitted = texelFetch(materials, material_texel(surface) + ivec2(1, 0), 0);
     return front || emitted.a > 0.0 ? emitted.rgb : vec3(0.0);
 }
 

@@ -11,8 +11,14 @@ pub struct Material {
     pub emission: Vec3,
     /// Whether the back emits as the front does.
     pub two_sided: bool,
-    /// Index into the textures of the world or scene.
+    /// Index into the textures of the world or scene, as in the other textures here.
     pub albedo_texture: Option<usize>,
+    /// A picture whose linear colours multiply the emission.
+    pub emission_texture: Option<usize>,
+    pub opacity: Opacity,
+    /// `None`: Lambertian.
+    pub gloss: Option<Gloss>,
+    pub normal_map: Option<NormalMap>,
     pub surface: Surface,
     /// What its file says about it and pictures do not show, such as "roughness 0.2".
     pub unshaded: Vec<String>,
@@ -26,6 +32,10 @@ impl Default for Material {
             emission: Vec3::ZERO,
             two_sided: false,
             albedo_texture: None,
+            emission_texture: None,
+            opacity: Opacity::default(),
+            gloss: None,
+            normal_map: None,
             surface: Surface::Diffuse,
             unshaded: Vec::new(),
         }
@@ -57,6 +67,45 @@ impl Material {
     pub fn is_glass(&self) -> bool {
         matches!(self.surface, Surface::Glass { .. })
     }
+}
+
+/// How much of the light a surface stops, without glass.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Opacity {
+    /// From 0 to 1; a texture multiplies it.
+    pub share: f32,
+    /// A picture whose alpha multiplies the share.
+    pub texture: Option<usize>,
+    /// What is less opaque is not there, and all else is opaque. `None`: the share of the light that the surface stops.
+    pub cutoff: Option<f32>,
+}
+
+impl Default for Opacity {
+    fn default() -> Self {
+        Self { share: 1.0, texture: None, cutoff: None }
+    }
+}
+
+/// A rough reflection over a diffuse base: metallic-roughness, as glTF 2.0 defines it in its appendix B.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Gloss {
+    /// From 0 to 1. The width α of the GGX distribution is its square. The texture's green multiplies it.
+    pub roughness: f32,
+    /// 1 is a metal, whose reflectance is the albedo; 0 is a dielectric. The texture's blue multiplies it.
+    pub metallic: f32,
+    /// Reflectance of a dielectric straight on; 0.04 has an index of refraction of 1.5.
+    pub specular: Vec3,
+    /// A picture of linear values.
+    pub texture: Option<usize>,
+}
+
+/// Normals in the frame of a texture, which turn the shading normal.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct NormalMap {
+    /// A picture of linear values: x, y and z from 0 to 1 stand for -1 to 1; y runs up, as v.
+    pub texture: usize,
+    /// Multiplies x and y.
+    pub scale: f32,
 }
 
 /// How a surface scatters light.

@@ -43,7 +43,7 @@ pub use flat_bvh::FlatBvh;
 pub(crate) use format::gltf;
 pub use format::{Files, LoadOptions, LoadReport, Loaded};
 pub use light::{Environment, Focus, LightSample, Lights};
-pub use material::{Material, Surface};
+pub use material::{Gloss, Material, NormalMap, Opacity, Surface};
 pub use mesh::{Mesh, Source, Triangle};
 pub use reversed_lamps::reversed_lamps;
 pub use source_lists::SourceLists;
@@ -106,7 +106,7 @@ impl Scene {
 
     /// Whether the albedo varies over a triangle, by textures or vertex colours.
     pub fn is_textured(&self) -> bool {
-        !self.textures.is_empty() || !self.mesh.colors.is_empty()
+        !self.mesh.colors.is_empty() || self.materials.iter().any(|material| material.albedo_texture.is_some())
     }
 
     /// Whether any surface is a mirror or glass.

@@ -87,7 +87,9 @@ impl MaterialReading<'_, '_, '_> {
         }
         let name = json.name.clone().filter(|name| !name.is_empty()).unwrap_or_else(|| format!("material {index}"));
         let two_sided = json.double_sided && emission != Vec3::ZERO;
-        Ok((Material { name, albedo, emission, two_sided, albedo_texture, surface, unshaded: self.unshaded }, coordinates))
+        let material =
+            Material { name, albedo, emission, two_sided, albedo_texture, surface, unshaded: self.unshaded, ..Material::default() };
+        Ok((material, coordinates))
     }
 
     fn emission(&mut self, loader: &mut Loader, extensions: &extension::Material) -> Result<Vec3> {
