@@ -73,6 +73,9 @@ pub struct SceneRequest {
     pub allow_outside: bool,
     /// All surfaces are turned, see [`LoadOptions::flip`].
     pub flip: bool,
+    /// See [`LoadOptions::smooth_angle`].
+    #[serde(default)]
+    pub smooth_angle: Option<f32>,
     /// See [`LoadOptions`], as the next three.
     #[serde(default)]
     pub strict: bool,
@@ -105,7 +108,7 @@ impl SceneRequest {
     pub fn load(&self, needs_light: bool) -> Result<Loaded> {
         let environment = self.environment.as_deref().map(Environment::load).transpose()?;
         let files = if self.allow_outside { Files::Anywhere } else { Files::Folder };
-        let &Self { strict, no_default_light, flip, clay, .. } = self;
+        let &Self { strict, no_default_light, flip, smooth_angle, clay, .. } = self;
         let (camera, scene) = (self.camera.clone(), self.scene.clone());
         let mut loaded = World::load_with(
             &self.path,
@@ -116,6 +119,7 @@ impl SceneRequest {
                 no_default_light,
                 strict,
                 flip,
+                smooth_angle,
                 clay,
                 camera,
                 scene,

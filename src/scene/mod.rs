@@ -9,6 +9,7 @@
 //! | `unit_space.rs` | transforms between world space and unit space |
 //! | `bvh.rs`, `flat_bvh.rs` | CPU ray queries, and a tree for shaders |
 //! | `source_lists.rs` | the lists of vertices in a model's file |
+//! | `smoothing.rs` | shading normals where a file has none |
 //! | `winding.rs`, `reversed_lamps.rs` | which side is the front, and lamps of which it is the wrong one |
 //! | `specular.rs` | paths through mirrors and glass |
 //!
@@ -30,6 +31,7 @@ mod light;
 mod material;
 mod mesh;
 mod reversed_lamps;
+mod smoothing;
 mod source_lists;
 mod specular;
 mod texture;
@@ -46,6 +48,7 @@ pub use light::{Environment, Focus, LightSample, Lights};
 pub use material::{Gloss, Material, NormalMap, Opacity, Surface};
 pub use mesh::{Mesh, Source, Triangle};
 pub use reversed_lamps::reversed_lamps;
+pub use smoothing::FaceNormals;
 pub use source_lists::SourceLists;
 pub use specular::{MOST_SPECULAR, Path, Split, fresnel};
 pub use texture::{ImageTexture, Sampler, WrapMode};

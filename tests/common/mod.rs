@@ -1,6 +1,7 @@
 //! Shared by several tests: scenes built in code, a gather on the GL side, and the difference between two gathers.
 #![allow(dead_code, reason = "each test uses a part")]
 
+pub mod blocks;
 pub mod khronos;
 pub mod need;
 pub mod tool;

@@ -20,20 +20,22 @@ pub struct SceneView<'a> {
 }
 
 impl SceneView<'_> {
-    /// The text of a scene file in `folder` for a model, whose surfaces it turns if `flip`. It renders as the model, with this camera and these settings.
+    /// The text of a scene file in `folder` for a model, with these keys about its surfaces: `flip`, `smooth_angle`. It renders as the model, with this
+    /// camera and these settings.
     ///
     /// # Errors
     /// [`Error::Usage`] when the model lies outside `folder`, because a scene file reads only files in its folder.
-    pub fn text(&self, folder: &Path, flip: bool) -> Result<String> {
-        Ok(self.of_model(&quoted(&rebased(self.source, folder)?), flip))
+    pub fn text(&self, folder: &Path, flip: bool, smooth_angle: Option<f32>) -> Result<String> {
+        let flip = if flip { "flip = true\n" } else { "" };
+        let smooth = smooth_angle.map(|degrees| format!("smooth_angle = {degrees}\n")).unwrap_or_default();
+        Ok(self.of_model(&quoted(&rebased(self.source, folder)?), &format!("{flip}{smooth}")))
     }
 
-    fn of_model(&self, mesh: &str, flip: bool) -> String {
+    fn of_model(&self, mesh: &str, surfaces: &str) -> String {
         let Self { world, camera, settings, .. } = self;
         let mut text =
             String::from("# Take away a # to change what stands behind it. docs/scene-format.md explains every key.\n");
-        let flip = if flip { "flip = true\n" } else { "" };
-        text += &format!("mesh = {mesh}\n{flip}\n[camera]");
+        text += &format!("mesh = {mesh}\n{surfaces}\n[camera]");
         if let [(name, _), rest @ ..] = &world.cameras[..] {
             text += &format!(" # {name:?} of the file");
             if !rest.is_empty() {

@@ -20,7 +20,7 @@ use serde_json::Value;
 
 use crate::streams::{self, STREAM};
 
-use values::{OrAuto, name, number, or_auto, setting, switch, vector};
+use values::{OrAuto, name, number, or_auto, setting, smooth_angle, switch, vector};
 pub use values::{auto_or, checked, count, named, side, size, stops};
 
 /// The source of OpenGL.
@@ -211,6 +211,10 @@ pub struct SceneArgs {
     #[arg(long)]
     flip: bool,
 
+    /// Smooth shading for surfaces without normals, such as those of an OBJ without vn: faces that meet at no more than this angle share normals
+    #[arg(long, value_name = "DEGREES", value_parser = smooth_angle)]
+    smooth_angle: Option<f32>,
+
     /// Refuse files with faults, in place of mending what can be understood
     #[arg(long)]
     strict: bool,
@@ -234,7 +238,7 @@ impl SceneArgs {
     /// # Errors
     /// [`Error::Input`] when stdin cannot be read or is empty.
     pub fn scene(&self, path: &Path) -> Result<SceneRequest> {
-        let Self { allow_outside, flip, strict, no_default_light, ref camera, ref gltf_scene } = *self;
+        let Self { allow_outside, flip, smooth_angle, strict, no_default_light, ref camera, ref gltf_scene } = *self;
         let (path, bytes) = match path == Path::new(STREAM) {
             true => streams::scene().map(|(path, bytes)| (path, Some(bytes)))?,
             false => (path.to_owned(), None),
@@ -244,6 +248,7 @@ impl SceneArgs {
             bytes,
             allow_outside,
             flip,
+            smooth_angle,
             strict,
             no_default_light,
             camera: camera.clone(),

@@ -87,8 +87,16 @@ impl MaterialReading<'_, '_, '_> {
         }
         let name = json.name.clone().filter(|name| !name.is_empty()).unwrap_or_else(|| format!("material {index}"));
         let two_sided = json.double_sided && emission != Vec3::ZERO;
-        let material =
-            Material { name, albedo, emission, two_sided, albedo_texture, surface, unshaded: self.unshaded, ..Material::default() };
+        let material = Material {
+            name,
+            albedo,
+            emission,
+            two_sided,
+            albedo_texture,
+            surface,
+            unshaded: self.unshaded,
+            ..Material::default()
+        };
         Ok((material, coordinates))
     }
 

@@ -3,6 +3,7 @@
 //! ```toml
 //! mesh = "room.obj"            # in this file's folder or below it, as all files named here
 //! flip = false                 # the default; true: fronts of all surfaces become backs
+//! smooth_angle = 40            # smooth normals for vertices without, where faces meet at no more degrees; default: none, flat
 //!
 //! [camera]                     # default: shows the whole model from the front
 //! eye = [278, 273, -800]
@@ -55,6 +56,7 @@ struct SceneFile {
     mesh: Spanned<String>,
     #[serde(default)]
     flip: bool,
+    smooth_angle: Option<Spanned<f32>>,
     camera: Option<Spanned<CameraTable>>,
     environment: Option<Spanned<EnvironmentTable>>,
     #[serde(default)]
@@ -193,6 +195,13 @@ pub fn load(loader: &mut Loader, path: &Path) -> Result<(World, Settings)> {
     reader.find(&mesh).map_err(missing)?;
     let mut world = loader.model(format_of(&mesh).unwrap_or(obj::load), &mesh)?;
     loader.flip |= file.flip;
+    if let Some(angle) = file.smooth_angle {
+        let degrees = *angle.get_ref();
+        if !World::SMOOTH_ANGLES.contains(&degrees) {
+            return Err(error(angle.span(), format!("smooth_angle is {degrees}"), World::SMOOTH_ANGLE_CURE));
+        }
+        loader.smooth_angle = loader.smooth_angle.or(Some(degrees));
+    }
     world.cameras.splice(0..0, camera.map(|camera| ("camera".to_owned(), camera)));
     // A glTF file may have several materials of one name. A table is of all of them.
     let mut indices: HashMap<String, Vec<usize>> = HashMap::new();
