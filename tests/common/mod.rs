@@ -96,6 +96,7 @@ impl Model {
             materials: Vec::new(),
             textures: Vec::new(),
             environment: None,
+            lights: Vec::new(),
             camera: Some(camera),
             space: UnitSpace::around([DVec3::NEG_ONE, DVec3::ONE]),
             instances: Vec::new(),
