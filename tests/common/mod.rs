@@ -219,7 +219,7 @@ fn in_world(Camera { eye, target, up, fov_y_degrees, lens }: Camera) -> WorldCam
 
 /// A world with the coordinates of `scene`.
 pub fn world_of(scene: Scene) -> World {
-    let Scene { mesh, materials, textures, environment, camera, .. } = scene;
+    let Scene { mesh, materials, textures, environment, lights, camera, .. } = scene;
     World {
         meshes: vec![mesh],
         instances: vec![Instance::default()],
@@ -227,6 +227,7 @@ pub fn world_of(scene: Scene) -> World {
         textures,
         cameras: camera.map(|camera| ("camera".into(), in_world(camera))).into_iter().collect(),
         environment,
+        lights,
         ..World::default()
     }
 }

@@ -2,7 +2,7 @@
 //! of the sky by their fits to Perez' formula, and the sun's light by their model of the atmosphere's transmittance, in the appendix.
 //!
 //! The colour of the sun's spectrum is that of the 1931 standard observer, by the fits of C. Wyman, P. Sloan and P. Shirley 2013, "Simple analytic
-//! approximations to the CIE XYZ color matching functions". The paper's solar spectrum has 112 klx outside the atmosphere.
+//! approximations to the CIE XYZ color matching functions". The paper's solar spectrum has 127 klx outside the atmosphere.
 //!
 //! Radiance 1 in red, green and blue is one nit, white of 6500 K.
 
@@ -37,6 +37,12 @@ impl Sun {
         let [(sin_a, cos_a), (sin_h, cos_h)] = [azimuth_degrees, height_degrees].map(|angle| angle.to_radians().sin_cos());
         let direction = Vec3::new(sin_a * cos_h, sin_h, -cos_a * cos_h);
         Self { direction, illuminance: None, angle_degrees: Self::ANGLE_DEGREES }
+    }
+
+    /// Its azimuth and height in degrees, as in [`Self::at`].
+    pub fn place(&self) -> [f32; 2] {
+        let Vec3 { x, y, z } = self.direction;
+        [x.atan2(-z), y.atan2(x.hypot(z))].map(f32::to_degrees)
     }
 }
 

@@ -59,7 +59,9 @@ impl PunctualLight {
             return Err((format!("radius is {radius}"), "give a finite length of 0 or more"));
         }
         match self.kind {
-            PunctualKind::Spot { inner, outer, .. } if !(inner >= 0.0 && inner <= outer && outer > 0.0 && outer <= 0.5 * PI + 1e-6) => {
+            PunctualKind::Spot { inner, outer, .. }
+                if !(inner >= 0.0 && inner <= outer && outer > 0.0 && outer <= 0.5 * PI + 1e-6) =>
+            {
                 let [inner, outer] = [inner, outer].map(f32::to_degrees);
                 let cure = "give angles from the axis: 0 <= inner <= outer <= 90 degrees, and an outer angle above 0";
                 return Err((format!("the cone reaches from {inner} to {outer} degrees"), cure));
