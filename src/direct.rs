@@ -100,6 +100,7 @@ impl Direct {
             let [width, height] = points.size();
             return Ok(vec![Vec3::ZERO; (width * height) as usize]);
         }
+        let share = if lights.are_one_point() { SampleShare { samples: share.parts, ..share } } else { share };
         let (tables, program) = (geometry.ray_tables()?, self.program(lights)?);
         let of_ray = lights.count().div_ceil(EMITTERS).clamp(1, LIGHTS);
         let in_draw = LIGHTS / of_ray * of_ray;

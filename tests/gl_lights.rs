@@ -5,15 +5,20 @@ mod common;
 use std::f64::consts::PI;
 
 use common::{Model, gather_rays, gpu, photon_grid, points_on, sized};
+use finalgather::bake::{Bake, Plan, RadianceCache};
 use finalgather::direct::{Direct, SampleShare};
 use finalgather::direction::Direction;
 use finalgather::geometry::Geometry;
 use finalgather::gpu::Gpu;
+use finalgather::harmonics::basis;
 use finalgather::photon::PhotonTexture;
 use finalgather::points::{GatherPoint, PointList};
+use finalgather::prepared::Prepared;
+use finalgather::quantity::Quantity;
 use finalgather::random::sobol;
+use finalgather::render::Render;
 use finalgather::scene::{Bvh, Lights, PunctualKind, PunctualLight, Scene, World};
-use finalgather::settings::Sequence;
+use finalgather::settings::{Pipeline, Sequence, Settings};
 use glam::{DVec3, Vec3, dvec3, vec3};
 
 /// In the three channels.
@@ -222,7 +227,8 @@ fn the_edge_of_a_sun_is_soft() {
 fn an_integrating_sphere() {
     let gpu = gpu();
     let (count, spread, photons, limit) = sized(&gpu, (512, 512, 1_000_000, 0.01), (32, 64, 200_000, 0.03));
-    let albedo = vec3(0.2, 0.5, 0.8);
+    // Photons meet 16 surfaces at most.
+    let albedo = vec3(0.2, 0.4, 0.6);
     for (name, kind, solid_angle) in [
         ("point", point(), 4.0 * PI),
         ("sphere", PunctualKind::Point { radius: 0.1 }, 4.0 * PI),
@@ -287,4 +293,60 @@ fn many_lamps_together() {
     let rms = (errors.iter().map(|error| error * error).sum::<f64>() / errors.len() as f64).sqrt();
     eprintln!("200 lamps: mean {:.3} %, RMS {:.3} %", 100.0 * mean, 100.0 * rms);
     assert!(mean.abs() < 0.003 && rms < 0.03, "mean {mean}, RMS {rms}");
+}
+
+/// Two walls and a floor under a sun alone: pictures and bakes have the same light, and spherical harmonics have its direction.
+#[test]
+fn pictures_and_bakes_have_the_sun() {
+    let gpu = gpu();
+    let mut model = Model::new();
+    let black = model.material(Vec3::ZERO, Vec3::ZERO);
+    let grey = model.material(Vec3::splat(0.5), Vec3::ZERO);
+    // Seen from +z.
+    model.plate(Vec3::ZERO, 1.5 * Vec3::X, 1.5 * Vec3::Y, grey);
+    model.plate(vec3(0.0, 0.0, 0.5), 0.2 * Vec3::Y, 0.2 * Vec3::X, black);
+    let mut world = model.world();
+    let to_sun = vec3(0.48, 0.36, 0.8);
+    world.lights = vec![light(sun(0.0), DVec3::ZERO, -to_sun)];
+    let lit = 0.8 * STRENGTH;
+    let settings = Settings::default().with(|s| (s.film.size, s.directions.count, s.photons.count) = ([16, 16], 64, 20_000));
+    for pipeline in [Pipeline::Fused, Pipeline::Kill, Pipeline::RaycastGl, Pipeline::Raycast] {
+        let settings = settings.with(|s| s.gather.pipeline = pipeline);
+        let mut render = Render::new(&gpu, &world, &settings).unwrap();
+        while !render.is_done() {
+            render.step().unwrap();
+        }
+        let rgb = render.picture().rgb().unwrap().map(|samples| samples[16]);
+        let found = Vec3::from(rgb) * std::f32::consts::PI / 0.5;
+        assert!((found / lit - 1.0).abs().max_element() < 2e-3, "{pipeline:?}: {found} for {lit}");
+    }
+    let prepared = Prepared::without_glass(&world).unwrap();
+    let at = |x: f32, y: f32| GatherPoint::flat(prepared.scene.space.enter_point(vec3(x, y, 0.0)), Vec3::Z);
+    // The shadow of the small plate is moved against the sun.
+    let points = [at(1.2, 1.2), at(-0.3, -0.225), at(-0.8, 0.7)];
+    let what = vec![Quantity::Irradiance, Quantity::Sh];
+    let plan = Plan { what, order: 3, gather_bounces: 0, ao_distance: None, radiance_cache: RadianceCache::Photons, memory: 256 };
+    let geometry = Geometry::upload(&gpu, &prepared.scene).unwrap();
+    let mut bake = Bake::new(&gpu, prepared, geometry, points.to_vec(), &settings, &plan).unwrap();
+    while !bake.is_done() {
+        bake.step().unwrap();
+    }
+    let (columns, _) = bake.columns().unwrap();
+    let of = |name: String| &columns.iter().find(|column| column.name == name).unwrap().samples;
+    for (c, channel) in ["R", "G", "B"].into_iter().enumerate() {
+        let irradiance = of(format!("IrradianceDirect.{channel}"));
+        for (point, sees) in [1.0, 0.0, 1.0].into_iter().enumerate() {
+            assert!(
+                (irradiance[point] - sees * lit[c]).abs() < 1e-3 * lit[c],
+                "{point}: {} for {}",
+                irradiance[point],
+                sees * lit[c]
+            );
+            for (k, basis) in basis(to_sun).into_iter().enumerate().take(9) {
+                let (found, expected) = (of(format!("SH.{k:02}.{channel}"))[point], sees * basis * STRENGTH[c]);
+                // No surface brings light here: the small plate is black.
+                assert!((found - expected).abs() < 1e-4 * STRENGTH[c], "{point}, {k}: {found} for {expected}");
+            }
+        }
+    }
 }

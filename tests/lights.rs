@@ -11,6 +11,7 @@ use finalgather::random::Recurrence;
 use finalgather::scene::{Bvh, Daylight, Lights, LoadOptions, Loaded, PunctualKind, PunctualLight, Scene, Sky, Sun, World};
 use finalgather::settings::Exposure;
 use glam::{DVec3, Vec3, dvec3, vec3};
+use rayon::prelude::*;
 
 const STRENGTH: Vec3 = vec3(7.0, 3.0, 1.0);
 
@@ -24,7 +25,7 @@ fn spot(inner: f32, outer: f32, radius: f64) -> PunctualKind {
 
 /// Flux in lm that the photons of a scene bring to its surfaces, red over that of the strength.
 fn brought(scene: &Scene) -> f64 {
-    const PHOTONS: u64 = 1 << 19;
+    const PHOTONS: u64 = 1 << 22;
     let (bvh, lights, starts) = (Bvh::new(&scene.mesh), Lights::new(scene), Recurrence::<5>::new(0));
     let flux = |photon| {
         let (mut path, flux) = lights.emit(starts.point(photon));
@@ -35,7 +36,7 @@ fn brought(scene: &Scene) -> f64 {
         })
     };
     let unit = f64::from(scene.space.length_to_world(1.0));
-    (0..PHOTONS).map(flux).sum::<f64>() / PHOTONS as f64 * unit * unit
+    (0..PHOTONS).into_par_iter().map(flux).sum::<f64>() / PHOTONS as f64 * unit * unit
 }
 
 /// Photons carry the flux of closed forms, to all of a room and to a disc.

@@ -162,7 +162,7 @@ impl Daylight {
         if direction.y <= 0.0 {
             return Vec3::ZERO;
         }
-        let gamma = f64::from(direction.angle_between(self.to_sun));
+        let gamma = direction.as_dvec3().dot(self.to_sun.as_dvec3()).clamp(-1.0, 1.0).acos();
         let values = self.perez.map(|coefficients| perez_formula(coefficients, direction.y.into(), gamma));
         let DVec3 { x: luminance, y: x, z: y } = self.zenith * DVec3::from(values);
         rgb(luminance / y * dvec3(x, y, 1.0 - x - y))

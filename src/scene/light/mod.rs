@@ -140,8 +140,17 @@ impl Lights {
     pub fn new(scene: &Scene) -> Self {
         let environment = scene.environment.clone().map(Light::Environment);
         let [distant, near] = [Light::Distant(DistantLights::new(&scene.lights)), Light::Near(NearLights::new(&scene.lights))];
-        let all = environment.into_iter().chain([distant, near, Light::Area(AreaLight::new(scene))]);
-        let mut lights: Vec<_> = all.filter(|light| light.power() > 0.0).map(|light| (light, 1.0)).collect();
+        Self::of(environment.into_iter().chain([distant, near, Light::Area(AreaLight::new(scene))]))
+    }
+
+    /// These lights alone, in unit space.
+    pub fn without_surface<'a>(lights: impl IntoIterator<Item = &'a PunctualLight>) -> Self {
+        let lights: Vec<_> = lights.into_iter().cloned().collect();
+        Self::of([Light::Distant(DistantLights::new(&lights)), Light::Near(NearLights::new(&lights))].into_iter())
+    }
+
+    fn of(lights: impl Iterator<Item = Light>) -> Self {
+        let mut lights: Vec<_> = lights.filter(|light| light.power() > 0.0).map(|light| (light, 1.0)).collect();
         let mut rest = 0.0;
         for (light, share) in lights.iter_mut().rev() {
             rest += light.power();
@@ -201,6 +210,16 @@ impl Lights {
     /// Whether there is direct light.
     pub fn are_sampled(&self) -> bool {
         self.sampled().next().is_some()
+    }
+
+    /// Whether all direct light comes from one point, or along one direction, so that one sample is exact.
+    pub fn are_one_point(&self) -> bool {
+        let mut sampled = self.sampled();
+        match (sampled.next(), sampled.next()) {
+            (Some(Light::Near(near)), None) => near.is_one_point(),
+            (Some(Light::Distant(distant)), None) => distant.is_one_direction(),
+            _ => false,
+        }
     }
 
     fn sampled(&self) -> impl Iterator<Item = &Light> {

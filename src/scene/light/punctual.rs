@@ -84,6 +84,14 @@ impl PunctualLight {
         self.strength != Vec3::ZERO
     }
 
+    /// Whether it has no extent, so that one sample is exact.
+    pub fn is_sharp(&self) -> bool {
+        match self.kind {
+            PunctualKind::Point { radius } | PunctualKind::Spot { radius, .. } => radius == 0.0,
+            PunctualKind::Directional { angle } => angle == 0.0,
+        }
+    }
+
     pub fn is_directional(&self) -> bool {
         matches!(self.kind, PunctualKind::Directional { .. })
     }
@@ -180,6 +188,10 @@ impl NearLights {
         self.lights.len()
     }
 
+    pub fn is_one_point(&self) -> bool {
+        matches!(self.lights[..], [NearLight { radius: 0.0, .. }])
+    }
+
     /// A photon from a light, evenly over its cone; see [`super::Lights::emit`].
     pub fn emit(&self, probability: f32, [pick, u, v, s, t]: [f32; 5]) -> (Path, Vec3) {
         let (slot, _, of_light) = self.by_power.pick(pick);
@@ -266,6 +278,10 @@ impl DistantLights {
 
     pub fn count(&self) -> usize {
         self.lights.len()
+    }
+
+    pub fn is_one_direction(&self) -> bool {
+        matches!(self.lights[..], [DistantLight { height: 0.0, .. }])
     }
 
     /// A photon through the disc that covers a sphere of `focus`, as those of an environment.
