@@ -37,6 +37,7 @@ macro_rules! shaders {
 shaders! {
     VISIBLE_POINTS: "surface", "visible_points";
     DIRECT: "fullscreen", "direct", "BATCH 8", "ANY_HIT";
+    DIRECT_PUNCTUAL: "fullscreen", "direct", "BATCH 8", "ANY_HIT", "PUNCTUAL";
     PHOTON_MAP: "fullscreen", "photon_map";
     PEEL: "surface", "peel";
     KILL: "fullscreen", "kill";

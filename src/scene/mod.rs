@@ -44,7 +44,7 @@ pub use camera::{Camera, CameraChange, Lens, WorldCamera};
 pub use flat_bvh::FlatBvh;
 pub(crate) use format::gltf;
 pub use format::{Files, LoadOptions, LoadReport, Loaded};
-pub use light::{Environment, Focus, LightSample, Lights};
+pub use light::{Daylight, Environment, Focus, LightSample, Lights, PunctualKind, PunctualLight, Sky, Sun};
 pub use material::{Gloss, Material, NormalMap, Opacity, Surface};
 pub use mesh::{Mesh, Source, Triangle};
 pub use reversed_lamps::reversed_lamps;
@@ -63,6 +63,8 @@ pub struct Scene {
     pub textures: Vec<ImageTexture>,
     /// Radiance along rays that hit no surface. `None` is black.
     pub environment: Option<Environment>,
+    /// Points, spots and directional lights, in unit space.
+    pub lights: Vec<PunctualLight>,
     /// `None`: [`Scene::camera`] makes a camera that sees the whole scene.
     pub camera: Option<Camera>,
     /// Transform back to world space.

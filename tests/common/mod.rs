@@ -97,6 +97,7 @@ impl Model {
             materials: Vec::new(),
             textures: Vec::new(),
             environment: None,
+            lights: Vec::new(),
             camera: Some(camera),
             space: UnitSpace::around([DVec3::NEG_ONE, DVec3::ONE]),
             instances: Vec::new(),
@@ -219,7 +220,7 @@ fn in_world(Camera { eye, target, up, fov_y_degrees, lens }: Camera) -> WorldCam
 
 /// A world with the coordinates of `scene`.
 pub fn world_of(scene: Scene) -> World {
-    let Scene { mesh, materials, textures, environment, camera, .. } = scene;
+    let Scene { mesh, materials, textures, environment, lights, camera, .. } = scene;
     World {
         meshes: vec![mesh],
         instances: vec![Instance::default()],
@@ -227,6 +228,7 @@ pub fn world_of(scene: Scene) -> World {
         textures,
         cameras: camera.map(|camera| ("camera".into(), in_world(camera))).into_iter().collect(),
         environment,
+        lights,
         ..World::default()
     }
 }

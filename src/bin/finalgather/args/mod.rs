@@ -10,7 +10,7 @@ use finalgather::blocks::Shard;
 use finalgather::error::{Error, Result};
 use finalgather::gpu::{Backend, DeviceChoice};
 use finalgather::job::{DeviceRequest, Keeping, SceneRequest};
-use finalgather::scene::CameraChange;
+use finalgather::scene::{CameraChange, Sky, Sun};
 use finalgather::settings::{
     Background, Estimator, Exposure, LayerSize, PhotonMapKind, Pipeline, PointSource, Sequence, Squares,
 };
@@ -20,7 +20,7 @@ use serde_json::Value;
 
 use crate::streams::{self, STREAM};
 
-use values::{OrAuto, name, number, or_auto, setting, smooth_angle, switch, vector};
+use values::{OrAuto, name, number, or_auto, setting, sky, smooth_angle, sun, switch, vector};
 pub use values::{auto_or, checked, count, named, side, size, stops};
 
 /// The source of OpenGL.
@@ -124,6 +124,17 @@ pub struct Overrides {
     #[arg(long, value_name = "FILE")]
     #[serde(skip)]
     env: Option<PathBuf>,
+
+    /// A sun, in place of the scene file's: its azimuth, clockwise from -z as seen from above (90 is +x), and its height over the horizon, in degrees;
+    /// and its illuminance in lux [default: the real sun's at this height]
+    #[arg(long, value_name = "AZIMUTH,HEIGHT[,LUX]", allow_hyphen_values = true, value_parser = sun)]
+    #[serde(skip)]
+    sun: Option<Sun>,
+
+    /// The clear sky of the sun, in place of an environment, for air of this turbidity: 2, very clear, to 10, haze [default: 3]
+    #[arg(long, value_name = "TURBIDITY", num_args = 0..=1, require_equals = true, default_missing_value = "3", value_parser = sky, conflicts_with = "env")]
+    #[serde(skip)]
+    sky: Option<Sky>,
 
     #[command(flatten)]
     #[serde(skip)]
@@ -318,6 +329,7 @@ impl Overrides {
             _ => unreachable!("options are plain values with names"),
         };
         settings.retain(|_, value| !value.is_null());
-        self.view.choose(SceneRequest { environment: self.env.clone(), clay: self.clay, settings, ..self.files.scene(path)? })
+        let (environment, &Self { sun, sky, clay, .. }) = (self.env.clone(), self);
+        self.view.choose(SceneRequest { environment, sun, sky, clay, settings, ..self.files.scene(path)? })
     }
 }
