@@ -71,7 +71,16 @@ impl Direct {
     /// # Errors
     /// When the program does not compile.
     pub fn new(gpu: &Gpu, seed: u64) -> Result<Self> {
-        Ok(Self { gpu: gpu.clone(), program: Program::new(gpu, &shaders::DIRECT)?, seed: seed ^ 0xd1ec7 })
+        Self::with(gpu, seed, false)
+    }
+
+    /// The same for points with gloss, if `glossy` is true.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub fn with(gpu: &Gpu, seed: u64, glossy: bool) -> Result<Self> {
+        let source = if glossy { &shaders::DIRECT_GLOSS } else { &shaders::DIRECT };
+        Ok(Self { gpu: gpu.clone(), program: Program::new(gpu, source)?, seed: seed ^ 0xd1ec7 })
     }
 
     /// The mean irradiance of a share of the samples at each of `points`, row by row.
@@ -79,15 +88,26 @@ impl Direct {
     /// # Errors
     /// When the device has no memory left or the scene exceeds its limits.
     pub fn irradiance(&self, geometry: &Geometry, lights: &Lights, share: SampleShare, points: Points) -> Result<Vec<Vec3>> {
+        let [irradiance, _] = self.light(geometry, lights, share, points)?;
+        Ok(irradiance)
+    }
+
+    /// The same, and the radiance that the lobes of points with gloss reflect. Their irradiance is what passes the lobe. Without gloss the second is empty.
+    ///
+    /// # Errors
+    /// As [`Self::irradiance`].
+    pub fn light(&self, geometry: &Geometry, lights: &Lights, share: SampleShare, points: Points) -> Result<[Vec<Vec3>; 2]> {
+        let outputs = if points.gloss.is_some() { 2 } else { 1 };
         if !lights.are_sampled() {
             let [width, height] = points.size();
-            return Ok(vec![Vec3::ZERO; (width * height) as usize]);
+            let dark = |output: usize| vec![Vec3::ZERO; if output < outputs { (width * height) as usize } else { 0 }];
+            return Ok([dark(0), dark(1)]);
         }
         let tables = geometry.ray_tables()?;
         let of_ray = lights.count().div_ceil(EMITTERS).clamp(1, LIGHTS);
         let in_draw = LIGHTS / of_ray * of_ray;
         let squares = Interleave::new(STRIDE, points.size(), self.seed);
-        let sums = Accumulator::new(&self.gpu, squares.sums_size())?;
+        let sums = Accumulator::several(&self.gpu, squares.sums_size(), outputs)?;
         sums.clear();
         let mut draws = 0;
         for y in 0..STRIDE {
@@ -120,7 +140,8 @@ impl Direct {
             }
         }
         let mean = 1.0 / (share.rays() * of_ray as u32) as f32;
-        Ok(squares.in_order(sums.read()).into_iter().map(|sum| mean * sum.truncate()).collect())
+        let mut all = sums.read_all().map(|sums| squares.in_order(sums).into_iter().map(|sum| mean * sum.truncate()).collect());
+        Ok([all.next().unwrap_or_default(), all.next().unwrap_or_default()])
     }
 
     fn sample(&self, lights: &Lights, place: u32) -> LightSample {

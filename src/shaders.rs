@@ -15,7 +15,7 @@ macro_rules! includes {
 const INCLUDES: &[(&str, &str)] = includes![
     "consumer/harmonics.glsl" "consumer/hemisphere.glsl" "consumer/irradiance.glsl" "consumer/record.glsl"
     "finder/layers.glsl" "finder/rays.glsl" "finder/stored.glsl"
-    "include/albedo.glsl" "include/bvh.glsl" "include/harmonics.glsl" "include/hits.glsl" "include/layer.glsl" "include/layer_store.glsl"
+    "include/albedo.glsl" "include/bvh.glsl" "include/gloss.glsl" "include/harmonics.glsl" "include/hits.glsl" "include/layer.glsl" "include/layer_store.glsl"
     "include/octahedral.glsl" "include/packed_surface.glsl" "include/photon_atlas.glsl" "include/photon_grid.glsl" "include/points.glsl" "include/radiance.glsl"
     "include/surface.glsl" "include/vertex_cache.glsl"
 ];
@@ -37,6 +37,7 @@ macro_rules! shaders {
 shaders! {
     VISIBLE_POINTS: "surface", "visible_points";
     DIRECT: "fullscreen", "direct", "BATCH 8", "ANY_HIT";
+    DIRECT_GLOSS: "fullscreen", "direct", "BATCH 8", "ANY_HIT", "GLOSS";
     PHOTON_MAP: "fullscreen", "photon_map";
     PEEL: "surface", "peel";
     KILL: "fullscreen", "kill";
@@ -67,6 +68,8 @@ pub enum Finder {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Consumer {
     Irradiance(HitRadiance),
+    /// The same with the sums of points' lobes.
+    Gloss(HitRadiance),
     /// `None`: surfaces are black.
     Hemisphere(Option<HitRadiance>),
     IncidentHarmonics(HitRadiance, HarmonicsPass),
@@ -79,7 +82,7 @@ pub enum Consumer {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct HitRadiance {
     pub source: RadianceSource,
-    /// Whether the scene has albedo textures.
+    /// As [`Scene::is_textured`](crate::scene::Scene::is_textured).
     pub textured: bool,
 }
 
@@ -135,6 +138,9 @@ impl Consumer {
             sources.into_iter().flat_map(|source| [false, true].map(|textured| HitRadiance { source, textured })).collect();
         let mut all = vec![Self::Record, Self::Hemisphere(None)];
         all.extend(radiance.iter().flat_map(|&radiance| [Self::Irradiance(radiance), Self::Hemisphere(Some(radiance))]));
+        // Bakes have no lobes.
+        let of_pictures = radiance.iter().filter(|radiance| radiance.source != RadianceSource::VertexCache);
+        all.extend(of_pictures.map(|&radiance| Self::Gloss(radiance)));
         for pass in (1..=MAX_ORDER).flat_map(HarmonicsPass::all) {
             all.extend(radiance.iter().map(|&radiance| Self::IncidentHarmonics(radiance, pass)));
             all.extend([None, Some(false), Some(true)].map(|textured| Self::TransferHarmonics(textured, pass)));
@@ -144,7 +150,7 @@ impl Consumer {
 
     fn defines(self) -> Vec<String> {
         let (file, radiance, pass) = match self {
-            Self::Irradiance(radiance) => ("irradiance", Some(radiance), None),
+            Self::Irradiance(radiance) | Self::Gloss(radiance) => ("irradiance", Some(radiance), None),
             Self::Hemisphere(radiance) => ("hemisphere", radiance, None),
             Self::IncidentHarmonics(radiance, pass) => ("harmonics", Some(radiance), Some(pass)),
             Self::TransferHarmonics(textured, pass) => {
@@ -158,6 +164,7 @@ impl Consumer {
             (radiance.is_some_and(|radiance| radiance.source == RadianceSource::PhotonGrid), "PHOTON_GRID"),
             (radiance.is_some_and(|radiance| radiance.textured), "TEXTURED"),
             (matches!(self, Self::TransferHarmonics(..)), "TRANSFER"),
+            (matches!(self, Self::Gloss(_)), "GLOSS"),
         ];
         let flags = flags.into_iter().filter(|(set, _)| *set).map(|(_, name)| name.to_owned());
         let pass = pass.map(|HarmonicsPass { order, pass }| [format!("ORDER {order}"), format!("PASS {pass}")]);
