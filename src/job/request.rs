@@ -199,6 +199,7 @@ impl JobRequest {
             // A bake uses all its directions. The layer size must follow from their number.
             settings.directions.target_error = 0.0;
             settings.film.ground = false;
+            settings.film.points = PointSource::Camera;
             settings.display.exposure = Exposure::Stops(settings.display.exposure.given());
             settings.film.interleave = Squares::Auto;
             bake.plan.validate()?;
@@ -237,6 +238,9 @@ impl JobRequest {
         let lens = world.cameras.first().is_some_and(|(_, camera)| camera.lens.is_some());
         if settings.film.points == PointSource::Camera && (lens || world.surfaces().any(Material::is_specular)) {
             watch.say("warning: mirrors and glass are drawn as diffuse, through a pinhole; --points traced shows what they are");
+        }
+        if settings.film.points == PointSource::Camera && world.surfaces().any(Material::may_be_narrow) {
+            watch.say("warning: few of the shared directions meet narrow gloss, so it is noisy; --points traced follows it");
         }
         if settings.film.ground {
             warning_of_ground(world).iter().for_each(|warning| watch.say(warning));

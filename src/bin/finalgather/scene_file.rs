@@ -6,7 +6,7 @@ use std::path::{Component, Path, PathBuf};
 
 use finalgather::error::{Error, Result};
 use finalgather::file::folder_of;
-use finalgather::scene::{Material, PunctualLight, World, WorldCamera};
+use finalgather::scene::{Gloss, Material, PunctualLight, World, WorldCamera};
 use finalgather::settings::Settings;
 use toml_edit::{DocumentMut, Item, Key, Table, TableLike, Value};
 
@@ -160,9 +160,13 @@ fn lights(lights: &[PunctualLight]) -> String {
 }
 
 fn material_table(material: &Material) -> String {
-    let Material { name, albedo, emission, unshaded, .. } = material;
+    let Material { name, albedo, emission, gloss, unshaded, .. } = material;
     let mut text = format!("# [materials.{}]\n", Key::new(name.as_str()));
     text += &format!("# albedo = {}\n# emission = {}\n", numbers(albedo.to_array()), numbers(emission.to_array()));
+    if let Some(Gloss { roughness, metallic, specular, .. }) = gloss {
+        let specular = numbers(specular.to_array());
+        text += &format!("# roughness = {roughness}\n# metallic = {metallic}\n# specular = {specular}\n");
+    }
     if !unshaded.is_empty() {
         text += &format!("#   not shown yet: {}\n", unshaded.join(", ").replace(char::is_control, " "));
     }

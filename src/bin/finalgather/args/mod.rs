@@ -71,7 +71,7 @@ pub struct Overrides {
     #[arg(long, hide_short_help = true, value_name = "auto|N", value_parser = |text: &str| auto_or(text, LayerSize::Texels), help = setting("Side of the depth layers in texels. auto grows with the number of directions: 128 up to a thousand, 256 at four thousand, 1024 at most", |s| s.gather.layer_size))]
     layer_size: Option<LayerSize>,
 
-    #[arg(long, value_parser = named::<PointSource>(&["camera", "traced"]), help = setting("How the camera finds its points: by rasterisation, or by rays through mirrors, glass and the lens", |s| name(s.film.points)))]
+    #[arg(long, value_parser = named::<PointSource>(&["auto", "camera", "traced"]), help = setting("How the camera finds its points: by rasterisation, or by rays through mirrors, glass and the lens", |s| name(s.film.points)))]
     points: Option<PointSource>,
 
     #[arg(long, value_parser = named::<Pipeline>(&["auto", "fused", "kill", "early-kill", "raycast", "raycast-gl"]), help = setting("How to gather. auto: fused where its layers resolve what the points see, else raycast-gl. fused: several directions in one pass, both ends of each. kill: the method of 2004. early-kill: the same with early KILL. raycast: exact rays on the CPU. raycast-gl: exact rays on the GL side, both ends of each direction", |s| s.gather.pipeline))]
