@@ -81,7 +81,7 @@ impl Direct {
 
     /// The program that these lights need.
     fn program(&self, lights: &Lights) -> Result<&Program> {
-        if !lights.have_cones() {
+        if !lights.have_points() {
             return Ok(&self.program);
         }
         if let Some(program) = self.punctual.get() {
