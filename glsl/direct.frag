@@ -1,6 +1,7 @@
 #version 330 core
-// Irradiance from a batch of samples on the lights, with exact shadow rays (additive blending). With PUNCTUAL some samples may lie on no surface.
-// Mirrors src/direct.rs, and `LightSample` in src/scene/light/mod.rs.
+// Irradiance from a batch of samples on the lights, with exact shadow rays (additive blending). With PUNCTUAL some samples may lie on no surface. With
+// GLOSS, irradiance is what passes a point's lobe, and what the lobe reflects is a sum of its own. Mirrors src/direct.rs, and `LightSample` in
+// src/scene/light/mod.rs.
 
 #include "include/points.glsl"
 #include "include/bvh.glsl"
@@ -22,6 +23,9 @@ const float LIGHT_OFFSET = 2e-6;    // before a light without a surface a shadow
 #endif
 
 layout(location = 0) out vec4 irradiance;
+#ifdef GLOSS
+layout(location = 1) out vec4 reflected;    // rgb: radiance of the lobe
+#endif
 
 #ifdef PUNCTUAL
 // A vector of the unit hemisphere about `axis`, from a point of its disc. The frame is that of `math::frame`.
@@ -54,11 +58,17 @@ void main()
     vec3 origin = point.position + RAY_OFFSET * point.surface_normal;
     float first = choice + hash(point.position);
     vec3 irradiance_sum = vec3(0.0);
+#ifdef GLOSS
+    vec3 reflected_sum = vec3(0.0);
+#endif
     int i = 0;
     do {
         float left = fract(first);                          // renewed by what remains of it after each decision
         first += GOLDEN;
         vec3 sum = vec3(0.0);
+#ifdef GLOSS
+        vec3 lobe_sum = vec3(0.0);
+#endif
         float total = 0.0;
         vec4 chosen = vec4(0.0, 0.0, 1.0, NOWHERE);         // xyz: direction; w: reach
         int end = min(i + ray_samples, sample_count);
@@ -87,7 +97,16 @@ void main()
 #endif
             // At a distance of 0 it is no number.
             vec3 light = received > 0.0 ? received * light_weights[i].rgb : vec3(0.0);
+#ifdef GLOSS
+            LobeWeights weights = lobe_weights(point.gloss, point.normal, direction);
+            vec3 lobe = received > 0.0 ? light * weights.lobe : vec3(0.0);
+            light *= weights.base;
+            lobe_sum += lobe;
+            // In this measure a white base and the lobe count alike.
+            float power = dot(light + 3.14159265 * lobe, vec3(1.0));
+#else
             float power = light.r + light.g + light.b;
+#endif
             sum += light;
             total += power;
             float share = power > 0.0 ? power / total : 0.0;
@@ -97,6 +116,12 @@ void main()
         } while (++i < end);
         BvhHit hit = nearest_hit(origin, chosen.xyz, chosen.w);
         irradiance_sum += hit.place < 0 ? sum : vec3(0.0);
+#ifdef GLOSS
+        reflected_sum += hit.place < 0 ? lobe_sum : vec3(0.0);
+#endif
     } while (i < sample_count);
     irradiance = vec4(irradiance_sum, 1.0);
+#ifdef GLOSS
+    reflected = vec4(reflected_sum, 1.0);
+#endif
 }

@@ -78,6 +78,9 @@ pub struct SceneRequest {
     pub allow_outside: bool,
     /// All surfaces are turned, see [`LoadOptions::flip`].
     pub flip: bool,
+    /// See [`LoadOptions::smooth_angle`].
+    #[serde(default)]
+    pub smooth_angle: Option<f32>,
     /// See [`LoadOptions`], as the next three.
     #[serde(default)]
     pub strict: bool,
@@ -110,7 +113,7 @@ impl SceneRequest {
     pub fn load(&self, needs_light: bool) -> Result<Loaded> {
         let environment = self.environment.as_deref().map(Environment::load).transpose()?;
         let files = if self.allow_outside { Files::Anywhere } else { Files::Folder };
-        let &Self { strict, no_default_light, flip, clay, sun, sky, .. } = self;
+        let &Self { strict, no_default_light, flip, smooth_angle, clay, sun, sky, .. } = self;
         let (camera, scene) = (self.camera.clone(), self.scene.clone());
         let mut loaded = World::load_with(
             &self.path,
@@ -123,6 +126,7 @@ impl SceneRequest {
                 no_default_light,
                 strict,
                 flip,
+                smooth_angle,
                 clay,
                 camera,
                 scene,
@@ -195,6 +199,7 @@ impl JobRequest {
             // A bake uses all its directions. The layer size must follow from their number.
             settings.directions.target_error = 0.0;
             settings.film.ground = false;
+            settings.film.points = PointSource::Camera;
             settings.display.exposure = Exposure::Stops(settings.display.exposure.given());
             settings.film.interleave = Squares::Auto;
             bake.plan.validate()?;
@@ -233,6 +238,9 @@ impl JobRequest {
         let lens = world.cameras.first().is_some_and(|(_, camera)| camera.lens.is_some());
         if settings.film.points == PointSource::Camera && (lens || world.surfaces().any(Material::is_specular)) {
             watch.say("warning: mirrors and glass are drawn as diffuse, through a pinhole; --points traced shows what they are");
+        }
+        if settings.film.points == PointSource::Camera && world.surfaces().any(Material::may_be_narrow) {
+            watch.say("warning: few of the shared directions meet narrow gloss, so it is noisy; --points traced follows it");
         }
         if settings.film.ground {
             warning_of_ground(world).iter().for_each(|warning| watch.say(warning));

@@ -8,8 +8,8 @@ use glam::{DAffine3, DMat3, DVec3, Vec3};
 
 use super::mesh::has_area;
 use super::{
-    CameraChange, Environment, Files, ImageTexture, Material, Mesh, PunctualLight, Scene, Source, SourceLists, Surface, Triangle,
-    UnitSpace, WorldCamera,
+    CameraChange, Environment, Files, GlossMeans, ImageTexture, Material, Mesh, PunctualLight, Scene, Source, SourceLists,
+    Surface, Triangle, UnitSpace, WorldCamera,
 };
 
 /// A world of meshes. Each mesh can be placed several times.
@@ -118,6 +118,7 @@ impl World {
         const ALBEDO: Vec3 = Vec3::splat(0.8);
         for material in &mut self.materials {
             (material.albedo, material.albedo_texture, material.surface) = (ALBEDO, None, Surface::Diffuse);
+            (material.gloss, material.normal_map) = (None, None);
             material.unshaded.clear();
         }
         self.meshes.iter_mut().for_each(|mesh| mesh.colors.clear());
@@ -170,6 +171,7 @@ impl World {
             gltf: self.gltf.clone(),
             source_lists: SourceLists::of(self),
             file: self.file.clone(),
+            gloss_means: GlossMeans::default(),
         }
     }
 }

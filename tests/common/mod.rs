@@ -1,6 +1,7 @@
 //! Shared by several tests: scenes built in code, a gather on the GL side, and the difference between two gathers.
 #![allow(dead_code, reason = "each test uses a part")]
 
+pub mod blocks;
 pub mod khronos;
 pub mod need;
 pub mod tool;
@@ -21,8 +22,8 @@ use finalgather::points::{GatherPoint, Interleave, PointList};
 use finalgather::random::Random;
 use finalgather::reference::Reference;
 use finalgather::scene::{
-    Bvh, Camera, ImageTexture, Instance, Lights, Material, Mesh, Sampler, Scene, SourceLists, Triangle, UnitSpace, World,
-    WorldCamera, WrapMode,
+    Bvh, Camera, GlossMeans, ImageTexture, Instance, Lights, Material, Mesh, Sampler, Scene, SourceLists, Triangle, UnitSpace,
+    World, WorldCamera, WrapMode,
 };
 use finalgather::settings::{GatherSettings, LayerSize, Pipeline, Sequence, Settings};
 use glam::{DVec3, Vec2, Vec3, Vec4, vec2, vec3};
@@ -103,6 +104,7 @@ impl Model {
             gltf: None,
             source_lists: SourceLists::default(),
             file: String::new(),
+            gloss_means: GlossMeans::default(),
         };
         let mut model = Self { scene };
         model.material(Vec3::ONE, Vec3::ZERO);

@@ -6,7 +6,7 @@ use finalgather::error::Result;
 use finalgather::job::{Estimate, SceneRequest, estimate};
 use finalgather::points::Vertices;
 use finalgather::prepared::Prepared;
-use finalgather::scene::{Environment, Loaded, Material, Mesh, PunctualKind, PunctualLight, Surface, World, WorldCamera};
+use finalgather::scene::{Environment, Gloss, Loaded, Material, Mesh, PunctualKind, PunctualLight, Surface, World, WorldCamera};
 use glam::{DVec3, Vec3};
 use serde_json::{Value, json};
 
@@ -112,6 +112,10 @@ fn material(one: &Material, (triangles, area): (usize, f64)) -> Value {
         "two_sided": one.two_sided,
         "texture": one.albedo_texture,
         "surface": surface,
+        "gloss": one.gloss.map(|Gloss { roughness, metallic, specular, texture }| {
+            json!({ "roughness": roughness, "metallic": metallic, "specular": specular.to_array(), "texture": texture })
+        }),
+        "normal_map": one.normal_map.map(|map| map.texture),
         "unshaded": one.unshaded,
         "triangles": triangles,
         "area": area,
@@ -220,6 +224,13 @@ fn line_of_material(one: &Value, textures: &[Value]) -> String {
     }
     if one["surface"] != "diffuse" {
         parts.push(text(&one["surface"]));
+    }
+    if let [Some(roughness), Some(metallic)] = ["roughness", "metallic"].map(|key| one["gloss"][key].as_f64()) {
+        let texture = if one["gloss"]["texture"].is_null() { "" } else { " times a texture" };
+        parts.push(format!("roughness {roughness:.2}, metallic {metallic:.2}{texture}"));
+    }
+    if !one["normal_map"].is_null() {
+        parts.push("normal map".to_owned());
     }
     parts.push(counted(whole(&one["triangles"]), "triangle"));
     let unshaded: Vec<_> = one["unshaded"].as_array().into_iter().flatten().map(text).collect();

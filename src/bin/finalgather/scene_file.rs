@@ -6,7 +6,7 @@ use std::path::{Component, Path, PathBuf};
 
 use finalgather::error::{Error, Result};
 use finalgather::file::folder_of;
-use finalgather::scene::{Material, PunctualLight, World, WorldCamera};
+use finalgather::scene::{Gloss, Material, PunctualLight, World, WorldCamera};
 use finalgather::settings::Settings;
 use toml_edit::{DocumentMut, Item, Key, Table, TableLike, Value};
 
@@ -22,20 +22,22 @@ pub struct SceneView<'a> {
 }
 
 impl SceneView<'_> {
-    /// The text of a scene file in `folder` for a model, whose surfaces it turns if `flip`. It renders as the model, with this camera and these settings.
+    /// The text of a scene file in `folder` for a model, with these keys about its surfaces: `flip`, `smooth_angle`. It renders as the model, with this
+    /// camera and these settings.
     ///
     /// # Errors
     /// [`Error::Usage`] when the model lies outside `folder`, because a scene file reads only files in its folder.
-    pub fn text(&self, folder: &Path, flip: bool) -> Result<String> {
-        Ok(self.of_model(&quoted(&rebased(self.source, folder)?), flip))
+    pub fn text(&self, folder: &Path, flip: bool, smooth_angle: Option<f32>) -> Result<String> {
+        let flip = if flip { "flip = true\n" } else { "" };
+        let smooth = smooth_angle.map(|degrees| format!("smooth_angle = {degrees}\n")).unwrap_or_default();
+        Ok(self.of_model(&quoted(&rebased(self.source, folder)?), &format!("{flip}{smooth}")))
     }
 
-    fn of_model(&self, mesh: &str, flip: bool) -> String {
+    fn of_model(&self, mesh: &str, surfaces: &str) -> String {
         let Self { world, camera, settings, .. } = self;
         let mut text =
             String::from("# Take away a # to change what stands behind it. docs/scene-format.md explains every key.\n");
-        let flip = if flip { "flip = true\n" } else { "" };
-        text += &format!("mesh = {mesh}\n{flip}\n[camera]");
+        text += &format!("mesh = {mesh}\n{surfaces}\n[camera]");
         if let [(name, _), rest @ ..] = &world.cameras[..] {
             text += &format!(" # {name:?} of the file");
             if !rest.is_empty() {
@@ -158,9 +160,13 @@ fn lights(lights: &[PunctualLight]) -> String {
 }
 
 fn material_table(material: &Material) -> String {
-    let Material { name, albedo, emission, unshaded, .. } = material;
+    let Material { name, albedo, emission, gloss, unshaded, .. } = material;
     let mut text = format!("# [materials.{}]\n", Key::new(name.as_str()));
     text += &format!("# albedo = {}\n# emission = {}\n", numbers(albedo.to_array()), numbers(emission.to_array()));
+    if let Some(Gloss { roughness, metallic, specular, .. }) = gloss {
+        let specular = numbers(specular.to_array());
+        text += &format!("# roughness = {roughness}\n# metallic = {metallic}\n# specular = {specular}\n");
+    }
     if !unshaded.is_empty() {
         text += &format!("#   not shown yet: {}\n", unshaded.join(", ").replace(char::is_control, " "));
     }

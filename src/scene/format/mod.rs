@@ -80,6 +80,9 @@ pub struct LoadOptions {
     pub scene: Option<String>,
     /// Swaps the fronts and backs of all surfaces, as [`Mesh::turn`](super::Mesh::turn) does. A scene file can ask for it too.
     pub flip: bool,
+    /// Gives vertices without normals smooth ones, where faces meet at no more than so many degrees, see [`Mesh::smooth`](super::Mesh::smooth). A scene file
+    /// can ask for it too.
+    pub smooth_angle: Option<f32>,
     /// Gives all surfaces the same grey, see [`World::clay`].
     pub clay: bool,
     pub files: Files,
@@ -102,6 +105,8 @@ struct Loader<'a> {
     scene: Option<String>,
     /// Whether all surfaces are to be turned, by the options or the scene file.
     flip: bool,
+    /// That of the options, or else of the scene file.
+    smooth_angle: Option<f32>,
 }
 
 impl World {
@@ -157,7 +162,17 @@ impl World {
         let textures = Textures::new(&reader);
         let warnings = Warnings::new(options.strict);
         let (sun, sky) = (options.sun, options.sky);
-        let mut loader = Loader { reader: &reader, textures, warnings, environment, sun, sky, flip: options.flip, scene };
+        let mut loader = Loader {
+            reader: &reader,
+            textures,
+            warnings,
+            environment,
+            sun,
+            sky,
+            flip: options.flip,
+            smooth_angle: options.smooth_angle,
+            scene,
+        };
         let loaded = loader.load(path, &options);
         let Loader { textures, warnings, .. } = loader;
         let warnings = warnings.finish();
@@ -205,6 +220,9 @@ impl<'a> Loader<'a> {
         }
         if self.flip {
             world.flip();
+        }
+        if let Some(degrees) = self.smooth_angle {
+            world.smooth(degrees);
         }
         if options.clay {
             world.clay();

@@ -4,7 +4,7 @@ use std::fmt::Display;
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use finalgather::error::Result;
-use finalgather::scene::{Sky, Sun};
+use finalgather::scene::{Sky, Sun, World};
 use finalgather::settings::Settings;
 use glam::Vec3;
 use serde::de::IntoDeserializer;
@@ -76,6 +76,11 @@ pub fn switch(text: &str) -> Result<bool, &'static str> {
 
 pub fn stops(text: &str) -> Result<f32, String> {
     checked(text, |stops: &f32| stops.is_finite(), "not a number of stops such as -1.5")
+}
+
+/// Parses an angle of [`World::smooth`].
+pub fn smooth_angle(text: &str) -> Result<f32, String> {
+    checked(text, |degrees| World::SMOOTH_ANGLES.contains(degrees), World::SMOOTH_ANGLE_CURE)
 }
 
 /// Parses three finite numbers with commas between them.

@@ -37,6 +37,7 @@ mod accessors;
 mod buffers;
 mod document;
 mod draco;
+mod gloss;
 mod images;
 mod material;
 mod meshopt;

@@ -8,6 +8,7 @@ use std::path::Path;
 
 use glam::Vec3;
 
+use super::gloss::GlossStatements;
 use super::number::{Word, read, words};
 pub use super::picture::Placement;
 use super::picture::{PictureName, Pictures};
@@ -63,13 +64,16 @@ struct Statements {
     glow: Option<PictureName>,
     /// The statements about mirrors and glass: keyword, line and arguments.
     optics: Vec<(&'static str, usize, String)>,
+    gloss: GlossStatements,
     unshaded: Unshaded,
 }
 
 impl Statements {
     /// The material, with the surface kind and the reflectance if that is not `Kd`.
     fn finish(self, pictures: &mut Pictures, (surface, reflectance): (Surface, Option<Vec3>)) -> Result<(Material, Placement)> {
-        let texture = self.texture.as_ref().map(|picture| pictures.texture(picture)).transpose()?.flatten();
+        let open = |picture| pictures.texture(picture, "the material has its Kd alone");
+        let texture = self.texture.as_ref().map(open).transpose()?.flatten();
+        let mut placement = self.texture.as_ref().filter(|_| texture.is_some()).map(|picture| picture.placement);
         let mut emission = self.emission.unwrap_or(Vec3::ZERO);
         if let Some(picture) = &self.glow {
             emission = pictures.glow(picture, self.emission)?.unwrap_or(emission);
@@ -84,16 +88,19 @@ impl Statements {
         if let Some(picture) = &self.glow {
             unshaded.push(format!("emission map {}", picture.base()));
         }
+        let (gloss, normal_map) = self.gloss.finish(pictures, surface, &mut placement, &mut unshaded)?;
         let material = Material {
             name: self.name,
             albedo: reflectance.or(self.diffuse).unwrap_or(unsaid),
             emission,
             albedo_texture: texture,
+            gloss,
+            normal_map,
             surface,
             unshaded,
             ..Material::default()
         };
-        Ok((material, self.texture.filter(|_| texture.is_some()).map(|picture| picture.placement).unwrap_or_default()))
+        Ok((material, placement.unwrap_or_default()))
     }
 }
 
@@ -139,6 +146,7 @@ impl MtlScanner<'_> {
                 let line = self.line;
                 match SHADED.into_iter().find(|known| *known == keyword) {
                     Some(optic) => self.last().optics.push((optic, line, uncomment(rest).to_owned())),
+                    None if self.last().gloss.read(keyword, rest, line) => {}
                     None => self.last().unshaded.note(keyword, rest),
                 }
             }

@@ -3,6 +3,7 @@
 //! ```toml
 //! mesh = "room.obj"            # in this file's folder or below it, as all files named here
 //! flip = false                 # the default; true: fronts of all surfaces become backs
+//! smooth_angle = 40            # smooth normals for vertices without, where faces meet at no more degrees; default: none, flat
 //!
 //! [camera]                     # default: shows the whole model from the front
 //! eye = [278, 273, -800]
@@ -44,6 +45,11 @@
 //! two_sided = true             # emits from the back too; false by default
 //! flip = false                 # the default; true: fronts of this material's surfaces become backs
 //! albedo_texture = "tiles.png"
+//! roughness = 0.3              # with any of these five keys the surface is glossy: metallic-roughness as in glTF 2.0; default: that of the model, or 1
+//! metallic = 0                 # 1 is a metal, which reflects its albedo; default: that of the model, or 0
+//! specular = 0.04              # reflectance of a dielectric straight on, a number or [r, g, b]; default: that of the model, or 0.04
+//! gloss_texture = "worn.png"   # its green multiplies the roughness, its blue the metal
+//! normal_map = "bricks.png"    # turns shading normals
 //! surface = "mirror"           # or "diffuse", or { glass = { index = 1.5, filter = [1, 1, 1] } }; a mirror reflects its albedo
 //! ```
 
@@ -66,7 +72,7 @@ use lights::{LightTable, SkyTable, SunTable};
 use super::{Loader, Unread, beside, format_of, names, obj};
 use crate::error::{Error, Result};
 use crate::file::{MOST_BYTES, MOST_WORDS};
-use crate::scene::{Camera, Environment, Lens, Surface, World, WorldCamera};
+use crate::scene::{Camera, Environment, Lens, NormalMap, Surface, World, WorldCamera};
 use crate::settings::{Exposure, Settings};
 
 #[derive(Deserialize)]
@@ -75,6 +81,7 @@ struct SceneFile {
     mesh: Spanned<String>,
     #[serde(default)]
     flip: bool,
+    smooth_angle: Option<Spanned<f32>>,
     camera: Option<Spanned<CameraTable>>,
     environment: Option<Spanned<EnvironmentTable>>,
     sun: Option<Spanned<SunTable>>,
@@ -117,6 +124,11 @@ struct MaterialTable {
     #[serde(default)]
     flip: bool,
     albedo_texture: Option<Spanned<String>>,
+    roughness: Option<Spanned<f32>>,
+    metallic: Option<Spanned<f32>>,
+    specular: Option<Spanned<[f32; 3]>>,
+    gloss_texture: Option<Spanned<String>>,
+    normal_map: Option<Spanned<String>>,
     surface: Option<Spanned<SurfaceTable>>,
 }
 
@@ -241,6 +253,13 @@ pub fn load(loader: &mut Loader, path: &Path) -> Result<(World, Settings)> {
     reader.find(&mesh).map_err(missing)?;
     let mut world = loader.model(format_of(&mesh).unwrap_or(obj::load), &mesh)?;
     loader.flip |= file.flip;
+    if let Some(angle) = file.smooth_angle {
+        let degrees = *angle.get_ref();
+        if !World::SMOOTH_ANGLES.contains(&degrees) {
+            return Err(error(angle.span(), format!("smooth_angle is {degrees}"), World::SMOOTH_ANGLE_CURE));
+        }
+        loader.smooth_angle = loader.smooth_angle.or(Some(degrees));
+    }
     world.cameras.splice(0..0, camera.map(|camera| ("camera".to_owned(), camera)));
     world.lights.extend(lights.into_iter().chain(sun));
     // A glTF file may have several materials of one name. A table is of all of them.
@@ -284,6 +303,30 @@ pub fn load(loader: &mut Loader, path: &Path) -> Result<(World, Settings)> {
         if let Some(texture) = table.albedo_texture {
             let named_at = format!("{}:{}", path.display(), source.line(&texture.span()));
             material.albedo_texture = Some(loader.textures.load(&beside(path, texture.get_ref()), &named_at)?);
+        }
+        let share = |value: Spanned<f32>, what: &str| match *value.get_ref() {
+            share if (0.0..=1.0).contains(&share) => Ok(share),
+            share => Err(error(value.span(), format!("{what} is {share}"), "give a number from 0 to 1")),
+        };
+        if let Some(roughness) = table.roughness {
+            material.own_gloss().roughness = share(roughness, "roughness")?;
+        }
+        if let Some(metallic) = table.metallic {
+            material.own_gloss().metallic = share(metallic, "metallic")?;
+        }
+        if let Some(specular) = table.specular {
+            let cure = "give a reflectance from 0 to 1, or one for each of red, green and blue";
+            material.own_gloss().specular = color(specular, "specular", 0.0..=1.0, cure)?;
+        }
+        let mut picture = |name: Spanned<String>| {
+            let named_at = format!("{}:{}", path.display(), source.line(&name.span()));
+            loader.textures.load(&beside(path, name.get_ref()), &named_at)
+        };
+        if let Some(texture) = table.gloss_texture {
+            material.own_gloss().texture = Some(picture(texture)?);
+        }
+        if let Some(texture) = table.normal_map {
+            material.normal_map = Some(NormalMap { texture: picture(texture)?, scale: 1.0 });
         }
         if let Some(surface) = table.surface {
             let kind = match *surface.get_ref() {
