@@ -9,8 +9,9 @@
 #define LIGHTS 32
 
 uniform ivec2 first_texel;          // of the subset in the sums
-uniform vec4 light_places[LIGHTS];  // w 1: position; 2: without a surface; w 0: unit vector towards a light outside the scene
-uniform vec4 light_normals[LIGHTS]; // unit normal of the emitting side; outside the scene the vector towards it, turned round; w: scale of a cone
+uniform vec4 light_places[LIGHTS];  // w 0: unit vector towards a light outside the scene; 1: position; 2: of a cone; 3: centre of a sphere
+uniform vec4 light_normals[LIGHTS]; // unit normal of the emitting side; outside the scene the vector towards it, turned round; of a cone its axis,
+                                    // w: its scale; of a sphere a point of the unit disc and the radius
 uniform vec4 light_weights[LIGHTS]; // radiance over the density of the sample, per area or per solid angle; w: offset of a cone
 uniform int sample_count;
 uniform int ray_samples;            // samples that share a ray; the last ray may have fewer
@@ -24,6 +25,19 @@ const float LIGHT_OFFSET = 2e-6;    // before a light without a surface a shadow
 layout(location = 0) out vec4 irradiance;
 #ifdef GLOSS
 layout(location = 1) out vec4 reflected;    // rgb: radiance of the lobe
+#endif
+
+#ifdef PUNCTUAL
+// A vector of the unit hemisphere about `axis`, from a point of its disc. The frame is that of `math::frame`.
+vec3 on_hemisphere(vec3 axis, vec2 disc)
+{
+    float side = axis.z < 0.0 ? -1.0 : 1.0;
+    float a = -1.0 / (side + axis.z);
+    float b = axis.x * axis.y * a;
+    vec3 x = vec3(1.0 + side * axis.x * axis.x * a, side * b, -side * axis.x);
+    vec3 y = vec3(b, side + axis.y * axis.y * a, -axis.y);
+    return disc.x * x + disc.y * y + sqrt(max(1.0 - dot(disc, disc), 0.0)) * axis;
+}
 #endif
 
 // A number in [0, 1) from a position.
@@ -60,13 +74,22 @@ void main()
         int end = min(i + ray_samples, sample_count);
         do {
             bool near = light_places[i].w > 0.0;
-            vec3 way = light_places[i].xyz - (near ? origin : vec3(0.0));
+            vec3 place = light_places[i].xyz;
+#ifdef PUNCTUAL
+            // Samples of a sphere lie on the side that the point sees.
+            vec3 axis = normalize(origin - place);
+            vec3 normal = on_hemisphere(axis, light_normals[i].xy);
+            bool sphere = light_places[i].w > 2.0;
+            place += sphere ? light_normals[i].z * normal : vec3(0.0);
+#endif
+            vec3 way = place - (near ? origin : vec3(0.0));
             float distance = length(way);
             vec3 direction = way / distance;
             float emitted = max(-dot(light_normals[i].xyz, direction), 0.0);
 #ifdef PUNCTUAL
             float cone = clamp(light_weights[i].w - light_normals[i].w * dot(light_normals[i].xyz, direction), 0.0, 1.0);
             emitted = light_places[i].w > 1.0 ? cone * cone : emitted;
+            emitted = sphere ? max(-dot(normal, direction), 0.0) / max(dot(normal, axis), 1e-6) : emitted;
 #endif
             float received = cosine(point, direction) * emitted / (near ? distance * distance : 1.0);
 #ifdef PUNCTUAL

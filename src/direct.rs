@@ -115,7 +115,7 @@ impl Direct {
         }
         let share = if lights.are_one_point() { SampleShare { samples: share.parts, ..share } } else { share };
         let tables = geometry.ray_tables()?;
-        let program = self.program(DirectVariant { punctual: lights.have_cones(), gloss: points.gloss.is_some() })?;
+        let program = self.program(DirectVariant { punctual: lights.have_points(), gloss: points.gloss.is_some() })?;
         let of_ray = lights.count().div_ceil(EMITTERS).clamp(1, LIGHTS);
         let in_draw = LIGHTS / of_ray * of_ray;
         let squares = Interleave::new(STRIDE, points.size(), self.seed);

@@ -25,7 +25,7 @@ fn spot(inner: f32, outer: f32, radius: f64) -> PunctualKind {
 
 /// Flux in lm that the photons of a scene bring to its surfaces, red over that of the strength.
 fn brought(scene: &Scene) -> f64 {
-    const PHOTONS: u64 = 1 << 22;
+    const PHOTONS: u64 = 1 << 21;
     let (bvh, lights, starts) = (Bvh::new(&scene.mesh), Lights::new(scene), Recurrence::<5>::new(0));
     let flux = |photon| {
         let (mut path, flux) = lights.emit(starts.point(photon));

@@ -5,9 +5,10 @@
 
 use std::f32::consts::PI;
 
-use glam::{Vec3, Vec4};
+use glam::{Vec3, Vec4, vec3};
 
 use super::{Path, RAY_OFFSET, Scene};
+use crate::math::frame;
 
 mod area;
 mod daylight;
@@ -45,13 +46,15 @@ enum Light {
 /// A sample of direct light. Its mean over uniform points of the unit square is all direct light.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LightSample {
-    /// w 1: position on a surface, in unit space; w 2: position without a surface; w 0: unit vector towards a light outside the scene.
+    /// w 0: unit vector towards a light outside the scene; 1: position on a surface, in unit space; 2: position without a surface; 3: centre of a
+    /// diffuse sphere.
     pub place: Vec4,
-    /// Unit normal of the emitting side, or the axis of a cone. Outside the scene: the vector towards the light, turned round.
+    /// Unit normal of the emitting side, or the axis of a cone. Outside the scene: the vector towards the light, turned round. Of a sphere: a point of
+    /// the unit disc, as which the receiver sees the sphere from afar, and the radius.
     pub normal: Vec3,
-    /// Over the density of the sample: radiance, per area or per solid angle; without a surface the intensity on the axis.
+    /// Over the density of the sample: radiance, per area or per solid angle; without a surface the intensity, of a cone on its axis.
     pub weight: Vec3,
-    /// Scale and offset. At an angle of cosine c from the axis there is clamp(scale c + offset, 0, 1)² of the intensity. Without a surface only.
+    /// Scale and offset. At an angle of cosine c from the axis there is clamp(scale c + offset, 0, 1)² of the intensity. Of w 2 only.
     pub cone: [f32; 2],
 }
 
@@ -65,16 +68,25 @@ impl LightSample {
     /// twin of `glsl/direct.frag`.
     pub fn seen_from(&self, origin: Vec3) -> (Vec3, f32, Vec3) {
         let near = self.place.w > 0.0;
-        let way = self.place.truncate() - if near { origin } else { Vec3::ZERO };
+        let (mut place, mut of_sphere) = (self.place.truncate(), None);
+        if self.place.w > 2.0 {
+            // A sample lies on the side that the receiver sees.
+            let axis = (origin - place).normalize_or(Vec3::Y);
+            let [x, y, radius] = self.normal.to_array();
+            let normal = frame(axis) * vec3(x, y, (1.0 - x * x - y * y).max(0.0).sqrt());
+            place += radius * normal;
+            of_sphere = Some((normal, normal.dot(axis).max(1e-6)));
+        }
+        let way = place - if near { origin } else { Vec3::ZERO };
         let distance = way.length();
         let direction = way / distance;
-        let cosine = -self.normal.dot(direction).min(0.0);
-        let (emitted, gap) = if self.place.w > 1.0 {
-            let [scale, offset] = self.cone;
-            ((scale * self.normal.dot(-direction) + offset).clamp(0.0, 1.0).powi(2), LIGHT_OFFSET)
-        } else {
-            (cosine, 0.0)
+        let [scale, offset] = self.cone;
+        let emitted = match of_sphere {
+            Some((normal, density)) => -normal.dot(direction).min(0.0) / density,
+            None if self.place.w > 1.0 => (scale * self.normal.dot(-direction) + offset).clamp(0.0, 1.0).powi(2),
+            None => -self.normal.dot(direction).min(0.0),
         };
+        let gap = if self.place.w > 1.0 { LIGHT_OFFSET } else { 0.0 };
         let received = emitted / if near { distance * distance } else { 1.0 };
         (direction, if near { distance - gap } else { f32::INFINITY }, received * self.weight)
     }
@@ -202,8 +214,8 @@ impl Lights {
         self.lights.iter().map(count).sum()
     }
 
-    /// Whether there are points or spots, whose samples may have a [cone](LightSample::cone).
-    pub fn have_cones(&self) -> bool {
+    /// Whether there are points or spots, whose samples lie on no surface.
+    pub fn have_points(&self) -> bool {
         self.lights.iter().any(|(light, _)| matches!(light, Light::Near(_)))
     }
 

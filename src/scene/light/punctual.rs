@@ -217,9 +217,8 @@ impl NearLights {
         let &NearLight { position, axis, intensity, radius, is_spot, cone, .. } = &self.lights[slot];
         let weight = intensity / (of_light * probability);
         if !is_spot && radius > 0.0 {
-            let normal = within(Vec3::Y, 2.0, [rest, v]);
-            // A sphere of radiance L has the intensity πr²L, and the area 4πr².
-            return LightSample::of_side((position + radius * normal).extend(1.0), normal, 4.0 * weight);
+            let normal = disc([rest, v]).with_z(radius);
+            return LightSample { place: position.extend(3.0), normal, weight, cone: [0.0, 1.0] };
         }
         let place = position + frame(axis) * (radius * disc([rest, v]));
         LightSample { place: place.extend(2.0), normal: axis, weight, cone: [cone.scale, cone.offset] }

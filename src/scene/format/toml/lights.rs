@@ -5,9 +5,6 @@ use serde::Deserialize;
 
 use crate::scene::{PunctualKind, PunctualLight, Sky, Sun};
 
-/// A problem and its cure.
-type Refusal = (String, &'static str);
-
 #[derive(Clone, Copy, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SunTable {
@@ -49,7 +46,7 @@ enum KindName {
 }
 
 impl SunTable {
-    pub fn sun(self) -> Result<Sun, Refusal> {
+    pub fn sun(self) -> Result<Sun, (String, &'static str)> {
         let sun = match (self.direction, self.azimuth_degrees, self.height_degrees) {
             (Some(direction), None, None) => {
                 let direction = Vec3::from(direction);
@@ -77,7 +74,7 @@ impl SunTable {
 }
 
 impl SkyTable {
-    pub fn sky(self) -> Result<Sky, Refusal> {
+    pub fn sky(self) -> Result<Sky, (String, &'static str)> {
         let default = Sky::default();
         let sky = Sky { turbidity: self.turbidity.unwrap_or(default.turbidity), scale: self.scale.unwrap_or(default.scale) };
         sky.check()
@@ -86,7 +83,7 @@ impl SkyTable {
 
 impl LightTable {
     /// The light, by default with this name.
-    pub fn light(self, name: impl FnOnce() -> String) -> Result<PunctualLight, Refusal> {
+    pub fn light(self, name: impl FnOnce() -> String) -> Result<PunctualLight, (String, &'static str)> {
         use KindName::{Directional, Point, Spot};
         let (what, wanted, all) = match self.kind {
             Point => ("point", "give it position and intensity", "take it out: a point has position, intensity and radius"),
