@@ -62,7 +62,11 @@ void main()
             left = takes ? left / share : (left - share) / max(1.0 - share, 1e-7);
         } while (++i < end);
         BvhHit hit = nearest_hit(origin, chosen.xyz, chosen.w);
+#ifdef CUT_OUTS
+        irradiance_sum += hit.passed * sum;
+#else
         irradiance_sum += hit.place < 0 ? sum : vec3(0.0);
+#endif
     } while (i < sample_count);
     irradiance = vec4(irradiance_sum, 1.0);
 }

@@ -10,6 +10,8 @@
 //! Samples are points of one Sobol' sequence, of which each pixel of a square of 4 × 4 takes a run of its own. So neighbours have different samples,
 //! a soft shadow has fine grain and no bands, and a square together has sixteen times the samples of a point.
 
+use std::cell::OnceCell;
+
 use glam::{Vec3, Vec4};
 
 use crate::error::Result;
@@ -34,6 +36,8 @@ const EMITTERS: usize = 4;
 pub struct Direct {
     gpu: Gpu,
     program: Program,
+    /// For scenes with cut-outs, made for the first of them.
+    through_cut_outs: OnceCell<Program>,
     seed: u64,
 }
 
@@ -71,7 +75,8 @@ impl Direct {
     /// # Errors
     /// When the program does not compile.
     pub fn new(gpu: &Gpu, seed: u64) -> Result<Self> {
-        Ok(Self { gpu: gpu.clone(), program: Program::new(gpu, &shaders::DIRECT)?, seed: seed ^ 0xd1ec7 })
+        let program = Program::new(gpu, &shaders::DIRECT)?;
+        Ok(Self { gpu: gpu.clone(), program, through_cut_outs: OnceCell::new(), seed: seed ^ 0xd1ec7 })
     }
 
     /// The mean irradiance of a share of the samples at each of `points`, row by row.
@@ -84,6 +89,7 @@ impl Direct {
             return Ok(vec![Vec3::ZERO; (width * height) as usize]);
         }
         let tables = geometry.ray_tables()?;
+        let program = self.program(geometry)?;
         let of_ray = lights.count().div_ceil(EMITTERS).clamp(1, LIGHTS);
         let in_draw = LIGHTS / of_ray * of_ray;
         let squares = Interleave::new(STRIDE, points.size(), self.seed);
@@ -110,7 +116,7 @@ impl Direct {
                         ("choice", Uniform::Float((0.618_034 * (index * in_draw / of_ray) as f32).fract())),
                     ];
                     let subset = points.only(Subset { stride: STRIDE, offset: [x, y] });
-                    sums.add(subset, &self.program, &[&own[..], &tables.uniforms()].concat());
+                    sums.add(subset, program, &[&own[..], &tables.uniforms(), &geometry.uniforms()].concat());
                     // Draws of few points are not measured, but their rays take long on slow devices.
                     draws += 1;
                     if draws % DRAWS == 0 {
@@ -121,6 +127,17 @@ impl Direct {
         }
         let mean = 1.0 / (share.rays() * of_ray as u32) as f32;
         Ok(squares.in_order(sums.read()).into_iter().map(|sum| mean * sum.truncate()).collect())
+    }
+
+    fn program(&self, geometry: &Geometry) -> Result<&Program> {
+        if geometry.cut_outs().is_none() {
+            return Ok(&self.program);
+        }
+        if let Some(program) = self.through_cut_outs.get() {
+            return Ok(program);
+        }
+        let program = Program::new(&self.gpu, &shaders::DIRECT_CUT)?;
+        Ok(self.through_cut_outs.get_or_init(|| program))
     }
 
     fn sample(&self, lights: &Lights, place: u32) -> LightSample {

@@ -15,9 +15,9 @@ macro_rules! includes {
 const INCLUDES: &[(&str, &str)] = includes![
     "consumer/harmonics.glsl" "consumer/hemisphere.glsl" "consumer/irradiance.glsl" "consumer/record.glsl"
     "finder/layers.glsl" "finder/rays.glsl" "finder/stored.glsl"
-    "include/albedo.glsl" "include/bvh.glsl" "include/harmonics.glsl" "include/hits.glsl" "include/layer.glsl" "include/layer_store.glsl"
-    "include/octahedral.glsl" "include/packed_surface.glsl" "include/photon_atlas.glsl" "include/photon_grid.glsl" "include/points.glsl" "include/radiance.glsl"
-    "include/surface.glsl" "include/vertex_cache.glsl"
+    "include/albedo.glsl" "include/bvh.glsl" "include/cut_fragment.glsl" "include/harmonics.glsl" "include/hits.glsl" "include/layer.glsl" "include/layer_store.glsl"
+    "include/octahedral.glsl" "include/opacity.glsl" "include/packed_surface.glsl" "include/photon_atlas.glsl" "include/photon_grid.glsl" "include/points.glsl" "include/radiance.glsl"
+    "include/surface.glsl" "include/texture.glsl" "include/vertex_cache.glsl"
 ];
 
 macro_rules! shaders {
@@ -36,16 +36,22 @@ macro_rules! shaders {
 
 shaders! {
     VISIBLE_POINTS: "surface", "visible_points";
+    VISIBLE_POINTS_CUT: "surface", "visible_points", "CUT_OUTS";
     DIRECT: "fullscreen", "direct", "BATCH 8", "ANY_HIT";
+    DIRECT_CUT: "fullscreen", "direct", "BATCH 8", "ANY_HIT", "CUT_OUTS";
     PHOTON_MAP: "fullscreen", "photon_map";
     PEEL: "surface", "peel";
+    PEEL_CUT: "surface", "peel", "CUT_OUTS";
     KILL: "fullscreen", "kill";
     KILL_FARTHEST: "fullscreen", "kill", "FARTHEST";
     KILL_FARTHEST_EARLY: "fullscreen", "kill", "FARTHEST", "EARLY";
     REJECT: "fullscreen", "reject";
     STORE_PEEL: "surface", "store_peel", "BATCH 8";
     STORE_PEEL_FARTHEST: "surface", "store_peel", "BATCH 8", "FARTHEST";
+    STORE_PEEL_CUT: "surface", "store_peel", "BATCH 8", "CUT_OUTS";
+    STORE_PEEL_FARTHEST_CUT: "surface", "store_peel", "BATCH 8", "FARTHEST", "CUT_OUTS";
     STORE_APPEND: "surface", "store_append", "BATCH 8";
+    STORE_APPEND_CUT: "surface", "store_append", "BATCH 8", "CUT_OUTS";
     STORE_SORT: "fullscreen", "store_sort";
 }
 
@@ -60,6 +66,8 @@ const GATHER: &str = include_str!("../glsl/gather.frag");
 pub enum Finder {
     Layers,
     Rays,
+    /// Rays through a scene with cut-outs.
+    CutRays,
     Stored,
 }
 
@@ -168,19 +176,29 @@ impl Consumer {
 /// The variant of `glsl/gather.frag` for a finder and a consumer.
 pub fn gather(finder: Finder, consumer: Consumer) -> ShaderSource {
     let mut defines = consumer.defines();
+    if finder == Finder::CutRays {
+        defines.push("CUT_OUTS".to_owned());
+    }
     let file = match finder {
         Finder::Layers => "layers",
-        Finder::Rays => "rays",
+        Finder::Rays | Finder::CutRays => "rays",
         Finder::Stored => "stored",
     };
     defines.extend([format!("BATCH {BATCH}"), format!("FINDER {file}")]);
     ShaderSource { name: "gather", fragment: GATHER, defines, ..DIRECT.clone() }
 }
 
-/// All programs of the crate. The tool uses some pairs of finder and consumer. All pairs are listed, so that each stays valid.
+/// All programs of the crate. The tool uses some pairs of finder and consumer. All pairs are listed, so that each stays valid; of rays through cut-outs,
+/// which differ in the finder alone, those that it uses.
 pub fn variants() -> Vec<ShaderSource> {
-    let finders = [Finder::Layers, Finder::Rays, Finder::Stored];
-    let pairs = finders.into_iter().flat_map(|finder| Consumer::all().into_iter().map(move |consumer| gather(finder, consumer)));
+    let finders = [Finder::Layers, Finder::Rays, Finder::CutRays, Finder::Stored];
+    let is_listed = |finder: Finder, consumer: Consumer| {
+        finder != Finder::CutRays || matches!(consumer, Consumer::Record | Consumer::Irradiance(_))
+    };
+    let pairs = finders.into_iter().flat_map(|finder| {
+        let consumers = Consumer::all().into_iter().filter(move |&consumer| is_listed(finder, consumer));
+        consumers.map(move |consumer| gather(finder, consumer))
+    });
     NAMED.iter().map(|&source| ShaderSource::clone(source)).chain(pairs).collect()
 }
 

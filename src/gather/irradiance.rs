@@ -63,7 +63,7 @@ impl IrradianceGather {
                 // The finder comes last: it adapts to the memory that is left.
                 let sums = Accumulator::new(gpu, interleave.sums_size())?;
                 let radiance = HitRadiance { source: settings.photons.map.into(), textured: scene.is_textured() };
-                let pass = GatherPass::new(gpu, shader_of(pipeline), Consumer::Irradiance(radiance))?;
+                let pass = GatherPass::new(gpu, shader_of(pipeline, scene), Consumer::Irradiance(radiance))?;
                 Method::Shader {
                     finder: hit_finder(gpu, &settings.gather, settings.layers(), scene, bvh, interleave.tile())?,
                     pass,
@@ -132,7 +132,7 @@ impl IrradianceGather {
             Method::Oracle { points: places, sums } => directions.iter().for_each(|direction| {
                 let cast = |(i, (point, sum)): (usize, (&Option<GatherPoint>, &mut Vec4))| match point {
                     Some(point) if self.interleave.subset_of(i) == points.subset => {
-                        *sum += oracle.sample(point, direction.vector).as_vec4();
+                        *sum += oracle.sample(point, direction.vector, direction.number).as_vec4();
                     }
                     _ => {}
                 };

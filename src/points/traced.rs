@@ -11,7 +11,7 @@ use rayon::prelude::*;
 use super::list::octahedral_encode;
 use super::{GBuffer, Ground};
 use crate::random::{Random, Recurrence};
-use crate::scene::{Bvh, Camera, MOST_SPECULAR, Path, Scene, Split};
+use crate::scene::{Bvh, Camera, Chance, MOST_SPECULAR, Path, Rays, Scene, Split};
 
 /// Paths to emission end where their transmittance falls below this.
 const LEAST: f32 = 1e-3;
@@ -44,6 +44,7 @@ impl EyeRays<'_> {
     pub fn see(&self, offset: Vec2, block: u32) -> GBuffer {
         let numbers: [f32; 3] = Recurrence::new(self.seed ^ 0x1e25).point(block.into());
         let [width, height] = self.size;
+        let rays = Rays::new(self.scene, self.bvh);
         let texels: Vec<GBufferTexel> = (0..width * height)
             .into_par_iter()
             .map(|pixel| {
@@ -53,7 +54,8 @@ impl EyeRays<'_> {
                 let [u, v, choice] = numbers.map(|number| (number + random.uniform()).fract());
                 let (eye, direction) =
                     self.camera.ray_by_lens(Vec2::new(place.x, 1.0 - place.y), width as f32 / height as f32, [u, v]);
-                self.follow(Path { origin: eye, direction, triangle: None }, choice)
+                let chance = |surfaces| Chance::of_pixel(pixel, block, surfaces);
+                self.follow(&rays, Path { origin: eye, direction, triangle: None }, choice, &chance)
             })
             .collect();
         let column = |of: fn(&GBufferTexel) -> Vec4| texels.iter().map(of).collect();
@@ -68,12 +70,13 @@ impl EyeRays<'_> {
         }
     }
 
-    fn follow(&self, mut path: Path, mut choice: f32) -> GBufferTexel {
+    /// `chance` is by the number of mirrors and glass faces before.
+    fn follow(&self, rays: &Rays, mut path: Path, mut choice: f32, chance: &dyn Fn(u32) -> Chance) -> GBufferTexel {
         let (mesh, forward) = (&self.scene.mesh, -self.camera.axes().z_axis);
         let mut seen = GBufferTexel::default();
         let mut throughput = Vec3::ONE;
         for surfaces in 0.. {
-            let Some(triangle) = path.advance(self.bvh) else {
+            let Some(triangle) = path.advance(rays, chance(surfaces)) else {
                 // Behind glass and mirrors, `emitted` has added the environment already.
                 if surfaces == 0 {
                     seen.emission = self.scene.miss_radiance(path.direction).extend(0.0);
@@ -83,7 +86,8 @@ impl EyeRays<'_> {
                 break;
             };
             if surfaces == 0 {
-                seen.emission = self.emitted(&path, Vec3::ONE, 0).extend(forward.dot(path.origin - self.camera.eye));
+                seen.emission =
+                    self.emitted(rays, &path, (Vec3::ONE, 0), chance).extend(forward.dot(path.origin - self.camera.eye));
             }
             let side = mesh.side_met(triangle, path.direction);
             let barycentric = mesh.barycentric(triangle, path.origin);
@@ -105,7 +109,7 @@ impl EyeRays<'_> {
     }
 
     /// The radiance that surfaces and environment emit along all paths that continue this one, times `throughput`.
-    fn emitted(&self, path: &Path, throughput: Vec3, surfaces: u32) -> Vec3 {
+    fn emitted(&self, rays: &Rays, path: &Path, (throughput, surfaces): (Vec3, u32), chance: &dyn Fn(u32) -> Chance) -> Vec3 {
         let Some(triangle) = path.triangle else { return Vec3::ZERO };
         let front = self.scene.mesh.meets_front(triangle, path.direction);
         let own = throughput * self.scene.material(triangle).emission_of(front);
@@ -114,8 +118,8 @@ impl EyeRays<'_> {
             if share.max_element() <= LEAST || surfaces >= MOST_SPECULAR {
                 return Vec3::ZERO;
             }
-            match way.advance(self.bvh) {
-                Some(_) => self.emitted(&way, share, surfaces + 1),
+            match way.advance(rays, chance(surfaces + 1)) {
+                Some(_) => self.emitted(rays, &way, (share, surfaces + 1), chance),
                 None => share * self.scene.miss_radiance(way.direction),
             }
         };

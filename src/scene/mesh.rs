@@ -63,6 +63,12 @@ impl Mesh {
         a * barycentric.x + b * barycentric.y + c * barycentric.z
     }
 
+    /// The texture coordinates at a point of a triangle, from its barycentric coordinates.
+    pub fn uv(&self, triangle: usize, barycentric: Vec3) -> Vec2 {
+        let [a, b, c] = self.triangles[triangle].vertices.map(|vertex| self.uvs[vertex as usize]);
+        a * barycentric.x + b * barycentric.y + c * barycentric.z
+    }
+
     /// [`Self::source_count`], or what the vertices say if that is less.
     pub fn length_of_source(&self) -> u32 {
         self.sources.iter().map(|source| source.index.saturating_add(1)).fold(self.source_count, u32::max)

@@ -11,6 +11,7 @@
 //! | `source_lists.rs` | the lists of vertices in a model's file |
 //! | `winding.rs`, `reversed_lamps.rs` | which side is the front, and lamps of which it is the wrong one |
 //! | `specular.rs` | paths through mirrors and glass |
+//! | `opacity.rs` | cut-outs and partial opacity, and rays that pass through them |
 //!
 //! Coordinates are right-handed, in any unit of length. Surfaces are Lambertian, mirrors or glass. Both sides reflect with the same albedo. The front
 //! emits: the side from which the triangle winds counter-clockwise. The back emits only if the material is two-sided.
@@ -29,6 +30,7 @@ mod format;
 mod light;
 mod material;
 mod mesh;
+mod opacity;
 mod reversed_lamps;
 mod source_lists;
 mod specular;
@@ -45,6 +47,7 @@ pub use format::{Files, LoadOptions, LoadReport, Loaded};
 pub use light::{Environment, Focus, LightSample, Lights};
 pub use material::{Gloss, Material, NormalMap, Opacity, Surface};
 pub use mesh::{Mesh, Source, Triangle};
+pub use opacity::{Chance, Rays};
 pub use reversed_lamps::reversed_lamps;
 pub use source_lists::SourceLists;
 pub use specular::{MOST_SPECULAR, Path, Split, fresnel};
@@ -100,8 +103,7 @@ impl Scene {
         let &Material { albedo, albedo_texture, .. } = self.material(triangle);
         let albedo = albedo * self.mesh.color(triangle, barycentric);
         let Some(texture) = albedo_texture else { return albedo };
-        let [a, b, c] = self.mesh.triangles[triangle].vertices.map(|vertex| self.mesh.uvs[vertex as usize]);
-        albedo * self.textures[texture].sample_linear(a * barycentric.x + b * barycentric.y + c * barycentric.z)
+        albedo * self.textures[texture].sample_linear(self.mesh.uv(triangle, barycentric))
     }
 
     /// Whether the albedo varies over a triangle, by textures or vertex colours.

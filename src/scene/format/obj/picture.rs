@@ -111,11 +111,9 @@ impl<'a, 'b> Pictures<'a, 'b> {
         Self { loader, search, files, failed: HashSet::new(), alpha: HashMap::new() }
     }
 
-    /// The index of a texture. `None`, with a warning, if it cannot be read.
-    pub fn texture(&mut self, picture: &PictureName) -> Result<Option<usize>> {
-        self.open(picture, "the material has its Kd alone", |loader, path, named_at| {
-            loader.textures.load_with(path, named_at, picture.sampler)
-        })
+    /// The index of a texture. `None`, with a warning that tells the `mend`, if it cannot be read.
+    pub fn texture(&mut self, picture: &PictureName, mend: &str) -> Result<Option<usize>> {
+        self.open(picture, mend, |loader, path, named_at| loader.textures.load_with(path, named_at, picture.sampler))
     }
 
     /// The radiance of a lamp with a picture, which has its mean colour until lamps are textured. `None`, with a warning, if it cannot be read.
@@ -134,6 +132,26 @@ impl<'a, 'b> Pictures<'a, 'b> {
         };
         self.loader.warnings.tell(place, "map_Ke", &text);
         Ok(Some(radiance))
+    }
+
+    /// The index of a texture whose alpha is the opacity that a picture says. `None` if it is opaque everywhere, or, with a warning, if it cannot be read.
+    pub fn mask(&mut self, picture: &PictureName) -> Result<Option<usize>> {
+        let loaded = self.open(picture, "the material is as opaque as its d", |loader, path, named_at| {
+            loader.textures.load_opacity(path, named_at, picture.sampler)
+        });
+        Ok(loaded?.flatten())
+    }
+
+    /// Whether a texture stops no light at all.
+    pub fn is_clear(&self, texture: usize) -> bool {
+        self.loader.textures.list[texture].is_clear()
+    }
+
+    /// Warns of a material that would be invisible.
+    pub fn tell_invisible(&mut self, name: &str, line: usize) {
+        let place = Place { path: self.files[0], line: (line > 0).then_some(line) };
+        let text = || format!("material \"{name}\" would be invisible, by d, Tr or the alpha of its picture, which is ignored");
+        self.loader.warnings.tell(place, "invisible", &text);
     }
 
     pub fn has_alpha(&mut self, texture: usize) -> bool {

@@ -26,6 +26,9 @@
 //! two_sided = true             # emits from the back too; false by default
 //! flip = false                 # the default; true: fronts of this material's surfaces become backs
 //! albedo_texture = "tiles.png"
+//! opacity = 1                  # share of the light that it stops; 1 by default
+//! opacity_texture = "leaf.png" # its alpha, or its grey if it has none, multiplies the opacity
+//! cutoff = 0.5                 # what is less opaque is not there, and all else is opaque; default: a share of the light passes
 //! surface = "mirror"           # or "diffuse", or { glass = { index = 1.5, filter = [1, 1, 1] } }; a mirror reflects its albedo
 //! ```
 
@@ -46,7 +49,7 @@ use fault::SceneText;
 use super::{Loader, Unread, beside, format_of, names, obj};
 use crate::error::{Error, Result};
 use crate::file::{MOST_BYTES, MOST_WORDS};
-use crate::scene::{Camera, Environment, Lens, Surface, World, WorldCamera};
+use crate::scene::{Camera, Environment, Lens, Sampler, Surface, World, WorldCamera};
 use crate::settings::Settings;
 
 #[derive(Deserialize)]
@@ -93,6 +96,9 @@ struct MaterialTable {
     #[serde(default)]
     flip: bool,
     albedo_texture: Option<Spanned<String>>,
+    opacity: Option<Spanned<f32>>,
+    opacity_texture: Option<Spanned<String>>,
+    cutoff: Option<Spanned<f32>>,
     surface: Option<Spanned<SurfaceTable>>,
 }
 
@@ -235,6 +241,23 @@ pub fn load(loader: &mut Loader, path: &Path) -> Result<(World, Settings)> {
         if let Some(texture) = table.albedo_texture {
             let named_at = format!("{}:{}", path.display(), source.line(&texture.span()));
             material.albedo_texture = Some(loader.textures.load(&beside(path, texture.get_ref()), &named_at)?);
+        }
+        let share = |value: &Option<Spanned<f32>>, what| match value {
+            Some(value) if !(0.0..=1.0).contains(value.get_ref()) => {
+                Err(error(value.span(), format!("{what} is {}", value.get_ref()), "give a number from 0 to 1"))
+            }
+            value => Ok(value.as_ref().map(|value| *value.get_ref())),
+        };
+        if let Some(opacity) = share(&table.opacity, "opacity")? {
+            material.opacity.share = opacity;
+        }
+        if let Some(texture) = table.opacity_texture {
+            let named_at = format!("{}:{}", path.display(), source.line(&texture.span()));
+            material.opacity.texture =
+                loader.textures.load_opacity(&beside(path, texture.get_ref()), &named_at, Sampler::default())?;
+        }
+        if let Some(cutoff) = share(&table.cutoff, "cutoff")? {
+            material.opacity.cutoff = Some(cutoff);
         }
         if let Some(surface) = table.surface {
             let kind = match *surface.get_ref() {
