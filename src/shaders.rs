@@ -15,9 +15,10 @@ macro_rules! includes {
 const INCLUDES: &[(&str, &str)] = includes![
     "consumer/harmonics.glsl" "consumer/hemisphere.glsl" "consumer/irradiance.glsl" "consumer/record.glsl"
     "finder/layers.glsl" "finder/rays.glsl" "finder/stored.glsl"
-    "include/albedo.glsl" "include/bvh.glsl" "include/cut_fragment.glsl" "include/harmonics.glsl" "include/hits.glsl" "include/layer.glsl" "include/layer_store.glsl"
-    "include/octahedral.glsl" "include/opacity.glsl" "include/packed_surface.glsl" "include/photon_atlas.glsl" "include/photon_grid.glsl" "include/points.glsl" "include/radiance.glsl"
-    "include/surface.glsl" "include/texture.glsl" "include/vertex_cache.glsl"
+    "include/albedo.glsl" "include/bvh.glsl" "include/cut_fragment.glsl" "include/gloss.glsl" "include/harmonics.glsl" "include/hits.glsl"
+    "include/layer.glsl" "include/layer_store.glsl" "include/octahedral.glsl" "include/opacity.glsl" "include/packed_surface.glsl"
+    "include/photon_atlas.glsl" "include/photon_grid.glsl" "include/points.glsl" "include/radiance.glsl" "include/surface.glsl" "include/texture.glsl"
+    "include/vertex_cache.glsl"
 ];
 
 macro_rules! shaders {
@@ -38,7 +39,6 @@ shaders! {
     VISIBLE_POINTS: "surface", "visible_points";
     VISIBLE_POINTS_CUT: "surface", "visible_points", "CUT_OUTS";
     DIRECT: "fullscreen", "direct", "BATCH 8", "ANY_HIT";
-    DIRECT_CUT: "fullscreen", "direct", "BATCH 8", "ANY_HIT", "CUT_OUTS";
     PHOTON_MAP: "fullscreen", "photon_map";
     PEEL: "surface", "peel";
     PEEL_CUT: "surface", "peel", "CUT_OUTS";
@@ -61,6 +61,30 @@ pub const BATCH: usize = 8;
 const TARGETS: usize = 8;
 const GATHER: &str = include_str!("../glsl/gather.frag");
 
+/// What `glsl/direct.frag` does besides.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub struct DirectVariant {
+    /// Some lights have no surface.
+    pub punctual: bool,
+    /// Points may have a lobe.
+    pub gloss: bool,
+    /// Light passes parts of surfaces.
+    pub cut_outs: bool,
+}
+
+impl DirectVariant {
+    fn all() -> impl Iterator<Item = Self> {
+        (0..8).map(|bits| Self { punctual: bits & 1 > 0, gloss: bits & 2 > 0, cut_outs: bits & 4 > 0 })
+    }
+
+    pub fn source(self) -> ShaderSource {
+        let mut source = ShaderSource::clone(&DIRECT);
+        let flags = [(self.punctual, "PUNCTUAL"), (self.gloss, "GLOSS"), (self.cut_outs, "CUT_OUTS")];
+        source.defines.extend(flags.into_iter().filter(|(set, _)| *set).map(|(_, name)| name.to_owned()));
+        source
+    }
+}
+
 /// The hit finder that `glsl/gather.frag` includes: the file of that name in `glsl/finder/`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Finder {
@@ -75,6 +99,8 @@ pub enum Finder {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Consumer {
     Irradiance(HitRadiance),
+    /// The same with the sums of points' lobes.
+    Gloss(HitRadiance),
     /// `None`: surfaces are black.
     Hemisphere(Option<HitRadiance>),
     IncidentHarmonics(HitRadiance, HarmonicsPass),
@@ -87,7 +113,7 @@ pub enum Consumer {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct HitRadiance {
     pub source: RadianceSource,
-    /// Whether the scene has albedo textures.
+    /// As [`Scene::is_textured`](crate::scene::Scene::is_textured).
     pub textured: bool,
 }
 
@@ -143,6 +169,9 @@ impl Consumer {
             sources.into_iter().flat_map(|source| [false, true].map(|textured| HitRadiance { source, textured })).collect();
         let mut all = vec![Self::Record, Self::Hemisphere(None)];
         all.extend(radiance.iter().flat_map(|&radiance| [Self::Irradiance(radiance), Self::Hemisphere(Some(radiance))]));
+        // Bakes have no lobes.
+        let of_pictures = radiance.iter().filter(|radiance| radiance.source != RadianceSource::VertexCache);
+        all.extend(of_pictures.map(|&radiance| Self::Gloss(radiance)));
         for pass in (1..=MAX_ORDER).flat_map(HarmonicsPass::all) {
             all.extend(radiance.iter().map(|&radiance| Self::IncidentHarmonics(radiance, pass)));
             all.extend([None, Some(false), Some(true)].map(|textured| Self::TransferHarmonics(textured, pass)));
@@ -152,7 +181,7 @@ impl Consumer {
 
     fn defines(self) -> Vec<String> {
         let (file, radiance, pass) = match self {
-            Self::Irradiance(radiance) => ("irradiance", Some(radiance), None),
+            Self::Irradiance(radiance) | Self::Gloss(radiance) => ("irradiance", Some(radiance), None),
             Self::Hemisphere(radiance) => ("hemisphere", radiance, None),
             Self::IncidentHarmonics(radiance, pass) => ("harmonics", Some(radiance), Some(pass)),
             Self::TransferHarmonics(textured, pass) => {
@@ -166,6 +195,7 @@ impl Consumer {
             (radiance.is_some_and(|radiance| radiance.source == RadianceSource::PhotonGrid), "PHOTON_GRID"),
             (radiance.is_some_and(|radiance| radiance.textured), "TEXTURED"),
             (matches!(self, Self::TransferHarmonics(..)), "TRANSFER"),
+            (matches!(self, Self::Gloss(_)), "GLOSS"),
         ];
         let flags = flags.into_iter().filter(|(set, _)| *set).map(|(_, name)| name.to_owned());
         let pass = pass.map(|HarmonicsPass { order, pass }| [format!("ORDER {order}"), format!("PASS {pass}")]);
@@ -193,13 +223,14 @@ pub fn gather(finder: Finder, consumer: Consumer) -> ShaderSource {
 pub fn variants() -> Vec<ShaderSource> {
     let finders = [Finder::Layers, Finder::Rays, Finder::CutRays, Finder::Stored];
     let is_listed = |finder: Finder, consumer: Consumer| {
-        finder != Finder::CutRays || matches!(consumer, Consumer::Record | Consumer::Irradiance(_))
+        finder != Finder::CutRays || matches!(consumer, Consumer::Record | Consumer::Irradiance(_) | Consumer::Gloss(_))
     };
     let pairs = finders.into_iter().flat_map(|finder| {
         let consumers = Consumer::all().into_iter().filter(move |&consumer| is_listed(finder, consumer));
         consumers.map(move |consumer| gather(finder, consumer))
     });
-    NAMED.iter().map(|&source| ShaderSource::clone(source)).chain(pairs).collect()
+    let direct = DirectVariant::all().filter(|&variant| variant != DirectVariant::default()).map(DirectVariant::source);
+    NAMED.iter().map(|&source| ShaderSource::clone(source)).chain(direct).chain(pairs).collect()
 }
 
 /// Replaces embedded shader sources by the files of a folder laid out as `glsl/`; a missing file keeps the embedded text. For work on shaders.

@@ -84,7 +84,7 @@ fn by_all(
 #[test]
 fn panes_let_their_share_of_the_sky_pass() {
     let gpu = gpu();
-    let (count, size) = sized(&gpu, (1024, 256), (128, 64));
+    let (count, size) = sized(&gpu, (256, 128), (128, 64));
     let directions = directions(Sequence::Sobol, count);
     for panes in 0..=3 {
         let mut model = Model::new();
@@ -95,15 +95,15 @@ fn panes_let_their_share_of_the_sky_pass() {
         }
         let mut scene = model.scene;
         scene.environment = Some(Environment::constant(Vec3::ONE).unwrap());
-        let points: Vec<_> = points_on(&scene, 2000).into_iter().filter(|point| point.position.y == 0.0).collect();
+        let points: Vec<_> = points_on(&scene, 20_000).into_iter().filter(|point| point.position.y == 0.0).collect();
         let grid = PhotonGrid::new(&scene.mesh, 4);
         for (pipeline, found, exact) in by_all(&gpu, &scene, &grid, &points, (&directions, size)) {
             let mean = found.iter().map(|e| e.x / PI).sum::<f32>() / found.len() as f32;
             let expected = 0.7f32.powi(panes);
             let difference = Difference::between(&found, &exact);
             eprintln!("{panes} panes, {pipeline}: {mean:.4} of {expected:.4}, {difference:?} from exact rays");
-            // Independent choices of 1024 rays with cosine weights have a standard error of 0.02, even ones of less.
-            let most = 0.04 * (1024.0 / count as f32).sqrt();
+            // Independent choices of 256 rays with cosine weights have a standard error of 0.04, even ones of half.
+            let most = 0.06 * (256.0 / count as f32).sqrt();
             assert!((mean - expected).abs() <= if panes == 0 { 1e-4 } else { most }, "{panes} panes, {pipeline}: {mean}");
             assert!(difference.mean < 0.01, "{panes} panes, {pipeline}: {difference:?}");
         }
@@ -114,7 +114,7 @@ fn panes_let_their_share_of_the_sky_pass() {
 #[test]
 fn a_chess_board_lets_half_pass() {
     let gpu = gpu();
-    let (count, size) = sized(&gpu, (256, 512), (64, 128));
+    let (count, size) = sized(&gpu, (128, 512), (32, 256));
     let mut model = Model::new();
     let blind = cut_out(&mut model, 0.0, Opacity { texture: Some(0), cutoff: Some(0.5), ..Opacity::default() });
     model.plate(Vec3::ZERO, 0.1 * Vec3::Z, 0.1 * Vec3::X, 0);
@@ -122,7 +122,7 @@ fn a_chess_board_lets_half_pass() {
     let mut scene = model.scene;
     scene.textures.push(chess(8));
     scene.environment = Some(Environment::constant(Vec3::ONE).unwrap());
-    let points: Vec<_> = points_on(&scene, 40_000).into_iter().filter(|point| point.position.y == 0.0).collect();
+    let points: Vec<_> = points_on(&scene, 400_000).into_iter().filter(|point| point.position.y == 0.0).collect();
     let grid = PhotonGrid::new(&scene.mesh, 4);
     for (pipeline, found, exact) in by_all(&gpu, &scene, &grid, &points, (&directions(Sequence::R2, count), size)) {
         let mean = found.iter().map(|e| e.x / PI).sum::<f32>() / found.len() as f32;
@@ -160,7 +160,7 @@ fn leaves(cards: u32, opacity: Opacity) -> Scene {
 #[test]
 fn layers_see_leaves_as_rays_do() {
     let gpu = gpu();
-    let (count, size, points) = sized(&gpu, (256, 512, 6000), (32, 128, 400));
+    let (count, size, points) = sized(&gpu, (64, 512, 6000), (16, 256, 800));
     for (name, cutoff) in [("mask", Some(0.5)), ("blend", None)] {
         let scene = leaves(60, Opacity { texture: Some(0), cutoff, ..Opacity::default() });
         let mut grid = PhotonGrid::new(&scene.mesh, 8);
@@ -196,7 +196,7 @@ fn layers_see_leaves_as_rays_do() {
 #[test]
 fn a_furnace_with_cut_outs_stays_one() {
     let gpu = gpu();
-    let (count, size, points) = sized(&gpu, (64, 512, 2048), (16, 128, 128));
+    let (count, size, points) = sized(&gpu, (32, 512, 2048), (16, 128, 128));
     let mut model = Model::new();
     let mask = cut_out(&mut model, 1.0, Opacity { texture: Some(0), cutoff: Some(0.5), ..Opacity::default() });
     let pane = cut_out(&mut model, 1.0, share(0.4));
@@ -211,7 +211,7 @@ fn a_furnace_with_cut_outs_stays_one() {
     for (pipeline, found, _) in by_all(&gpu, &scene, &grid, &points, (&directions(Sequence::R2, count), size)) {
         let worst = found.iter().map(|e| (*e / PI - 1.0).abs().max_element()).fold(0.0, f32::max);
         eprintln!("{pipeline}: worst of {} points {worst:e}", points.len());
-        assert!(worst < 1e-3 * 64.0 / count as f32, "{pipeline}: {worst}");
+        assert!(worst < 1e-3, "{pipeline}: {worst}");
     }
 }
 
@@ -239,71 +239,60 @@ fn cpu_rays_find_the_hits_of_the_oracle() {
     }
 }
 
-/// A nearly punctual lamp over a floor: what lies on the lines between them is multiplied, without noise.
-fn shadows(of: impl Fn(&mut Model), texture: Option<ImageTexture>) -> (Scene, Vec<GatherPoint>, Vec<f32>) {
+/// Light of a nearly punctual lamp at points of a floor, with what `add` puts between them.
+fn lit_through(points: &[GatherPoint], add: impl Fn(&mut Model)) -> Vec<f32> {
     let mut model = Model::new();
     let lamp = model.material(Vec3::ZERO, Vec3::splat(1e4));
     model.plate(vec3(0.0, 0.8, 0.0), 1e-3 * Vec3::X, 1e-3 * Vec3::Z, lamp);
     model.plate(-0.5 * Vec3::Y, 0.8 * Vec3::Z, 0.8 * Vec3::X, 0);
-    of(&mut model);
-    model.scene.textures.extend(texture);
-    let scene = model.scene;
-    let points: Vec<_> = points_on(&scene, 6000).into_iter().filter(|point| point.position.y == -0.5).collect();
-    let gpu = gpu();
+    add(&mut model);
+    let (gpu, scene) = (gpu(), model.scene);
     let geometry = Geometry::upload(&gpu, &scene).unwrap();
-    let list = PointList::upload(&gpu, &points).unwrap();
+    let list = PointList::upload(&gpu, points).unwrap();
     let direct = Direct::new(&gpu, 0).unwrap();
     let found = direct.irradiance(&geometry, &Lights::new(&scene), SampleShare::whole(4), list.points()).unwrap();
     gpu.check("direct light").unwrap();
-    let found = list.in_order(found).into_iter().map(|irradiance| irradiance.x).collect();
-    (scene, points, found)
+    list.in_order(found).into_iter().map(|irradiance| irradiance.x).collect()
 }
 
+fn floor_points() -> Vec<GatherPoint> {
+    let at = |i: u32| 0.038 * (i as f32 - 20.0) + 0.007;
+    (0..1600).map(|i| GatherPoint::flat(vec3(at(i % 40), -0.5, at(i / 40)), Vec3::Y)).collect()
+}
+
+/// Without noise, as shadow rays make no choices.
 #[test]
 fn shadows_of_panes_are_products() {
-    let (_, points, bare) = shadows(|_| {}, None);
-    let (.., shadowed) = shadows(
-        |model| {
-            for (height, opacity) in [(0.0, 0.3), (0.1, 0.5), (0.2, 0.2)] {
-                let pane = cut_out(model, 0.5, share(opacity));
-                model.plate(height * Vec3::Y, vec3(0.1, 0.0, 0.6), 0.6 * Vec3::X, pane);
-            }
-        },
-        None,
-    );
-    let (mut covered, mut open) = (0, 0);
-    for ((point, bare), found) in points.iter().zip(&bare).zip(&shadowed) {
-        let found = found / bare;
-        let expected = 0.7 * 0.5 * 0.8;
-        if point.position.xz().abs().max_element() < 0.5 {
-            covered += 1;
-            // A line through an edge between two triangles of a pane meets both of them.
-            let all = [expected, expected * 0.7, expected * 0.5, expected * 0.8];
-            assert!(all.iter().any(|all| (found - all).abs() < 1e-5), "{found} at {}", point.position);
-            open += u32::from((found - expected).abs() > 1e-5);
+    let points = floor_points();
+    let bare = lit_through(&points, |_| {});
+    let shadowed = lit_through(&points, |model| {
+        for (height, opacity) in [(0.0, 0.3), (0.1, 0.5), (0.2, 0.2)] {
+            let pane = cut_out(model, 0.5, share(opacity));
+            model.plate(height * Vec3::Y, vec3(0.1, 0.0, 0.9), 0.9 * Vec3::X, pane);
         }
+    });
+    let expected = 0.7 * 0.5 * 0.8;
+    for ((point, bare), found) in points.iter().zip(&bare).zip(&shadowed) {
+        assert!((found / bare - expected).abs() < 1e-5, "{} at {}", found / bare, point.position);
     }
-    assert!(covered > 1000 && open < 5, "{open} of {covered} points see an edge");
 }
 
 /// The lamp's light through a chess-board. Points are compared whose line passes a square well inside.
 #[test]
 fn shadows_of_a_mask_are_sharp() {
-    let (_, _, bare) = shadows(|_| {}, None);
-    let mask = Opacity { texture: Some(0), cutoff: Some(0.5), ..Opacity::default() };
-    let (scene, points, found) = shadows(
-        |model| {
-            let blind = cut_out(model, 0.5, mask);
-            mapped_plate(model, [Vec3::ZERO, 0.6 * Vec3::Z, 0.6 * Vec3::X], 1.0, blind);
-        },
-        Some(chess(8)),
-    );
+    let points = floor_points();
+    let bare = lit_through(&points, |_| {});
+    let found = lit_through(&points, |model| {
+        let blind = cut_out(model, 0.5, Opacity { texture: Some(0), cutoff: Some(0.5), ..Opacity::default() });
+        mapped_plate(model, [Vec3::ZERO, 0.6 * Vec3::Z, 0.6 * Vec3::X], 1.0, blind);
+        model.scene.textures.push(chess(8));
+    });
     let mut seen = [0, 0];
     for ((point, bare), found) in points.iter().zip(&bare).zip(&found) {
         // From the lamp at 0.8 to the floor at -0.5 the line passes height 0 after 0.8/1.3 of the way.
         let at = point.position.xz() * (0.8 / 1.3);
         let place = 8.0 * (vec2(at.y, at.x) / 1.2 + 0.5);
-        if place.min_element() < 0.0 || place.max_element() > 8.0 || (place - place.round()).abs().min_element() < 0.02 {
+        if (place - place.round()).abs().min_element() < 0.02 {
             continue;
         }
         // u runs along z, v along x; the first row of texels is the highest v.
@@ -313,7 +302,7 @@ fn shadows_of_a_mask_are_sharp() {
         let expected = if is_opaque { 0.0 } else { 1.0 };
         assert!((found / bare - expected).abs() < 1e-5, "{} of {expected} at {}", found / bare, point.position);
     }
-    assert!(seen.iter().all(|&seen| seen > 500), "{seen:?} of {} triangles", scene.mesh.triangles.len());
+    assert!(seen.iter().all(|&seen| seen > 500), "{seen:?}");
 }
 
 /// The camera sees a pane in its share of the blocks, and rays see the same blocks.

@@ -19,8 +19,6 @@ const SHARP: f32 = 0.05;
 /// What transmits this much with no more roughness is glass.
 const CLEAR: f32 = 0.5;
 const CLEAR_ROUGHNESS: f32 = 0.1;
-/// What is rougher looks diffuse.
-const DULL: f32 = 0.9;
 
 /// All materials of a file, in its order.
 pub struct FileMaterials {
@@ -34,7 +32,7 @@ impl FileMaterials {
         let mut materials = Self { list: Vec::new(), looks: Vec::new() };
         for (index, json) in buffers.document.root.materials.iter().enumerate() {
             let (material, coordinates) =
-                MaterialReading { json, images: &mut images, unshaded: Vec::new() }.load(loader, index)?;
+                MaterialReading { json, images: &mut images, coordinates: None, unshaded: Vec::new() }.load(loader, index)?;
             materials.looks.push(Look { material: index as u32, coordinates });
             materials.list.push(material);
         }
@@ -55,14 +53,16 @@ impl FileMaterials {
 }
 
 /// A material that is being read.
-struct MaterialReading<'a, 'b, 'c> {
-    json: &'a JsonMaterial,
-    images: &'a mut Images<'b, 'c>,
+pub(super) struct MaterialReading<'a, 'b, 'c> {
+    pub json: &'a JsonMaterial,
+    pub images: &'a mut Images<'b, 'c>,
+    /// Those of the textures so far. All textures of a material share them.
+    pub coordinates: Option<(u32, Affine2)>,
     unshaded: Vec<String>,
 }
 
 impl MaterialReading<'_, '_, '_> {
-    /// The material, and the coordinates of its texture.
+    /// The material, and the coordinates of its textures.
     fn load(mut self, loader: &mut Loader, index: usize) -> Result<(Material, Option<(u32, Affine2)>)> {
         let json = self.json;
         let none = extension::Material::default();
@@ -73,14 +73,16 @@ impl MaterialReading<'_, '_, '_> {
             None => (base.base_color_factor.0, base.base_color_texture.as_ref()),
         };
         let mut albedo = shares(factor);
-        let (mut albedo_texture, mut coordinates) = (None, None);
+        let mut albedo_texture = None;
         if let Some(info) = texture {
             albedo_texture = self.images.texture(loader, info.index.value())?;
-            coordinates = albedo_texture.map(|_| coordinates_of(info));
+            self.coordinates = albedo_texture.map(|_| coordinates_of(info));
         }
         let emission = self.emission(loader, extensions)?;
         let surface = self.surface(extensions, albedo, texture.is_some());
-        self.note_reflection(extensions, surface);
+        self.note_transmission(extensions, surface);
+        let gloss = if surface == Surface::Diffuse { self.gloss(loader, extensions)? } else { None };
+        let normal_map = self.normal_map(loader)?;
         self.note_rest(extensions);
         let opacity = match surface {
             Surface::Glass { .. } => Opacity::default(),
@@ -98,11 +100,13 @@ impl MaterialReading<'_, '_, '_> {
             two_sided,
             albedo_texture,
             opacity,
+            gloss,
+            normal_map,
             surface,
             unshaded: self.unshaded,
             ..Material::default()
         };
-        Ok((material, coordinates))
+        Ok((material, self.coordinates))
     }
 
     /// How much light it stops, by the alpha of its base colour. An opaque material ignores it.
@@ -149,52 +153,24 @@ impl MaterialReading<'_, '_, '_> {
         self.unshaded.push(what);
     }
 
-    fn note_texture(&mut self, what: &str, info: Option<&Info>) {
+    pub(super) fn note_texture(&mut self, what: &str, info: Option<&Info>) {
         if let Some(info) = info {
             let name = self.images.name(info.index.value());
             self.note(format!("{what} {name}"));
         }
     }
 
-    /// Notes what is not shown of metals and gloss.
-    fn note_reflection(&mut self, extensions: &extension::Material, surface: Surface) {
-        if surface != Surface::Diffuse {
-            return;
-        }
-        if let Some(old) = &extensions.pbr_specular_glossiness {
-            if old.specular_factor.0 != [0.0; 3] && old.glossiness_factor.0 > 1.0 - DULL {
-                let [r, g, b] = old.specular_factor.0;
-                self.note(format!("specular {r} {g} {b}, glossiness {}", old.glossiness_factor.0));
-            }
-            return self.note_texture("specular-glossiness texture", old.specular_glossiness_texture.as_ref());
-        }
-        let json = &self.json.pbr_metallic_roughness;
-        if json.metallic_factor.0 > 0.0 {
-            self.note(format!("metallic {}", json.metallic_factor.0));
-        }
-        if json.roughness_factor.0 < DULL {
-            self.note(format!("roughness {}", json.roughness_factor.0));
-        }
-        self.note_texture("metallic-roughness texture", json.metallic_roughness_texture.as_ref());
-        if let Some(transmission) = &extensions.transmission {
+    /// Notes what is not shown of transmission.
+    fn note_transmission(&mut self, extensions: &extension::Material, surface: Surface) {
+        if let Some(transmission) = extensions.transmission.as_ref().filter(|_| surface == Surface::Diffuse) {
             self.note(format!("transmission {}", transmission.transmission_factor.0));
         }
     }
 
     /// Notes the rest of what is not shown.
     fn note_rest(&mut self, extensions: &extension::Material) {
-        if let Some(normal) = &self.json.normal_texture {
-            self.note(format!("normal map {}", self.images.name(normal.index.value())));
-        }
         if extensions.unlit.is_some() {
             self.note("unlit".to_owned());
-        }
-        if let Some(specular) = &extensions.specular {
-            let [r, g, b] = specular.specular_color_factor.0;
-            self.note(format!("specular {} of colour {r} {g} {b}", specular.specular_factor.0));
-        }
-        if let Some(ior) = extensions.ior.as_ref().filter(|_| extensions.transmission.is_none()) {
-            self.note(format!("index of refraction {}", ior.ior.0));
         }
         for name in extensions.others.keys() {
             if let Some(name) = name.strip_prefix("KHR_materials_").or_else(|| name.strip_prefix("KHR_technique_")) {
@@ -228,7 +204,7 @@ fn shares([r, g, b, _]: [f32; 4]) -> Vec3 {
 }
 
 /// The set of coordinates of a texture, and what becomes of them.
-fn coordinates_of(info: &Info) -> (u32, Affine2) {
+pub(super) fn coordinates_of(info: &Info) -> (u32, Affine2) {
     let Some(transform) = info.extensions.as_ref().and_then(|extensions| extensions.texture_transform.as_ref()) else {
         return (info.tex_coord, V_UP);
     };
