@@ -84,7 +84,7 @@ fn by_all(
 #[test]
 fn panes_let_their_share_of_the_sky_pass() {
     let gpu = gpu();
-    let (count, size) = sized(&gpu, (256, 128), (128, 64));
+    let (count, size) = sized(&gpu, (256, 256), (128, 128));
     let directions = directions(Sequence::Sobol, count);
     for panes in 0..=3 {
         let mut model = Model::new();
@@ -105,7 +105,8 @@ fn panes_let_their_share_of_the_sky_pass() {
             // Independent choices of 256 rays with cosine weights have a standard error of 0.04, even ones of half.
             let most = 0.06 * (256.0 / count as f32).sqrt();
             assert!((mean - expected).abs() <= if panes == 0 { 1e-4 } else { most }, "{panes} panes, {pipeline}: {mean}");
-            assert!(difference.mean < 0.01, "{panes} panes, {pipeline}: {difference:?}");
+            // Where two triangles of a pane meet, layers are off by half a texel (measured 0.6 % by `kill`, whose texels are widest).
+            assert!(difference.mean < 0.02, "{panes} panes, {pipeline}: {difference:?}");
         }
     }
 }
@@ -122,7 +123,9 @@ fn a_chess_board_lets_half_pass() {
     let mut scene = model.scene;
     scene.textures.push(chess(8));
     scene.environment = Some(Environment::constant(Vec3::ONE).unwrap());
-    let points: Vec<_> = points_on(&scene, 400_000).into_iter().filter(|point| point.position.y == 0.0).collect();
+    // In the outermost texel of the floor the centre may see nothing but a hole. There what lies beside closes the scene, as on any outline.
+    let inside = |point: &GatherPoint| point.position.y == 0.0 && point.position.xz().abs().max_element() < 0.095;
+    let points: Vec<_> = points_on(&scene, 400_000).into_iter().filter(inside).collect();
     let grid = PhotonGrid::new(&scene.mesh, 4);
     for (pipeline, found, exact) in by_all(&gpu, &scene, &grid, &points, (&directions(Sequence::R2, count), size)) {
         let mean = found.iter().map(|e| e.x / PI).sum::<f32>() / found.len() as f32;
