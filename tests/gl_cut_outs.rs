@@ -105,8 +105,8 @@ fn panes_let_their_share_of_the_sky_pass() {
             // Independent choices of 256 rays with cosine weights have a standard error of 0.04, even ones of half.
             let most = 0.06 * (256.0 / count as f32).sqrt();
             assert!((mean - expected).abs() <= if panes == 0 { 1e-4 } else { most }, "{panes} panes, {pipeline}: {mean}");
-            // Where two triangles of a pane meet, layers are off by half a texel (measured 0.6 % by `kill`, whose texels are widest).
-            assert!(difference.mean < 0.02, "{panes} panes, {pipeline}: {difference:?}");
+            // Where two triangles of a pane meet, layers are off by half a texel. As a share of the sky that is 0.7 % at most (three panes by `kill`).
+            assert!(difference.mean * f64::from(expected) < 0.01, "{panes} panes, {pipeline}: {difference:?}");
         }
     }
 }
