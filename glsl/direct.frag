@@ -115,9 +115,17 @@ void main()
             left = takes ? left / share : (left - share) / max(1.0 - share, 1e-7);
         } while (++i < end);
         BvhHit hit = nearest_hit(origin, chosen.xyz, chosen.w);
+#ifdef CUT_OUTS
+        irradiance_sum += hit.passed * sum;
+#else
         irradiance_sum += hit.place < 0 ? sum : vec3(0.0);
+#endif
 #ifdef GLOSS
+#ifdef CUT_OUTS
+        reflected_sum += hit.passed * lobe_sum;
+#else
         reflected_sum += hit.place < 0 ? lobe_sum : vec3(0.0);
+#endif
 #endif
     } while (i < sample_count);
     irradiance = vec4(irradiance_sum, 1.0);

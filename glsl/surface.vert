@@ -13,6 +13,15 @@ out float gl_ClipDistance[2];           // from the left and the right border of
 uniform mat4 to_clip;
 #endif
 
+#ifdef CUT_OUTS
+#ifdef BATCH
+uniform uint numbers[BATCH];            // of the directions, with their bits reversed: see glsl/include/opacity.glsl
+#else
+uniform uint numbers[1];
+#endif
+flat out uint surface_number;
+#endif
+
 out vec3 surface_position;
 out vec3 surface_normal;
 flat out int surface_triangle;
@@ -23,6 +32,9 @@ void main()
     surface_position = position;
     surface_normal = normal;
     surface_triangle = gl_VertexID / 3;
+#ifdef CUT_OUTS
+    surface_number = numbers[gl_InstanceID];
+#endif
 #ifdef BATCH
     gl_Position = to_clip[gl_InstanceID] * vec4(position, 1.0);
     float across = 0.5 * (gl_Position.x + 1.0) * float(tiles) - float(gl_InstanceID);

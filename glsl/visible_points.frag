@@ -2,6 +2,12 @@
 // The gather points that the camera sees. Mirrors src/points/camera.rs.
 
 #include "include/surface.glsl"
+#ifdef CUT_OUTS
+#include "include/opacity.glsl"
+
+flat in uint surface_number;        // of the block
+uniform int picture_width;
+#endif
 #include "include/octahedral.glsl"
 
 in vec3 surface_position;
@@ -20,6 +26,11 @@ layout(location = 3) out vec4 emission_out;     // w: distance along the view ax
 
 void main()
 {
+#ifdef CUT_OUTS
+    ivec2 pixel = ivec2(gl_FragCoord.xy);
+    if (is_cut(surface_triangle, surface_position, uint(pixel.y * picture_width + pixel.x), surface_number))
+        discard;
+#endif
     Surface surface = fetch_surface(surface_triangle);
     vec3 to_eye = eye - surface_position;
     bool front = dot(surface.normal, to_eye) > 0.0;

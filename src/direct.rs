@@ -115,7 +115,12 @@ impl Direct {
         }
         let share = if lights.are_one_point() { SampleShare { samples: share.parts, ..share } } else { share };
         let tables = geometry.ray_tables()?;
-        let program = self.program(DirectVariant { punctual: lights.have_points(), gloss: points.gloss.is_some() })?;
+        let variant = DirectVariant {
+            punctual: lights.have_points(),
+            gloss: points.gloss.is_some(),
+            cut_outs: geometry.cut_outs().is_some(),
+        };
+        let program = self.program(variant)?;
         let of_ray = lights.count().div_ceil(EMITTERS).clamp(1, LIGHTS);
         let in_draw = LIGHTS / of_ray * of_ray;
         let squares = Interleave::new(STRIDE, points.size(), self.seed);
@@ -142,7 +147,7 @@ impl Direct {
                         ("choice", Uniform::Float((0.618_034 * (index * in_draw / of_ray) as f32).fract())),
                     ];
                     let subset = points.only(Subset { stride: STRIDE, offset: [x, y] });
-                    sums.add(subset, &program, &[&own[..], &tables.uniforms()].concat());
+                    sums.add(subset, &program, &[&own[..], &tables.uniforms(), &geometry.uniforms()].concat());
                     // Draws of few points are not measured, but their rays take long on slow devices.
                     draws += 1;
                     if draws % DRAWS == 0 {

@@ -26,6 +26,8 @@ pub struct Direction {
     pub turn: f32,
     /// Shift of the projection plane in texels, each in [0, 1).
     pub shift: Vec2,
+    /// Its place in the sequence, by which partly opaque surfaces stop it or let it pass.
+    pub number: u32,
 }
 
 impl Directions {
@@ -41,7 +43,12 @@ impl Directions {
             Sequence::R2 => self.r2.point(index.into()),
             Sequence::Sobol => sobol(index, self.seed),
         };
-        Direction { vector: sphere(u, v), turn: TAU * random.uniform(), shift: Vec2::new(random.uniform(), random.uniform()) }
+        Direction {
+            vector: sphere(u, v),
+            turn: TAU * random.uniform(),
+            shift: Vec2::new(random.uniform(), random.uniform()),
+            number: index,
+        }
     }
 }
 

@@ -1,6 +1,7 @@
 //! The scene's surfaces on the GL side: a vertex array, a table of triangles, a table of materials, vertex colours and the albedo textures.
 //! Mirrors `glsl/surface.vert`, `glsl/include/surface.glsl` and `glsl/include/radiance.glsl`.
 
+mod cut_outs;
 mod ray_tables;
 
 use std::cell::OnceCell;
@@ -15,6 +16,7 @@ use crate::gpu::{Blend, DepthTest, Draw, Filter, Format, Gpu, Program, Shape, Ta
 use crate::math::dominant_axis;
 use crate::scene::{ImageTexture, Material, Mesh, Sampler, Scene, WrapMode};
 
+pub use cut_outs::CutOuts;
 pub use ray_tables::RayTables;
 
 /// All data of the scene's surfaces that shaders read, in unit space.
@@ -30,6 +32,8 @@ pub struct Geometry {
     /// All albedo textures in one, for the albedo of hits.
     texels: Texture,
     batches: Vec<Batch>,
+    /// `None`: all surfaces are opaque.
+    cut_outs: Option<CutOuts>,
     /// All vertex positions. Bundles fit their projections to them.
     pub positions: Vec<Vec3>,
     /// The triangle of each entry of the table, by its index in the scene's mesh.
@@ -40,7 +44,7 @@ pub struct Geometry {
     ray_tables: OnceCell<Rc<RayTables>>,
 }
 
-/// Triangles that share an albedo texture.
+/// Triangles that share an albedo texture, and are all opaque or all cut out.
 struct Batch {
     texture: usize,
     triangles: Range<u32>,
@@ -56,20 +60,21 @@ impl Geometry {
         let white = scene.textures.len();
         let texture_of = |triangle: usize| texture_of(scene, triangle);
         let order = triangle_order(scene);
+        let opaque = order.partition_point(|&triangle| !scene.is_cut_out(triangle)) as u32;
 
         let mut batches: Vec<Batch> = Vec::new();
         let (mut table, mut colors) = (Vec::with_capacity(order.len()), Vec::new());
         let (mut positions, mut normals) = (Vec::with_capacity(order.len() * 3), Vec::with_capacity(order.len() * 3));
         for (slot, &triangle) in (0u32..).zip(&order) {
             match batches.last_mut() {
-                Some(batch) if batch.texture == texture_of(triangle) => batch.triangles.end = slot + 1,
+                Some(batch) if batch.texture == texture_of(triangle) && slot != opaque => batch.triangles.end = slot + 1,
                 _ => batches.push(Batch { texture: texture_of(triangle), triangles: slot..slot + 1 }),
             }
             let normal = mesh.geometric_normal(triangle);
             let code = mesh.triangles[triangle].material as usize * 4 + dominant_axis(normal);
             table.push(normal.extend(code as f32).to_array());
             table.extend(planes(mesh, triangle, &mesh.uvs));
-            table.push([0.0; 4]);
+            table.push([triangle as f32, f32::from(u8::from(slot >= opaque)), 0.0, 0.0]);
             if !mesh.colors.is_empty() {
                 colors.extend(planes(mesh, triangle, &mesh.colors));
                 colors.push([0.0; 4]);
@@ -100,8 +105,8 @@ impl Geometry {
                 material.emission.extend(f32::from(material.two_sided)).to_array(),
                 texture_entry(material.albedo_texture),
                 rest,
-                [0.0; 4],
-                [0.0; 4],
+                texture_entry(material.opacity.texture),
+                [material.opacity.share, material.opacity.cutoff.unwrap_or(-1.0), 0.0, 0.0],
                 [0.0; 4],
                 share,
             ]
@@ -132,6 +137,7 @@ impl Geometry {
             textures,
             texels,
             batches,
+            cut_outs: (opaque < order.len() as u32).then(|| CutOuts::new(gpu, opaque..order.len() as u32)).transpose()?,
             positions: mesh.positions.clone(),
             corners: order.iter().map(|&triangle| mesh.triangles[triangle].vertices).collect(),
             ray_tables: OnceCell::new(),
@@ -171,21 +177,40 @@ impl Geometry {
         ]
     }
 
-    /// `count` instances of all triangles, drawn without textures.
-    pub fn instances(&self, count: u32) -> Shape<'_> {
-        Shape::Instances(&self.vertices, count)
+    /// Programs and triangles of the surfaces that may be cut; `None` if there are none.
+    pub fn cut_outs(&self) -> Option<&CutOuts> {
+        self.cut_outs.as_ref()
+    }
+
+    /// `count` instances of all triangles, drawn without textures by `program`, and those that may be cut by another.
+    pub fn instances<'a>(
+        &'a self,
+        count: u32,
+        program: &'a Program,
+        of_cut_outs: impl FnOnce(&'a CutOuts) -> &'a Program,
+    ) -> impl Iterator<Item = (Shape<'a>, &'a Program)> {
+        let all = self.order.len() as u32;
+        let opaque = 0..self.cut_outs.as_ref().map_or(all, |cut_outs| cut_outs.triangles.start);
+        let cut = self.cut_outs.as_ref().map(|cut_outs| (cut_outs.triangles.clone(), of_cut_outs(cut_outs)));
+        let draws = [(opaque, program)].into_iter().chain(cut).filter(|(range, _)| !range.is_empty());
+        draws.map(move |(range, program)| (Shape::Instances(&self.vertices, range, count), program))
     }
 
     /// Draws all surfaces.
     pub fn draw(&self, pass: SurfacePass) {
+        let numbers = [pass.number.reverse_bits()];
         for batch in &self.batches {
-            let own =
-                [("to_clip", Uniform::Mat4(pass.to_clip)), ("albedo_texture", Uniform::Texture(&self.textures[batch.texture]))];
+            let own = [
+                ("to_clip", Uniform::Mat4(pass.to_clip)),
+                ("albedo_texture", Uniform::Texture(&self.textures[batch.texture])),
+                ("numbers", Uniform::UInts(&numbers)),
+            ];
             let uniforms = [&own[..], &self.uniforms(), pass.uniforms].concat();
+            let cut_outs = self.cut_outs.as_ref().filter(|cut_outs| cut_outs.triangles.start <= batch.triangles.start);
             Draw {
                 target: pass.target,
                 region: pass.region,
-                program: pass.program,
+                program: cut_outs.map_or(pass.program, pass.of_cut_outs),
                 uniforms: &uniforms,
                 depth: pass.depth,
                 blend: Blend::Replace,
@@ -201,10 +226,10 @@ fn texture_of(scene: &Scene, triangle: usize) -> usize {
     scene.material(triangle).albedo_texture.unwrap_or(scene.textures.len())
 }
 
-/// The scene's triangle indices in the order of the shaders' table.
+/// The scene's triangle indices in the order of the shaders' table. Those that may be cut come last.
 pub(crate) fn triangle_order(scene: &Scene) -> Vec<usize> {
     let mut order: Vec<usize> = (0..scene.mesh.triangles.len()).collect();
-    order.sort_by_key(|&triangle| texture_of(scene, triangle));
+    order.sort_by_key(|&triangle| (scene.is_cut_out(triangle), texture_of(scene, triangle)));
     order
 }
 
@@ -214,6 +239,10 @@ pub struct SurfacePass<'a> {
     /// [x, y, width, height] in the target, in texels; `None`: the whole target.
     pub region: Option<[i32; 4]>,
     pub program: &'a Program,
+    /// The program for surfaces that may be cut.
+    pub of_cut_outs: fn(&CutOuts) -> &Program,
+    /// The number by which they are cut: see [`crate::scene::Chance`].
+    pub number: u32,
     pub to_clip: Mat4,
     pub depth: DepthTest,
     /// Uniforms of the program, besides those of the surfaces.

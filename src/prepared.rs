@@ -125,20 +125,20 @@ impl Photons {
         }
         let guided = settings.map == PhotonMapKind::Surface && !points.is_empty();
         let tracer = all.photons(settings, seed);
-        let guide = guided.then(|| Guide::new(&tracer, &gathered.scene.mesh, &gathered.bvh, points));
+        let guide = guided.then(|| Guide::new(&tracer, &gathered.scene, &gathered.bvh, points));
         let tracer = tracer.guided(guide.as_ref());
         let mut map = match settings.map {
             PhotonMapKind::Surface => {
                 let Prepared { scene, bvh, .. } = all;
                 let arrivals = |groups: &[u32], count| tracer.arrivals(settings.count, groups, count);
                 let kept = (all.scene.mesh.triangles.len() != gathered.scene.mesh.triangles.len()).then(|| scene.not_glass());
-                FluxMap::Atlas(Box::new(PhotonAtlas::new(&scene.mesh, bvh, kept, arrivals)))
+                FluxMap::Atlas(Box::new(PhotonAtlas::new(scene, bvh, kept, arrivals)))
             }
             PhotonMapKind::Grid => FluxMap::Grid(PhotonGrid::new(&all.scene.mesh, settings.grid_cells)),
         };
         let counts = tracer.trace(settings.numbers(0), map.store_mut());
         if let FluxMap::Grid(grid) = &mut map {
-            grid.add_area(&gathered.scene.mesh, &gathered.bvh, seed);
+            grid.add_area(&gathered.scene, &gathered.bvh, seed);
         }
         let upload = || match &map {
             FluxMap::Atlas(atlas) => PhotonTexture::of_atlas(gpu, atlas, &triangle_order(&gathered.scene)),

@@ -73,6 +73,20 @@ pub fn shuffled(index: u32, seed: u64) -> u32 {
     owen_hash(index.reverse_bits(), mix(seed ^ 0x5f1e) as u32).reverse_bits()
 }
 
+/// Point `number` of the sequence `key`, uniform in [0, 1). An aligned run of a power of two has one point in each of as many equal parts. Sequences of
+/// different keys are independent of each other and of [`sobol`]: it is van der Corput's sequence, shuffled as in [`shuffled`].
+/// `glsl/include/opacity.glsl` has a twin.
+pub fn stratified(number: u32, key: u32) -> f32 {
+    unit(u64::from(owen_hash(number.reverse_bits(), key)) << 32)
+}
+
+/// A bijection of 32-bit integers, as [`mix`] is of longer ones (Wellons 2018, "Prospecting for hash functions"). `glsl/include/opacity.glsl` has a twin.
+pub fn hash(mut bits: u32) -> u32 {
+    bits = (bits ^ (bits >> 16)).wrapping_mul(0x7feb_352d);
+    bits = (bits ^ (bits >> 15)).wrapping_mul(0x846c_a68b);
+    bits ^ (bits >> 16)
+}
+
 /// The permutation of Laine and Karras, which scrambles each bit by the bits below it.
 fn owen_hash(mut x: u32, key: u32) -> u32 {
     x = x.wrapping_add(key);

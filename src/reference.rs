@@ -12,62 +12,65 @@ use rayon::prelude::*;
 
 use crate::photon::PhotonStore;
 use crate::points::{GatherPoint, PointGloss};
-use crate::scene::{Bvh, Hit, LobeWeights, RAY_OFFSET, Scene};
+use crate::scene::{Bvh, Chance, Hit, LobeWeights, RAY_OFFSET, Rays, Scene};
 
 /// Casts gather rays through one scene.
 #[derive(Clone, Copy)]
 pub struct Reference<'a> {
     scene: &'a Scene,
-    bvh: &'a Bvh,
+    rays: Rays<'a>,
     photons: &'a dyn PhotonStore,
 }
 
 impl<'a> Reference<'a> {
     /// `scene` is in unit space; `bvh` and `photons` belong to its mesh.
     pub fn new(scene: &'a Scene, bvh: &'a Bvh, photons: &'a dyn PhotonStore) -> Self {
-        Self { scene, bvh, photons }
+        Self { scene, rays: Rays::new(scene, bvh), photons }
     }
 
-    /// The sums over unit `directions` at each point. rgb: Σ radiance × weight; a: Σ weight.
+    /// The sums over unit `directions`, numbered from 0, at each point. rgb: Σ radiance × weight; a: Σ weight.
     pub fn gather(&self, points: &[GatherPoint], directions: &[Vec3]) -> Vec<Vec4> {
-        let gather_point =
-            |point: &GatherPoint| directions.iter().map(|&direction| self.sample(point, direction)).sum::<DVec4>().as_vec4();
+        let gather_point = |point: &GatherPoint| {
+            let samples = (0..).zip(directions).map(|(number, &direction)| self.sample(point, direction, number));
+            samples.sum::<DVec4>().as_vec4()
+        };
         points.par_iter().map(gather_point).collect()
     }
 
-    /// One term of the sums. rgb: radiance × weight; a: weight.
-    pub fn sample(&self, point: &GatherPoint, direction: Vec3) -> DVec4 {
+    /// One term of the sums, of a direction with this number in its sequence. rgb: radiance × weight; a: weight.
+    pub fn sample(&self, point: &GatherPoint, direction: Vec3, number: u32) -> DVec4 {
         let weight = f64::from(point.cosine(direction));
-        if weight == 0.0 { DVec4::ZERO } else { weight * self.radiance(point, direction).extend(1.0) }
+        if weight == 0.0 { DVec4::ZERO } else { weight * self.radiance(point, direction, number).extend(1.0) }
     }
 
     /// The terms of a point with gloss: that of its base, and of its lobe radiance × weight and weight. The twin of `glsl/consumer/irradiance.glsl`.
-    pub fn sample_glossy(&self, point: &GatherPoint, gloss: &PointGloss, direction: Vec3) -> [DVec4; 3] {
+    pub fn sample_glossy(&self, point: &GatherPoint, gloss: &PointGloss, direction: Vec3, number: u32) -> [DVec4; 3] {
         let cosine = point.cosine(direction);
         if cosine == 0.0 {
             return [DVec4::ZERO; 3];
         }
         let LobeWeights { base, lobe } = gloss.weights(point, direction);
-        let (radiance, lobe) = (self.radiance(point, direction), (cosine * lobe).as_dvec3());
+        let (radiance, lobe) = (self.radiance(point, direction, number), (cosine * lobe).as_dvec3());
         [f64::from(cosine * base) * radiance.extend(1.0), (radiance * lobe).extend(0.0), lobe.extend(0.0)]
     }
 
-    /// Radiance that comes to a point along a unit `direction`, without the surfaces' own emission.
-    fn radiance(&self, point: &GatherPoint, direction: Vec3) -> DVec3 {
-        match self.hit(point, direction) {
+    /// Radiance that comes to a point along a unit `direction` with this number, without the surfaces' own emission.
+    fn radiance(&self, point: &GatherPoint, direction: Vec3, number: u32) -> DVec3 {
+        match self.hit(point, direction, number) {
             Some(hit) => self.radiosity(point, direction, hit).as_dvec3() / PI,
             None => self.scene.gathered_radiance(direction).as_dvec3(),
         }
     }
 
-    /// The hit of each point along a unit `direction`; `None` for a miss or a weight of zero.
-    pub fn hits(&self, points: &[GatherPoint], direction: Vec3) -> Vec<Option<Hit>> {
-        let sees = |point: &GatherPoint| if point.cosine(direction) > 0.0 { self.hit(point, direction) } else { None };
+    /// The hit of each point along a unit `direction` with this number; `None` for a miss or a weight of zero.
+    pub fn hits(&self, points: &[GatherPoint], direction: Vec3, number: u32) -> Vec<Option<Hit>> {
+        let sees = |point: &GatherPoint| if point.cosine(direction) > 0.0 { self.hit(point, direction, number) } else { None };
         points.par_iter().map(sees).collect()
     }
 
-    fn hit(&self, point: &GatherPoint, direction: Vec3) -> Option<Hit> {
-        self.bvh.nearest(point.position + RAY_OFFSET * point.surface_normal, direction, None)
+    fn hit(&self, point: &GatherPoint, direction: Vec3, number: u32) -> Option<Hit> {
+        let origin = point.position + RAY_OFFSET * point.surface_normal;
+        self.rays.nearest(origin, direction, None, Chance::of_direction(number))
     }
 
     /// Radiosity (π times the radiance) of the side of `hit` that the ray along `direction` meets, without the surface's own emission.

@@ -15,9 +15,10 @@ macro_rules! includes {
 const INCLUDES: &[(&str, &str)] = includes![
     "consumer/harmonics.glsl" "consumer/hemisphere.glsl" "consumer/irradiance.glsl" "consumer/record.glsl"
     "finder/layers.glsl" "finder/rays.glsl" "finder/stored.glsl"
-    "include/albedo.glsl" "include/bvh.glsl" "include/gloss.glsl" "include/harmonics.glsl" "include/hits.glsl" "include/layer.glsl" "include/layer_store.glsl"
-    "include/octahedral.glsl" "include/packed_surface.glsl" "include/photon_atlas.glsl" "include/photon_grid.glsl" "include/points.glsl" "include/radiance.glsl"
-    "include/surface.glsl" "include/vertex_cache.glsl"
+    "include/albedo.glsl" "include/bvh.glsl" "include/cut_fragment.glsl" "include/gloss.glsl" "include/harmonics.glsl" "include/hits.glsl"
+    "include/layer.glsl" "include/layer_store.glsl" "include/octahedral.glsl" "include/opacity.glsl" "include/packed_surface.glsl"
+    "include/photon_atlas.glsl" "include/photon_grid.glsl" "include/points.glsl" "include/radiance.glsl" "include/surface.glsl" "include/texture.glsl"
+    "include/vertex_cache.glsl"
 ];
 
 macro_rules! shaders {
@@ -36,16 +37,21 @@ macro_rules! shaders {
 
 shaders! {
     VISIBLE_POINTS: "surface", "visible_points";
+    VISIBLE_POINTS_CUT: "surface", "visible_points", "CUT_OUTS";
     DIRECT: "fullscreen", "direct", "BATCH 8", "ANY_HIT";
     PHOTON_MAP: "fullscreen", "photon_map";
     PEEL: "surface", "peel";
+    PEEL_CUT: "surface", "peel", "CUT_OUTS";
     KILL: "fullscreen", "kill";
     KILL_FARTHEST: "fullscreen", "kill", "FARTHEST";
     KILL_FARTHEST_EARLY: "fullscreen", "kill", "FARTHEST", "EARLY";
     REJECT: "fullscreen", "reject";
     STORE_PEEL: "surface", "store_peel", "BATCH 8";
     STORE_PEEL_FARTHEST: "surface", "store_peel", "BATCH 8", "FARTHEST";
+    STORE_PEEL_CUT: "surface", "store_peel", "BATCH 8", "CUT_OUTS";
+    STORE_PEEL_FARTHEST_CUT: "surface", "store_peel", "BATCH 8", "FARTHEST", "CUT_OUTS";
     STORE_APPEND: "surface", "store_append", "BATCH 8";
+    STORE_APPEND_CUT: "surface", "store_append", "BATCH 8", "CUT_OUTS";
     STORE_SORT: "fullscreen", "store_sort";
 }
 
@@ -62,16 +68,18 @@ pub struct DirectVariant {
     pub punctual: bool,
     /// Points may have a lobe.
     pub gloss: bool,
+    /// Light passes parts of surfaces.
+    pub cut_outs: bool,
 }
 
 impl DirectVariant {
     fn all() -> impl Iterator<Item = Self> {
-        [false, true].into_iter().flat_map(|punctual| [false, true].map(|gloss| Self { punctual, gloss }))
+        (0..8).map(|bits| Self { punctual: bits & 1 > 0, gloss: bits & 2 > 0, cut_outs: bits & 4 > 0 })
     }
 
     pub fn source(self) -> ShaderSource {
         let mut source = ShaderSource::clone(&DIRECT);
-        let flags = [(self.punctual, "PUNCTUAL"), (self.gloss, "GLOSS")];
+        let flags = [(self.punctual, "PUNCTUAL"), (self.gloss, "GLOSS"), (self.cut_outs, "CUT_OUTS")];
         source.defines.extend(flags.into_iter().filter(|(set, _)| *set).map(|(_, name)| name.to_owned()));
         source
     }
@@ -82,6 +90,8 @@ impl DirectVariant {
 pub enum Finder {
     Layers,
     Rays,
+    /// Rays through a scene with cut-outs.
+    CutRays,
     Stored,
 }
 
@@ -196,19 +206,29 @@ impl Consumer {
 /// The variant of `glsl/gather.frag` for a finder and a consumer.
 pub fn gather(finder: Finder, consumer: Consumer) -> ShaderSource {
     let mut defines = consumer.defines();
+    if finder == Finder::CutRays {
+        defines.push("CUT_OUTS".to_owned());
+    }
     let file = match finder {
         Finder::Layers => "layers",
-        Finder::Rays => "rays",
+        Finder::Rays | Finder::CutRays => "rays",
         Finder::Stored => "stored",
     };
     defines.extend([format!("BATCH {BATCH}"), format!("FINDER {file}")]);
     ShaderSource { name: "gather", fragment: GATHER, defines, ..DIRECT.clone() }
 }
 
-/// All programs of the crate. The tool uses some pairs of finder and consumer. All pairs are listed, so that each stays valid.
+/// All programs of the crate. The tool uses some pairs of finder and consumer. All pairs are listed, so that each stays valid; of rays through cut-outs,
+/// which differ in the finder alone, those that it uses.
 pub fn variants() -> Vec<ShaderSource> {
-    let finders = [Finder::Layers, Finder::Rays, Finder::Stored];
-    let pairs = finders.into_iter().flat_map(|finder| Consumer::all().into_iter().map(move |consumer| gather(finder, consumer)));
+    let finders = [Finder::Layers, Finder::Rays, Finder::CutRays, Finder::Stored];
+    let is_listed = |finder: Finder, consumer: Consumer| {
+        finder != Finder::CutRays || matches!(consumer, Consumer::Record | Consumer::Irradiance(_) | Consumer::Gloss(_))
+    };
+    let pairs = finders.into_iter().flat_map(|finder| {
+        let consumers = Consumer::all().into_iter().filter(move |&consumer| is_listed(finder, consumer));
+        consumers.map(move |consumer| gather(finder, consumer))
+    });
     let direct = DirectVariant::all().filter(|&variant| variant != DirectVariant::default()).map(DirectVariant::source);
     NAMED.iter().map(|&source| ShaderSource::clone(source)).chain(direct).chain(pairs).collect()
 }

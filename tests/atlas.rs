@@ -21,7 +21,7 @@ impl Lit {
     fn new(scene: Scene, photons: u64, depth: u32) -> Self {
         let (bvh, lights) = (Bvh::new(&scene.mesh), Lights::new(&scene));
         let tracer = PhotonTracer::new(&scene, &bvh, &lights, 0, depth);
-        let mut atlas = PhotonAtlas::new(&scene.mesh, &bvh, None, |groups, count| tracer.arrivals(photons, groups, count));
+        let mut atlas = PhotonAtlas::new(&scene, &bvh, None, |groups, count| tracer.arrivals(photons, groups, count));
         tracer.trace(0..photons, &mut atlas);
         Self { scene, bvh, atlas }
     }
@@ -63,7 +63,7 @@ fn areas_are_those_of_the_surfaces() {
     let scene = model.finish();
     let mesh = &scene.mesh;
     let many = |_: &[u32], charts| vec![1e5; charts];
-    let found: f64 = PhotonAtlas::new(mesh, &Bvh::new(mesh), None, many).areas().iter().map(|&area| f64::from(area)).sum();
+    let found: f64 = PhotonAtlas::new(&scene, &Bvh::new(mesh), None, many).areas().iter().map(|&area| f64::from(area)).sum();
     let expected: f64 = (0..mesh.triangles.len()).map(|triangle| f64::from(mesh.area(triangle))).sum();
     eprintln!("area {found} of {expected}");
     // Corners of clipped polygons are rounded to 6e-8 of the scene, some 1e-5 of a page.

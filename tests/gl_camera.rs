@@ -19,7 +19,7 @@ const SIZE: u32 = 128;
 fn check(name: &str, scene: &Scene, camera: Camera, one_in: usize) -> [f32; 2] {
     let gpu = gpu();
     let geometry = Geometry::upload(&gpu, scene).unwrap();
-    let visible = CameraPoints::new(&gpu, [SIZE; 2]).unwrap().see(&geometry, &camera, Vec2::splat(0.5));
+    let visible = CameraPoints::new(&gpu, [SIZE; 2]).unwrap().see(&geometry, &camera, Vec2::splat(0.5), 0);
     gpu.check("finding visible points").unwrap();
 
     let bvh = Bvh::new(&scene.mesh);
@@ -53,7 +53,7 @@ fn colors_and_samplers() {
     let gpu = gpu();
     let geometry = Geometry::upload(&gpu, &scene).unwrap();
     let camera = scene.camera([SIZE; 2]);
-    let visible = CameraPoints::new(&gpu, [SIZE; 2]).unwrap().see(&geometry, &camera, Vec2::splat(0.5));
+    let visible = CameraPoints::new(&gpu, [SIZE; 2]).unwrap().see(&geometry, &camera, Vec2::splat(0.5), 0);
     gpu.check("finding visible points").unwrap();
     let (mut off, mut seen) = (0, 0);
     for (found, position) in visible.albedo.iter().zip(&visible.position) {
@@ -105,7 +105,7 @@ fn closed_rooms_have_no_holes() {
         let scene = model.finish();
         let extent = scene.mesh.bounds().extent() / 2.0;
         let camera = Camera { eye: eye * extent, target: target * extent, up: Vec3::Y, fov_y_degrees: 70.0, lens: None };
-        let visible = points.see(&Geometry::upload(&gpu, &scene).unwrap(), &camera, Vec2::splat(0.5));
+        let visible = points.see(&Geometry::upload(&gpu, &scene).unwrap(), &camera, Vec2::splat(0.5), 0);
         if visible.count < SIZE * SIZE {
             holes.push(format!("room {number}: {} pixels see no surface from {eye} to {target}", SIZE * SIZE - visible.count));
         }

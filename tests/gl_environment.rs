@@ -120,7 +120,7 @@ fn a_bowl_lights_itself() {
     // Softpipe filters wrongly between its tiles of 32 texels, see gl_photons.rs.
     let (bvh, mut grid) = (Bvh::new(&scene.mesh), PhotonGrid::new(&scene.mesh, sized(&gpu, 32, 8)));
     PhotonTracer::new(&scene, &bvh, &Lights::new(&scene), 0, 16).trace(0..photons, &mut grid);
-    grid.add_area(&scene.mesh, &bvh, 0);
+    grid.add_area(&scene, &bvh, 0);
     let expected = PI * radiance / (2.0 - albedo);
     for (way, found) in by_all(&gpu, &scene, &grid, &points, count) {
         let mean = found.iter().sum::<Vec3>() / points.len() as f32 / expected;

@@ -185,7 +185,7 @@ fn pipelines_weigh_lobes_alike() {
     let photons = PhotonTexture::upload(&gpu, &grid).unwrap();
     const SIZE: [u32; 2] = [24, 24];
     let camera = scene.camera(SIZE);
-    let mut seen = CameraPoints::new(&gpu, SIZE).unwrap().see(&geometry, &camera, Vec2::splat(0.5));
+    let mut seen = CameraPoints::new(&gpu, SIZE).unwrap().see(&geometry, &camera, Vec2::splat(0.5), 0);
     seen.add_gloss(&scene, camera.eye);
     let textures = GlossTextures::upload(&gpu, SIZE, &seen.gloss).unwrap();
     let points = PointTextures::upload(&gpu, SIZE, &seen.position, &seen.normal, seen.count).unwrap().with_gloss(Some(textures));

@@ -58,7 +58,7 @@ fn check(name: &str, size: u32, a: &[Vec3], b: &[Vec3], most: Difference) {
 fn camera_points(gpu: &Gpu, scene: &Scene, side: u32) -> Vec<GatherPoint> {
     let geometry = Geometry::upload(gpu, scene).unwrap();
     let camera = CameraPoints::new(gpu, [side; 2]).unwrap();
-    camera.see(&geometry, &scene.camera([side; 2]), Vec2::splat(0.5)).gather_points()
+    camera.see(&geometry, &scene.camera([side; 2]), Vec2::splat(0.5), 0).gather_points()
 }
 
 #[test]

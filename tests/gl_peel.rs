@@ -120,7 +120,7 @@ fn stack(count: u32, shuffle: u64) -> Scene {
 }
 
 fn along(vector: Vec3) -> Direction {
-    Direction { vector: vector.normalize(), turn: 0.4, shift: vec2(0.3, 0.6) }
+    Direction { vector: vector.normalize(), turn: 0.4, shift: vec2(0.3, 0.6), number: 0 }
 }
 
 #[test]

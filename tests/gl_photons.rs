@@ -139,7 +139,7 @@ fn both_sides_look_up_the_same_in_an_atlas() {
     model.sphere(vec3(-0.4, 0.1, 0.3), 0.2, 16, false, 0);
     let scene = model.finish();
     let bvh = Bvh::new(&scene.mesh);
-    let mut atlas = PhotonAtlas::new(&scene.mesh, &bvh, None, |_, charts| vec![2000.0; charts]);
+    let mut atlas = PhotonAtlas::new(&scene, &bvh, None, |_, charts| vec![2000.0; charts]);
     let size = [256, sized(&gpu, 96, 24)];
     let mut random = Random::new(9, 0);
     let count = scene.mesh.triangles.len();
@@ -223,7 +223,7 @@ fn a_picture_shows_the_photon_map() {
         let mut grid = PhotonGrid::new(&scene.mesh, settings.photons.grid_cells);
         PhotonTracer::new(&scene, &bvh, &lights, settings.seed, settings.photons.depth)
             .trace(0..settings.photons.count, &mut grid);
-        grid.add_area(&scene.mesh, &bvh, settings.seed);
+        grid.add_area(&scene, &bvh, settings.seed);
 
         for pipeline in [Pipeline::Fused, Pipeline::Kill, Pipeline::EarlyKill, Pipeline::Raycast, Pipeline::RaycastGl] {
             let mut render = Render::new(&gpu, &world, &settings.with(|s| s.gather.pipeline = pipeline)).unwrap();

@@ -18,7 +18,7 @@ fn without_mirrors_and_glass_the_points_are_the_cameras() {
     let camera = &scene.camera(SIZE);
     let rasterised = CameraPoints::new(&gpu, SIZE).unwrap();
     for offset in [Vec2::splat(0.5), Vec2::new(0.1, 0.8)] {
-        let drawn = rasterised.see(&geometry, camera, offset);
+        let drawn = rasterised.see(&geometry, camera, offset, 3);
         let cast = EyeRays { scene: &scene, bvh: &bvh, camera, size: SIZE, seed: 0, ground: None }.see(offset, 3);
         let same = |a: GatherPoint, b: GatherPoint| {
             // Positions of a rasteriser, to some tens of roundings of numbers up to 1, seen from three times as far.

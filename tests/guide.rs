@@ -7,7 +7,7 @@ use std::f32::consts::PI;
 use common::Model;
 use finalgather::photon::{Guide, PhotonStore, PhotonTracer};
 use finalgather::random::Recurrence;
-use finalgather::scene::{Bvh, Environment, Focus, Lights, Mesh, Scene};
+use finalgather::scene::{Bvh, Chance, Environment, Focus, Lights, Mesh, Rays, Scene};
 use glam::{DVec3, Vec3, vec3};
 
 /// Sums the flux that arrives in each of some boxes.
@@ -70,7 +70,7 @@ fn guided_photons_bring_the_same_light() {
         .map(|i| (unit(vec3(0.085 + 0.004 * (i % 8) as f32, 0.0, 0.185 + 0.004 * (i / 8) as f32)).with_y(floor), Vec3::Y))
         .collect();
     let tracer = PhotonTracer::new(&scene, &bvh, &lights, 0, 64);
-    let guide = Guide::new(&tracer, &scene.mesh, &bvh, &points);
+    let guide = Guide::new(&tracer, &scene, &bvh, &points);
     let expected = of(8_000_000, None, 1);
     let even: Vec<_> = (0..8).map(|seed| of(200_000, None, seed)).collect();
     let guided: Vec<_> = (0..8).map(|seed| of(200_000, Some(&guide), seed)).collect();
@@ -103,12 +103,12 @@ fn spheres_of_a_focus_send_the_light_of_a_sky_evenly() {
     let mut scene = model.finish();
     scene.environment = Some(Environment::constant(Vec3::ONE).unwrap());
     let (bvh, lights, starts) = (Bvh::new(&scene.mesh), Lights::new(&scene), Recurrence::<5>::new(0));
-    let focus = Focus::around(vec3(0.2, 0.0, 0.1), 0.02);
+    let (rays, focus) = (Rays::new(&scene, &bvh), Focus::around(vec3(0.2, 0.0, 0.1), 0.02));
     let rings = [0.0f32, 0.03, 0.1, 0.3, 0.5];
     let mut flux = vec![0.0f64; rings.len() - 1];
     for photon in 0..PHOTONS {
         let (mut path, of_one) = lights.emit_at(starts.point(photon), &focus);
-        if path.advance(&bvh).is_some() {
+        if path.advance(&rays, Chance::of_direction(0)).is_some() {
             let from = (path.origin - vec3(0.2, 0.0, 0.1)).length();
             if let Some(ring) = (0..flux.len()).find(|&ring| (rings[ring]..rings[ring + 1]).contains(&from)) {
                 flux[ring] += f64::from(of_one.x) / PHOTONS as f64;

@@ -8,7 +8,9 @@ use std::fs;
 use common::Model;
 use finalgather::error::Error;
 use finalgather::random::Recurrence;
-use finalgather::scene::{Bvh, Daylight, Lights, LoadOptions, Loaded, PunctualKind, PunctualLight, Scene, Sky, Sun, World};
+use finalgather::scene::{
+    Bvh, Chance, Daylight, Lights, LoadOptions, Loaded, PunctualKind, PunctualLight, Rays, Scene, Sky, Sun, World,
+};
 use finalgather::settings::Exposure;
 use glam::{DVec3, Vec3, dvec3, vec3};
 use rayon::prelude::*;
@@ -27,9 +29,10 @@ fn spot(inner: f32, outer: f32, radius: f64) -> PunctualKind {
 fn brought(scene: &Scene) -> f64 {
     const PHOTONS: u64 = 1 << 21;
     let (bvh, lights, starts) = (Bvh::new(&scene.mesh), Lights::new(scene), Recurrence::<5>::new(0));
+    let rays = Rays::new(scene, &bvh);
     let flux = |photon| {
         let (mut path, flux) = lights.emit(starts.point(photon));
-        path.advance(&bvh).map_or(0.0, |_| {
+        path.advance(&rays, Chance::of_direction(0)).map_or(0.0, |_| {
             let [r, g, b] = (flux / STRENGTH).to_array();
             assert!((r - g).abs() <= 1e-5 * r && (r - b).abs() <= 1e-5 * r, "photons have the colour of their light");
             f64::from(r)

@@ -159,24 +159,16 @@ fn colours_outside_their_range() {
 #[test]
 fn what_is_not_shaded_yet_is_told() {
     let red = picture();
-    let alpha = encoded(image::RgbaImage::from_pixel(1, 1, image::Rgba([255, 0, 128, 7])).into());
     for (statements, note) in [
-        ("d 0.5", "opacity 0.5"),
-        ("d 0.0\nillum 1", "opacity 0"),
-        ("Tr 0.25", "opacity 0.75"),
-        ("Tr 1\nd 0.5", "opacity 0.5"),
-        ("map_d leaf.png", "opacity map leaf.png"),
         ("map_bump -bm 0.2 tex\\b.png", "bump map b.png"),
         ("bump b.png", "bump map b.png"),
         ("norm n.png", "normal map n.png"),
         ("Pr 0.2\nPm 1", "roughness 0.2, metalness 1"),
         ("map_Pr r.png", "roughness map r.png"),
         ("Ks 0.5 0.5 0.5\nNs 250\nillum 2", "highlight (Ks 0.5 0.5 0.5, Ns 250)"),
-        ("map_Kd alpha.png", "alpha of alpha.png"),
     ] {
         let mtl = format!("newmtl wall\nKd 1 1 1\n{statements}\n");
-        let Loaded { world, report, .. } =
-            open(&[("m.obj", QUAD.as_bytes()), ("m.mtl", mtl.as_bytes()), ("red.png", &red), ("alpha.png", &alpha)]);
+        let Loaded { world, report, .. } = open(&[("m.obj", QUAD.as_bytes()), ("m.mtl", mtl.as_bytes()), ("red.png", &red)]);
         let warning = format!("1 material has what pictures do not show yet: wall ({note})");
         assert_eq!(report.warnings, [warning], "{statements}");
         assert_eq!(world.materials[0].unshaded.join(", "), note);
@@ -184,7 +176,7 @@ fn what_is_not_shaded_yet_is_told() {
     for statements in ["d 1", "Tr 0", "Ks 0 0 0\nNs 10", "Ks 1 1 1\nillum 1", "Pm 0", "d 0.1\nillum 4"] {
         check(QUAD, &format!("{WALL}{statements}\n"), RED, 2, "");
     }
-    let mtl = (0..9).map(|index| format!("newmtl m{index}\nd 0.5\n")).collect::<String>();
+    let mtl = (0..9).map(|index| format!("newmtl m{index}\nPr 0.5\n")).collect::<String>();
     let obj = (0..9).map(|index| format!("usemtl m{index}\nf 1 2 3\n")).collect::<String>();
     let loaded = open(&[("m.obj", format!("mtllib m.mtl\n{CORNERS}{obj}").as_bytes()), ("m.mtl", mtl.as_bytes())]);
     assert!(loaded.report.warnings[0].starts_with("9 materials have") && loaded.report.warnings[0].ends_with("and 4 more"));

@@ -24,7 +24,7 @@ fn traced(scene: &Scene, cells: u32, photons: u64, bounces: u32) -> PhotonGrid {
     let bvh = Bvh::new(&scene.mesh);
     let mut grid = PhotonGrid::new(&scene.mesh, cells);
     counted(scene, &bvh, photons, bounces, &mut grid);
-    grid.add_area(&scene.mesh, &bvh, 0);
+    grid.add_area(&scene, &bvh, 0);
     grid
 }
 
@@ -60,7 +60,7 @@ fn clipped_areas_add_up_to_the_surfaces() {
     for sums in &mut grid.sums {
         sums[0] = 1.0;
     }
-    grid.add_area(mesh, &Bvh::new(mesh), 0);
+    grid.add_area(&scene, &Bvh::new(mesh), 0);
     let [width, height, depth] = grid.cells.to_array().map(|cells| cells as usize);
     let is_inner = |i: usize| {
         let cell = [i % width, i / width % height, i / (width * height) % depth];

@@ -7,7 +7,7 @@ use std::f32::consts::PI;
 use common::{Model, form_factor_of_polygon};
 use finalgather::photon::{CausticMap, CausticPhoton, PhotonGrid, PhotonTracer};
 use finalgather::points::{EyeRays, GBuffer};
-use finalgather::scene::{Bvh, Camera, Lens, Lights, Path, Scene, Surface, fresnel};
+use finalgather::scene::{Bvh, Camera, Chance, Lens, Lights, Path, Rays, Scene, Surface, fresnel};
 use glam::{Vec2, Vec3, vec3};
 
 const CLEAR: Surface = Surface::Glass { index: 1.5, filter: Vec3::ONE };
@@ -60,12 +60,13 @@ fn light_bends_by_snells_law() {
     // Its front faces +z: glass is below.
     model.plate(Vec3::ZERO, Vec3::X, Vec3::Y, glass);
     let (scene, bvh) = (&model.scene, Bvh::new(&model.scene.mesh));
+    let rays = Rays::new(scene, &bvh);
     for (from, ratio) in [(1.0_f32, 1.0 / 1.5), (-1.0, 1.5)] {
         for sine in [0.0_f32, 0.3, 0.6, 0.9] {
             let direction = vec3(0.8 * sine, 0.6 * sine, -from * (1.0 - sine * sine).sqrt());
             for choice in [0.0, 0.9999] {
                 let mut path = Path { origin: -0.5 * direction + vec3(0.01, 0.02, 0.0), direction, triangle: None };
-                assert!(path.advance(&bvh).is_some());
+                assert!(path.advance(&rays, Chance::of_direction(0)).is_some());
                 assert_eq!(path.scatter(scene, &mut { choice }), Some(Vec3::ONE));
                 let through = choice > 0.5 && ratio * sine < 1.0;
                 let expected = if through {

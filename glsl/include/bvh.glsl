@@ -1,4 +1,5 @@
 // Finds the nearest triangle on a ray in a bounding volume hierarchy that needs no stack. With ANY_HIT the search ends at the first triangle found.
+// With CUT_OUTS a ray passes through what is cut; with ANY_HIT too it finds what all triangles on it let pass.
 // Mirrors src/geometry/ray_tables.rs, and `FlatBvh` in src/scene/flat_bvh.rs.
 //
 // Software drivers run both sides of every branch, but leave a loop when no ray is left in it. So work that can be skipped is in loops, which test at
@@ -6,6 +7,9 @@
 // turn, so code after a loop reads no others; and tests are products of comparisons, not branches.
 
 #include "include/surface.glsl"
+#ifdef CUT_OUTS
+#include "include/opacity.glsl"
+#endif
 
 uniform usampler2D bvh_nodes;       // a texel each, 1024 in a row
 uniform int bvh_count;              // nodes of one order
@@ -22,7 +26,14 @@ struct BvhHit
 {
     float distance;
     int place;                      // place of the triangle in the leaves; -1: no hit
+#if defined(CUT_OUTS) && defined(ANY_HIT)
+    float passed;                   // share of the light that passes; 0 with a hit
+#endif
 };
+
+#ifdef CUT_OUTS
+uint ray_number = 0u;               // of the direction, with its bits reversed: see `threshold` in glsl/include/opacity.glsl
+#endif
 
 // The index in `triangles` of the triangle at a place in the leaves.
 int triangle_at(int place)
@@ -43,6 +54,17 @@ void meet_triangle(int place, vec3 origin, vec3 direction, inout BvhHit nearest)
     float u = dot(second.xyz, position) + second.w;
     float v = dot(third.xyz, position) + third.w;
     bool met = distance > 0.0 && distance < nearest.distance && min(min(u, v), 1.0 - u - v) >= 0.0;
+#ifdef CUT_OUTS
+    if (met) {
+        int triangle = triangle_at(place);
+#ifdef ANY_HIT
+        nearest.passed *= is_cut_out(triangle) ? 1.0 - opacity(triangle, position) : 0.0;
+        met = nearest.passed == 0.0;
+#else
+        met = !is_cut(triangle, position, 0u, ray_number);
+#endif
+    }
+#endif
     nearest.distance = met ? distance : nearest.distance;
     nearest.place = met ? place : nearest.place;
 }
@@ -58,7 +80,11 @@ BvhHit nearest_hit(vec3 origin, vec3 direction, float reach)
     ivec3 octant = ivec3(lessThan(slope, vec3(0.0))) * ivec3(1, 2, 4);
     int node = (octant.x + octant.y + octant.z) * bvh_count;
     int end = node + bvh_count;
+#if defined(CUT_OUTS) && defined(ANY_HIT)
+    BvhHit nearest = BvhHit(reach, -1, 1.0);
+#else
     BvhHit nearest = BvhHit(reach, -1);
+#endif
     do {
         int leaf = 0;
         do {

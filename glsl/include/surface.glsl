@@ -1,6 +1,6 @@
 // The tables of the scene's triangles and materials. Mirrors `Geometry` in src/geometry.rs.
 
-uniform sampler2D triangles;        // three texels each, see Surface
+uniform sampler2D triangles;        // four texels each: see Surface; index in the scene, and 1 if it may be cut
 uniform sampler2D materials;        // eight texels each, see material_texel
 uniform sampler2D colors;           // three texels for each triangle: red, green and blue as functions of the position; empty without vertex colours
 
@@ -13,7 +13,7 @@ struct Surface
     vec4 v;
 };
 
-// The first texel of an entry. Tables are 1024 texels wide; an entry has 4 texels, the last one unused. Division is slow on software drivers, and
+// The first texel of an entry. Tables are 1024 texels wide; an entry has 4 texels. Division is slow on software drivers, and
 // softpipe traps on it in lanes that a branch has switched off, so this uses none.
 ivec2 table_texel(int entry)
 {
@@ -34,7 +34,9 @@ Surface fetch_surface(int triangle)
 // 1: emission; a: 1 if the back emits
 // 2: albedo texture
 // 3: added to the albedo of hits, with gloss
-// 4 to 6: not used
+// 4: texture whose alpha is opacity; 0 if it has none
+// 5: opacity, which that alpha multiplies; least opacity of what is there, -1 if it lets a share of the light pass
+// 6: not used
 // 7: multiplies the albedo of hits, with gloss
 ivec2 material_texel(Surface surface)
 {

@@ -32,7 +32,7 @@ impl HitSource {
     pub fn new(gpu: &Gpu, gather: &GatherSettings, layers: u32, prepared: &Prepared, points: usize) -> Result<Self> {
         let size = PointList::size(points.min(TILE));
         // Built last, because the finder adapts to the remaining memory.
-        let recorder = Recorder::new(gpu, gather.pipeline, size)?;
+        let recorder = Recorder::new(gpu, gather.pipeline, &prepared.scene, size)?;
         let finder = hit_finder(gpu, gather, layers, &prepared.scene, &prepared.bvh, size)?;
         Ok(Self { recorder, finder, fitted: None })
     }

@@ -116,7 +116,7 @@ impl Entrant {
                     for number in numbers.clone() {
                         let [u, v] = set.point(number);
                         let direction = cosine_direction(point.normal, (u + shift[0]).fract(), (v + shift[1]).fract());
-                        let sample = oracle.sample(point, direction).as_vec4();
+                        let sample = oracle.sample(point, direction, number as u32).as_vec4();
                         // The density of the ray is proportional to its weight. Both are zero under the surface.
                         *sum += if sample.w > 0.0 { sample / sample.w } else { Vec4::ZERO };
                     }

@@ -127,7 +127,7 @@ impl Bench {
         let (source, pixels) = match at {
             Where::Camera => {
                 let camera = CameraPoints::new(gpu, settings.film.size)?;
-                let visible = camera.see(&geometry, &scene.camera(settings.film.size), Vec2::splat(0.5));
+                let visible = camera.see(&geometry, &scene.camera(settings.film.size), Vec2::splat(0.5), 0);
                 let pixels = visible.pixels();
                 // Only the counts are needed from now on.
                 let (count, cut) = (visible.count, visible.cut);

@@ -18,6 +18,8 @@ const LEAST_TEXEL: f32 = 2e-5;
 #[derive(Clone, Copy, Debug)]
 pub struct Bundle {
     pub direction: Vec3,
+    /// As [`Direction::number`].
+    pub number: u32,
     /// Unit space to layer space.
     pub to_layer: Mat4,
     /// Unit space to clip space.
@@ -56,6 +58,7 @@ impl Bundle {
             Mat4::from_translation(Vec3::splat(-1.0)) * Mat4::from_scale(Vec3::new(2.0 / size as f32, 2.0 / size as f32, 2.0));
         Self {
             direction: direction.vector,
+            number: direction.number,
             to_layer,
             to_clip: from_window * to_layer,
             // OpenGL lets rasterisers round vertices to 1/16 of a texel; in practice it is 1/256. The second term is float precision at 1.
@@ -69,6 +72,11 @@ impl Bundle {
         let middle = |tile: u32| (2 * tile + 1) as f32 / tiles as f32 - 1.0;
         let to_clip = |(tile, bundle): (u32, &Self)| Mat4::from_translation(Vec3::X * middle(tile)) * narrow * bundle.to_clip;
         (0..).zip(bundles).map(to_clip).collect()
+    }
+
+    /// The numbers of these directions as `glsl/surface.vert` reads them.
+    pub fn numbers(bundles: &[Self]) -> Vec<u32> {
+        bundles.iter().map(|bundle| bundle.number.reverse_bits()).collect()
     }
 
     /// The squared lengths of layer space's unit covectors. Its axes are at right angles, so three numbers are the whole metric.

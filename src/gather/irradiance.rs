@@ -81,7 +81,7 @@ impl IrradianceGather {
                 let sums = Accumulator::several(gpu, interleave.sums_size(), if glossy { 3 } else { 1 })?;
                 let radiance = HitRadiance { source: settings.photons.map.into(), textured: scene.is_textured() };
                 let consumer = if glossy { Consumer::Gloss(radiance) } else { Consumer::Irradiance(radiance) };
-                let pass = GatherPass::new(gpu, shader_of(pipeline), consumer)?;
+                let pass = GatherPass::new(gpu, shader_of(pipeline, scene), consumer)?;
                 Method::Shader {
                     finder: hit_finder(gpu, &settings.gather, settings.layers(), scene, bvh, interleave.tile())?,
                     pass,
@@ -157,7 +157,7 @@ impl IrradianceGather {
             Method::Oracle { points: places, sums, gloss, .. } if gloss.is_empty() => directions.iter().for_each(|direction| {
                 let cast = |(i, (point, sum)): (usize, (&Option<GatherPoint>, &mut Vec4))| match point {
                     Some(point) if self.interleave.subset_of(i) == points.subset => {
-                        *sum += oracle.sample(point, direction.vector).as_vec4();
+                        *sum += oracle.sample(point, direction.vector, direction.number).as_vec4();
                     }
                     _ => {}
                 };
@@ -168,7 +168,7 @@ impl IrradianceGather {
                 all.for_each(|(i, (((point, sum), gloss), lobes))| match point {
                     Some(point) if self.interleave.subset_of(i) == points.subset => {
                         let [base, lobe, weight] =
-                            oracle.sample_glossy(point, gloss, direction.vector).map(|term| term.as_vec4());
+                            oracle.sample_glossy(point, gloss, direction.vector, direction.number).map(|term| term.as_vec4());
                         *sum += base;
                         *lobes = [lobes[0] + lobe, lobes[1] + weight];
                     }

@@ -107,10 +107,11 @@ impl<'a> Found<'a> {
 
 const UNRESOLVED: &str = "auto is replaced when a job begins";
 
-/// The shader file that finds the hits of a pipeline.
-fn shader_of(pipeline: Pipeline) -> Finder {
+/// The shader file that finds the hits of a pipeline in a scene.
+fn shader_of(pipeline: Pipeline, scene: &Scene) -> Finder {
     match pipeline {
         Pipeline::Fused => Finder::Layers,
+        Pipeline::RaycastGl if scene.has_cut_outs() => Finder::CutRays,
         Pipeline::RaycastGl => Finder::Rays,
         Pipeline::Kill | Pipeline::EarlyKill | Pipeline::Raycast => Finder::Stored,
         Pipeline::Auto => unreachable!("{UNRESOLVED}"),

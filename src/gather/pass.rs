@@ -39,7 +39,7 @@ impl GatherPass {
         let draw = || points.draw(to, &self.program, &uniforms);
         match self.finder {
             // No stage: for one long draw, llvmpipe's timer shows a twentieth of the true time.
-            Finder::Rays => draw(),
+            Finder::Rays | Finder::CutRays => draw(),
             Finder::Layers | Finder::Stored => self.gpu.stage("gather", draw),
         }
     }

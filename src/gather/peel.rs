@@ -46,6 +46,8 @@ impl Peel {
             target,
             region: None,
             program: &self.peel,
+            of_cut_outs: |cut_outs| &cut_outs.peel,
+            number: bundle.number,
             to_clip: bundle.to_clip,
             depth: DepthTest::Greater,
             uniforms: &[("previous_layer", Uniform::Texture(previous.color(0)))],

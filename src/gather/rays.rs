@@ -11,6 +11,7 @@ use super::{Found, HitFinder};
 use crate::direction::Direction;
 use crate::error::Result;
 use crate::geometry::{Geometry, RayTables};
+use crate::gpu::Uniform;
 use crate::points::Points;
 use crate::shaders::{BATCH, Finder};
 
@@ -20,6 +21,8 @@ pub struct RayFinder {
     /// `None` before the first batch.
     tables: Option<Rc<RayTables>>,
     directions: Vec<Vec4>,
+    /// With their bits reversed.
+    numbers: Vec<u32>,
 }
 
 impl HitFinder for RayFinder {
@@ -30,11 +33,14 @@ impl HitFinder for RayFinder {
     fn begin(&mut self, geometry: &Geometry, directions: &[Direction]) -> Result<usize> {
         self.tables = Some(geometry.ray_tables()?);
         self.directions = directions.iter().map(|direction| direction.vector.extend(0.0)).collect();
+        self.numbers = directions.iter().map(|direction| direction.number.reverse_bits()).collect();
         Ok(self.directions.len())
     }
 
-    fn find(&mut self, _: &Geometry, _: Points) -> Result<Found<'_>> {
-        let uniforms = self.tables.iter().flat_map(|tables| tables.uniforms()).collect();
-        Ok(Found { finder: Finder::Rays, layers: 0, directions: &self.directions, both_ends: true, uniforms })
+    fn find(&mut self, geometry: &Geometry, _: Points) -> Result<Found<'_>> {
+        let finder = if geometry.cut_outs().is_some() { Finder::CutRays } else { Finder::Rays };
+        let numbers = ("numbers", Uniform::UInts(&self.numbers));
+        let uniforms = self.tables.iter().flat_map(|tables| tables.uniforms()).chain([numbers]).collect();
+        Ok(Found { finder, layers: 0, directions: &self.directions, both_ends: true, uniforms })
     }
 }

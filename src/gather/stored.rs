@@ -10,6 +10,7 @@ use super::{Found, shader_of};
 use crate::error::Result;
 use crate::gpu::{Format, Gpu, Target, Texture, Uniform};
 use crate::points::Points;
+use crate::scene::Scene;
 use crate::settings::Pipeline;
 use crate::shaders::{BATCH, Consumer, Finder};
 
@@ -58,12 +59,12 @@ pub struct Recorder {
 }
 
 impl Recorder {
-    /// For the finder of `pipeline`, and point textures of at most size `points`.
+    /// For the finder of `pipeline` in `scene`, and point textures of at most size `points`.
     ///
     /// # Errors
     /// When the device has no memory for the hits of a batch.
-    pub fn new(gpu: &Gpu, pipeline: Pipeline, points: [u32; 2]) -> Result<Self> {
-        let finder = shader_of(pipeline);
+    pub fn new(gpu: &Gpu, pipeline: Pipeline, scene: &Scene, points: [u32; 2]) -> Result<Self> {
+        let finder = shader_of(pipeline, scene);
         let batch = (finder != Finder::Stored).then(|| storage(gpu, points, BATCH)).transpose()?;
         Ok(Self { gpu: gpu.clone(), pass: GatherPass::new(gpu, finder, Consumer::Record)?, batch })
     }

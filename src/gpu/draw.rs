@@ -49,9 +49,9 @@ pub enum Shape<'a> {
     FullScreen,
     /// A range of triangles of a vertex array.
     Triangles(&'a VertexArray, Range<u32>),
-    /// All triangles of a vertex array, this many times, cut off at the two clip distances of the vertex shader. Each instance must cover pixels of its
+    /// A range of triangles of a vertex array, this many times, cut off at the two clip distances of the vertex shader. Each instance must cover pixels of its
     /// own, because the order is not defined.
-    Instances(&'a VertexArray, u32),
+    Instances(&'a VertexArray, Range<u32>, u32),
 }
 
 impl Draw<'_> {
@@ -111,7 +111,7 @@ impl Draw<'_> {
         let context = self.target.context();
         let vertices = match self.geometry {
             Shape::FullScreen => context.no_vertices,
-            Shape::Triangles(vertices, _) | Shape::Instances(vertices, _) => vertices.array.name(),
+            Shape::Triangles(vertices, _) | Shape::Instances(vertices, ..) => vertices.array.name(),
         };
         unsafe { gl.bind_vertex_array(Some(vertices)) };
         let cuts = matches!(self.geometry, Shape::Instances(..));
@@ -127,8 +127,9 @@ impl Draw<'_> {
             Shape::Triangles(_, range) => pace.run(context, range.end - range.start, 1, |part| unsafe {
                 gl.draw_arrays(glow::TRIANGLES, 3 * (range.start + part.start) as i32, 3 * part.len() as i32);
             }),
-            Shape::Instances(vertices, count) => pace.run(context, vertices.count / 3, *count, |part| unsafe {
-                gl.draw_arrays_instanced(glow::TRIANGLES, 3 * part.start as i32, 3 * part.len() as i32, *count as i32);
+            Shape::Instances(_, range, count) => pace.run(context, range.end - range.start, *count, |part| unsafe {
+                let first = 3 * (range.start + part.start) as i32;
+                gl.draw_arrays_instanced(glow::TRIANGLES, first, 3 * part.len() as i32, *count as i32);
             }),
         }
     }

@@ -40,6 +40,7 @@ pub enum Uniform<'a> {
     /// The first elements of an array.
     Vec4s(&'a [Vec4]),
     Mat4s(&'a [Mat4]),
+    UInts(&'a [u32]),
     Texture(&'a Texture),
     /// A texture array in which shaders write to any texel. The context must support it ([`Gpu::writes_images`]).
     Image(&'a Texture),
@@ -184,6 +185,7 @@ impl Program {
                     Uniform::Mat4(v) => gl.uniform_matrix_4_f32_slice(location, false, &v.to_cols_array()),
                     Uniform::Vec4s(v) => gl.uniform_4_f32_slice(location, cast_slice(v)),
                     Uniform::Mat4s(v) => gl.uniform_matrix_4_f32_slice(location, false, cast_slice(v)),
+                    Uniform::UInts(v) => gl.uniform_1_u32_slice(location, v),
                     Uniform::Texture(texture) => {
                         gl.active_texture(glow::TEXTURE0 + unit);
                         gl.bind_texture(texture.kind, Some(texture.name()));

@@ -9,8 +9,6 @@ use crate::error::Result;
 /// Triangles, three vertices each. Each float attribute is tightly packed in a buffer of its own.
 pub struct VertexArray {
     pub(super) array: Resource<glow::NativeVertexArray>,
-    /// Number of vertices.
-    pub(super) count: u32,
     _buffers: Vec<Resource<glow::NativeBuffer>>,
 }
 
@@ -35,7 +33,6 @@ impl VertexArray {
             buffers.push(buffer);
         }
         gpu.check("uploading vertices")?;
-        let count = attributes.first().map_or(0, |&(components, data)| data.len() as u32 / (4 * components as u32));
-        Ok(Self { array, count, _buffers: buffers })
+        Ok(Self { array, _buffers: buffers })
     }
 }

@@ -29,7 +29,7 @@ impl Openness {
         settings.directions.target_error = 0.0;
         let size = settings.film.size;
         let pixels = size.iter().map(|&side| side as usize).product();
-        let seen = CameraPoints::new(gpu, size)?.see(&geometry, &camera, Vec2::splat(0.5));
+        let seen = CameraPoints::new(gpu, size)?.see(&geometry, &camera, Vec2::splat(0.5), 0);
         if seen.count == 0 {
             return Ok(Self { bake: None, pixels });
         }

@@ -344,7 +344,7 @@ pub(super) fn place(
 
 /// The receiver of the scene's camera, by rasterisation.
 fn see(gpu: &Gpu, scene: &Scene, geometry: &Geometry, size: [u32; 2]) -> Result<Receiver> {
-    let visible = CameraPoints::new(gpu, size)?.see(geometry, &scene.camera(size), Vec2::splat(0.5));
+    let visible = CameraPoints::new(gpu, size)?.see(geometry, &scene.camera(size), Vec2::splat(0.5), 0);
     Receiver::of_camera(&visible, size, &scene.space)
 }
 

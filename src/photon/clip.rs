@@ -1,5 +1,6 @@
 //! Convex polygons, cut along the cells of a grid.
 
+use crate::random::Recurrence;
 use glam::{UVec3, Vec3};
 
 use crate::math::Aabb;
@@ -48,4 +49,29 @@ fn split(polygon: &[Vec3], axis: usize, plane: f32) -> (Vec<Vec3>, Vec<Vec3>) {
 pub fn area(polygon: &[Vec3]) -> f32 {
     let fan = polygon[1..].windows(2).map(|pair| (pair[0] - polygon[0]).cross(pair[1] - polygon[0]));
     0.5 * fan.sum::<Vec3>().length()
+}
+
+/// Points that tell the mean opacity of a part of a triangle.
+pub const OPACITY_POINTS: u32 = 256;
+
+/// This many points of a convex polygon, spread evenly.
+pub fn even_points(polygon: &[Vec3], count: u32) -> impl Iterator<Item = Vec3> {
+    let places = Recurrence::<2>::new(0);
+    let whole = area(polygon);
+    (0..count).map(move |index| {
+        // As in `AreaLight`: the first number selects a triangle of the fan, its remainder the point.
+        let [mut rest, v] = places.point(index.into());
+        let mut corners = [polygon[0]; 3];
+        for pair in polygon[1..].windows(2) {
+            corners = [polygon[0], pair[0], pair[1]];
+            let share = if whole > 0.0 { area(&corners) / whole } else { 1.0 };
+            if rest < share {
+                rest /= share;
+                break;
+            }
+            rest -= share;
+        }
+        let ([a, b, c], along) = (corners, rest.clamp(0.0, 1.0).sqrt());
+        a + (1.0 - along) * (b - a) + v * along * (c - a)
+    })
 }

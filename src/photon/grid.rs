@@ -9,11 +9,11 @@
 use glam::{IVec3, UVec3, Vec3, Vec4};
 use rayon::prelude::*;
 
-use super::clip::{area, slice};
+use super::clip::{OPACITY_POINTS, area, even_points, slice};
 use super::store::PhotonStore;
 use crate::math::{cosine_direction, dominant_axis};
 use crate::random::Random;
-use crate::scene::{Bvh, Mesh, RAY_OFFSET};
+use crate::scene::{Bvh, Chance, Mesh, RAY_OFFSET, Rays, Scene};
 
 /// Number of orientations: two signs of three axes.
 pub(super) const BINS: usize = 6;
@@ -80,8 +80,9 @@ impl PhotonGrid {
         if sums.w > 0.0 { sums.truncate() / sums.w } else { Vec3::ZERO }
     }
 
-    /// Adds the area of `mesh` that light reaches. Call it once, after flux was added.
-    pub fn add_area(&mut self, mesh: &Mesh, bvh: &Bvh, seed: u64) {
+    /// Adds the area of `scene` that light reaches, times its opacity. Call it once, after flux was added.
+    pub fn add_area(&mut self, scene: &Scene, bvh: &Bvh, seed: u64) {
+        let (mesh, rays) = (&scene.mesh, Rays::new(scene, bvh));
         // Clipped and probed in parallel, summed in the order of triangles: any number of threads gives the same sums.
         let pieces: Vec<Vec<CellArea>> = (0..mesh.triangles.len())
             .into_par_iter()
@@ -90,11 +91,17 @@ impl PhotonGrid {
                 let normal = mesh.geometric_normal(triangle);
                 let mut pieces = Vec::new();
                 for (cell, polygon) in self.clip(mesh.corners(triangle)) {
+                    let opaque = if scene.is_cut_out(triangle) {
+                        let positions = even_points(&polygon, OPACITY_POINTS).map(|place| self.origin + self.cell_size * place);
+                        scene.mean_opacity(triangle, positions)
+                    } else {
+                        1.0
+                    };
                     for side in [normal, -normal] {
                         pieces.push(CellArea {
                             index: self.index_of(cell, dominant_axis(normal), side),
-                            area: area(&polygon) * self.cell_size * self.cell_size,
-                            probes: self.probe(mesh, bvh, triangle, side, &polygon, &mut random),
+                            area: area(&polygon) * self.cell_size * self.cell_size * opaque,
+                            probes: self.probe(mesh, &rays, triangle, side, &polygon, &mut random),
                         });
                     }
                 }
@@ -124,13 +131,14 @@ impl PhotonGrid {
 
     /// Probes points on one side of a part of a triangle, in proportion to its area. Returns how many of them see the outside of the scene or a
     /// surface that received photons, and how many there are.
-    fn probe(&self, mesh: &Mesh, bvh: &Bvh, triangle: usize, side: Vec3, polygon: &[Vec3], random: &mut Random) -> [u32; 2] {
+    fn probe(&self, mesh: &Mesh, rays: &Rays, triangle: usize, side: Vec3, polygon: &[Vec3], random: &mut Random) -> [u32; 2] {
         let probes = (area(polygon) * PROBES + random.uniform()) as u32;
-        let lit = (0..probes).filter(|_| {
+        let lit = (0..probes).filter(|&probe| {
             let origin = self.origin + self.cell_size * point_in(polygon, random) + RAY_OFFSET * side;
-            (0..TRIES).any(|_| {
+            (0..TRIES).any(|turn| {
                 let direction = cosine_direction(side, random.uniform(), random.uniform());
-                bvh.nearest(origin, direction, Some(triangle)).is_none_or(|hit| {
+                let chance = Chance::of_pixel(triangle as u32, probe, turn);
+                rays.nearest(origin, direction, Some(triangle), chance).is_none_or(|hit| {
                     self.is_lit(self.index_of_hit(mesh, hit.triangle, origin + hit.distance * direction, direction))
                 })
             })

@@ -15,7 +15,7 @@ use rayon::prelude::*;
 use super::trace::PhotonTracer;
 use crate::math::{cosine_direction, dominant_axis};
 use crate::random::Random;
-use crate::scene::{Bvh, Focus, Mesh, RAY_OFFSET};
+use crate::scene::{Bvh, Chance, Focus, RAY_OFFSET, Rays, Scene};
 
 /// Share of the photons that stay even. Flux is at most the inverse of it times that without a guide.
 const EVEN: f32 = 0.3;
@@ -63,11 +63,11 @@ struct Seen {
 }
 
 impl Guide {
-    /// Guides the photons of `tracer` for points, each with its unit normal. `bvh` belongs to `mesh`, the surfaces that gather rays see.
-    pub fn new(tracer: &PhotonTracer, mesh: &Mesh, bvh: &Bvh, points: &[(Vec3, Vec3)]) -> Self {
+    /// Guides the photons of `tracer` for points, each with its unit normal. `bvh` belongs to `scene`, the surfaces that gather rays see.
+    pub fn new(tracer: &PhotonTracer, scene: &Scene, bvh: &Bvh, points: &[(Vec3, Vec3)]) -> Self {
         let (center, radius) = most_of(points);
         let mut guide = Self { focus: Focus::around(center, radius), nodes: Vec::new() };
-        let seen = Seen::new(mesh, bvh, points, radius / CELLS);
+        let seen = Seen::new(scene, bvh, points, radius / CELLS);
         let score = |triangle: usize, position: Vec3, direction: Vec3| {
             // Where many see a surface its light matters more, but not in proportion: each of them needs it once.
             seen.rays.get(&seen.key(position, tracer.side_met(triangle, direction))).map_or(0.0, |rays| rays.sqrt())
@@ -164,16 +164,17 @@ fn most_of(points: &[(Vec3, Vec3)]) -> (Vec3, f32) {
 }
 
 impl Seen {
-    fn new(mesh: &Mesh, bvh: &Bvh, points: &[(Vec3, Vec3)], cell: f32) -> Self {
+    fn new(scene: &Scene, bvh: &Bvh, points: &[(Vec3, Vec3)], cell: f32) -> Self {
         let mut seen = Self { cell: cell.max(1e-5), rays: HashMap::new() };
+        let (mesh, rays) = (&scene.mesh, &Rays::new(scene, bvh));
         let count = points.len().min(POINTS);
         let hits = |number: usize| {
             let (position, normal) = points[number * points.len() / count];
             let mut random = Random::new(0x901de, number as u64);
-            (0..RAYS).filter_map(move |_| {
+            (0..RAYS).filter_map(move |ray| {
                 let direction = cosine_direction(normal, random.uniform(), random.uniform());
                 let origin = position + SQRT_2 * RAY_OFFSET * normal;
-                let hit = bvh.nearest(origin, direction, None)?;
+                let hit = rays.nearest(origin, direction, None, Chance::of_pixel(number as u32, ray, 0))?;
                 Some((origin + hit.distance * direction, mesh.side_met(hit.triangle, direction)))
             })
         };

@@ -20,7 +20,7 @@ use super::guide::Guide;
 use super::store::PhotonStore;
 use crate::math::cosine_direction;
 use crate::random::{Random, Recurrence};
-use crate::scene::{Brdf, Bvh, Focus, Lights, LobeShares, MOST_SPECULAR, Path, Scene, Surface};
+use crate::scene::{Brdf, Bvh, Chance, Focus, Lights, LobeShares, MOST_SPECULAR, Path, Rays, Scene, Surface};
 
 /// Number of photons between two sums. It limits the memory of their hits.
 const ROUND: u64 = 1 << 18;
@@ -32,7 +32,7 @@ const PILOTS: u64 = 1 << 16;
 /// Traces photons through one scene.
 pub struct PhotonTracer<'a> {
     scene: &'a Scene,
-    bvh: &'a Bvh,
+    rays: Rays<'a>,
     lights: &'a Lights,
     starts: Recurrence<5>,
     seed: u64,
@@ -77,7 +77,7 @@ impl AddAssign for PhotonCounts {
 impl<'a> PhotonTracer<'a> {
     /// `depth` is the most surfaces that store one photon. `scene` is in unit space.
     pub fn new(scene: &'a Scene, bvh: &'a Bvh, lights: &'a Lights, seed: u64, depth: u32) -> Self {
-        Self { scene, bvh, lights, starts: Recurrence::new(seed), seed, depth, guide: None }
+        Self { scene, rays: Rays::new(scene, bvh), lights, starts: Recurrence::new(seed), seed, depth, guide: None }
     }
 
     /// The same photons' numbers, with starts by `guide`.
@@ -105,7 +105,7 @@ impl<'a> PhotonTracer<'a> {
         let (path, flux) = self.lights.emit_at(start, focus);
         let mut hits = Vec::new();
         let index = |triangle: usize, path: &Path| score(triangle, path.origin, path.direction).to_bits() as usize;
-        self.follow(path, flux, Random::new(self.seed, photon), &index, &mut hits);
+        self.follow(photon, (path, flux, Random::new(self.seed, photon)), &index, &mut hits);
         hits.into_iter().map(|(score, flux)| f32::from_bits(score as u32) * flux.element_sum()).sum()
     }
 
@@ -168,7 +168,7 @@ impl<'a> PhotonTracer<'a> {
         let trace = |photon: u64, found: &mut Vec<CausticPhoton>| {
             let (mut path, mut flux, mut random) = self.emit(photon, share);
             for specular in 0..=MOST_SPECULAR {
-                let Some(triangle) = path.advance(self.bvh) else { break };
+                let Some(triangle) = path.advance(&self.rays, Chance::of_photon(photon, specular)) else { break };
                 let Some(kept) = path.scatter(self.scene, &mut random.uniform()) else {
                     if specular > 0 {
                         let side = self.scene.mesh.side_met(triangle, path.direction);
@@ -215,23 +215,25 @@ impl<'a> PhotonTracer<'a> {
     }
 
     fn trace_one(&self, photon: u64, share: f32, index: &HitIndex, hits: &mut Vec<(usize, Vec3)>) -> PhotonEnd {
-        let (path, flux, random) = self.emit(photon, share);
-        self.follow(path, flux, random, index, hits)
+        self.follow(photon, self.emit(photon, share), index, hits)
     }
 
+    /// Follows a photon from its start, with its flux and random numbers.
     fn follow(
         &self,
-        mut path: Path,
-        mut flux: Vec3,
-        mut random: Random,
+        photon: u64,
+        (mut path, mut flux, mut random): (Path, Vec3, Random),
         index: &HitIndex,
         hits: &mut Vec<(usize, Vec3)>,
     ) -> PhotonEnd {
         let mesh = &self.scene.mesh;
         // Numbers of diffuse surfaces so far, and of mirrors and glass since the last of them.
         let (mut diffuse, mut specular) = (0, 0);
+        let mut surfaces = 0;
         loop {
-            let Some(triangle) = path.advance(self.bvh) else { return PhotonEnd::Escaped };
+            let chance = Chance::of_photon(photon, surfaces);
+            let Some(triangle) = path.advance(&self.rays, chance) else { return PhotonEnd::Escaped };
+            surfaces += 1;
             let surface = self.scene.material(triangle).surface;
             // Light of a lamp that mirrors reflect is a caustic. Gather rays must not count it again.
             let gloss = path.gloss(self.scene);

@@ -50,12 +50,17 @@ impl CameraPoints {
         Target::bytes(size, &[Format::Rgba32F; 4], true)
     }
 
-    /// Rasterises one point a pixel, at `offset`, in [0, 1)², from its lower left corner.
-    pub fn see(&self, geometry: &Geometry, camera: &Camera, offset: Vec2) -> GBuffer {
+    /// Rasterises one point a pixel, at `offset`, in [0, 1)², from its lower left corner. `block` numbers the points of a pixel.
+    pub fn see(&self, geometry: &Geometry, camera: &Camera, offset: Vec2, block: u32) -> GBuffer {
         let size = self.target.size().map(|side| side as f32);
         let forward = (camera.target - camera.eye).normalize();
         let (projection, near) = projection(camera, geometry, size[0] / size[1]);
-        let uniforms = [("eye", Uniform::Vec3(camera.eye)), ("forward", Uniform::Vec3(forward)), ("near", Uniform::Float(near))];
+        let uniforms = [
+            ("eye", Uniform::Vec3(camera.eye)),
+            ("forward", Uniform::Vec3(forward)),
+            ("near", Uniform::Float(near)),
+            ("picture_width", Uniform::Int(self.target.size()[0] as i32)),
+        ];
         self.target.clear([0.0; 4], 0.0);
         let shift = (Vec2::splat(1.0) - 2.0 * offset) / Vec2::from(size);
         let to_clip = Mat4::from_translation(shift.extend(0.0)) * projection;
@@ -63,6 +68,8 @@ impl CameraPoints {
             target: &self.target,
             region: None,
             program: &self.program,
+            of_cut_outs: |cut_outs| &cut_outs.visible_points,
+            number: block,
             to_clip,
             depth: DepthTest::Greater,
             uniforms: &uniforms,

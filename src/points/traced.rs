@@ -15,7 +15,7 @@ use super::gloss::SeenReflection;
 use super::list::octahedral_encode;
 use super::{GBuffer, GatherPoint, Ground, PointGloss};
 use crate::random::{Random, Recurrence};
-use crate::scene::{Bvh, Camera, LobeShares, MOST_SPECULAR, Path, Scene, Split};
+use crate::scene::{Bvh, Camera, Chance, LobeShares, MOST_SPECULAR, Path, Rays, Scene, Split};
 
 /// Paths to emission end where their transmittance falls below this.
 const LEAST: f32 = 1e-3;
@@ -46,13 +46,15 @@ struct GBufferTexel {
     cut: bool,
 }
 
-/// The numbers by which a pixel's path takes directions of lobes.
+/// The numbers by which a pixel's path takes directions of lobes, and passes cut-outs.
 struct LobeNumbers<'a> {
     even: &'a Recurrence<2>,
     /// Of the pixel.
     shift: [f32; 2],
     block: u64,
     random: Random,
+    rays: &'a Rays<'a>,
+    pixel: u32,
 }
 
 impl LobeNumbers<'_> {
@@ -65,6 +67,11 @@ impl LobeNumbers<'_> {
     fn next(&mut self) -> [f32; 2] {
         [self.random.uniform(), self.random.uniform()]
     }
+
+    /// As [`Path::advance`], after so many surfaces.
+    fn advance(&self, path: &mut Path, surfaces: u32) -> Option<usize> {
+        path.advance(self.rays, Chance::of_pixel(self.pixel, self.block as u32, surfaces))
+    }
 }
 
 impl EyeRays<'_> {
@@ -73,6 +80,7 @@ impl EyeRays<'_> {
         let numbers: [f32; 3] = Recurrence::new(self.seed ^ 0x1e25).point(block.into());
         let even = Recurrence::new(self.seed ^ 0x106e);
         let [width, height] = self.size;
+        let rays = Rays::new(self.scene, self.bvh);
         let texels: Vec<GBufferTexel> = (0..width * height)
             .into_par_iter()
             .map(|pixel| {
@@ -83,7 +91,7 @@ impl EyeRays<'_> {
                 let (eye, direction) =
                     self.camera.ray_by_lens(Vec2::new(place.x, 1.0 - place.y), width as f32 / height as f32, [u, v]);
                 let shift = [random.uniform(), random.uniform()];
-                let lobes = LobeNumbers { even: &even, shift, block: block.into(), random };
+                let lobes = LobeNumbers { even: &even, shift, block: block.into(), random, rays: &rays, pixel };
                 self.follow(Path { origin: eye, direction, triangle: None }, choice, lobes)
             })
             .collect();
@@ -106,7 +114,7 @@ impl EyeRays<'_> {
         let mut seen = GBufferTexel::default();
         let (mut throughput, mut followed) = (Vec3::ONE, 0);
         for surfaces in 0.. {
-            let Some(triangle) = path.advance(self.bvh) else {
+            let Some(triangle) = lobes.advance(&mut path, surfaces) else {
                 // Behind glass and mirrors, `emitted` has added the environment already.
                 if surfaces == 0 {
                     seen.emission = self.scene.miss_radiance(path.direction).extend(0.0);
@@ -202,7 +210,7 @@ impl EyeRays<'_> {
         if throughput.max_element() <= LEAST || surfaces >= MOST_SPECULAR {
             return Vec3::ZERO;
         }
-        match way.advance(self.bvh) {
+        match lobes.advance(&mut way, surfaces + 1) {
             Some(_) => self.emitted(&way, throughput, surfaces + 1, lobes),
             None => throughput * self.scene.miss_radiance(way.direction),
         }

@@ -14,7 +14,7 @@ use crate::geometry::{Geometry, triangle_order};
 use crate::gpu::Gpu;
 use crate::points::{GatherPoint, PointList};
 use crate::prepared::Prepared;
-use crate::scene::{Camera, WorldCamera};
+use crate::scene::{Camera, Chance, Rays, WorldCamera};
 
 /// One end of one of a render's directions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -147,7 +147,8 @@ impl Render {
         let camera = self.camera;
         let [width, height] = self.settings.film.size.map(|side| side as f32);
         let ray = camera.ray(place, width / height);
-        let Some(seen) = self.gathered.bvh.nearest(camera.eye, ray, None) else { return Ok(None) };
+        let rays = Rays::new(&self.gathered.scene, &self.gathered.bvh);
+        let Some(seen) = rays.nearest(camera.eye, ray, None, Chance::default()) else { return Ok(None) };
         let normal = self.gathered.scene.mesh.side_met(seen.triangle, ray);
         let point = GatherPoint::flat(camera.eye + seen.distance * ray, normal);
 
@@ -174,7 +175,8 @@ impl Render {
         let [width, height] = size.map(|side| side as f32);
         let Prepared { scene, bvh, .. } = &*self.all;
         let camera = scene.space.enter_camera(camera);
-        let triangle = bvh.nearest(camera.eye, camera.ray(place, width / height), None)?.triangle;
+        let ray = camera.ray(place, width / height);
+        let triangle = Rays::new(scene, bvh).nearest(camera.eye, ray, None, Chance::default())?.triangle;
         let vertex = scene.mesh.triangles[triangle].vertices[0];
         let instance = scene.mesh.sources.get(vertex as usize).and_then(|source| scene.instances.get(source.instance as usize));
         let object = instance.map_or_else(String::new, |instance| instance.name.clone());

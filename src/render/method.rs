@@ -5,7 +5,7 @@ use glam::Vec2;
 use crate::gather::chosen_for_picture;
 use crate::points::{GatherPoint, Interleave, chosen_source};
 use crate::prepared::Prepared;
-use crate::scene::Camera;
+use crate::scene::{Camera, Chance, Rays};
 use crate::settings::{Pipeline, Settings, Squares};
 
 /// Eye rays along each side of the picture that stand for its points.
@@ -36,10 +36,11 @@ pub(super) fn method(
 
 /// Points that the camera sees, through a pinhole and on the first surface.
 pub(super) fn seen(gathered: &Prepared, camera: &Camera, [width, height]: [u32; 2]) -> Vec<GatherPoint> {
+    let rays = Rays::new(&gathered.scene, &gathered.bvh);
     let see = |number: u32| {
         let place = (Vec2::new((number % SIDE) as f32, (number / SIDE) as f32) + 0.5) / SIDE as f32;
         let ray = camera.ray(place, width as f32 / height as f32);
-        let hit = gathered.bvh.nearest(camera.eye, ray, None)?;
+        let hit = rays.nearest(camera.eye, ray, None, Chance::of_pixel(number, 0, 0))?;
         Some(GatherPoint::flat(camera.eye + hit.distance * ray, gathered.scene.mesh.side_met(hit.triangle, ray)))
     };
     (0..SIDE * SIDE).filter_map(see).collect()

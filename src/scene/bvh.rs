@@ -53,14 +53,28 @@ impl Bvh {
 
     /// The nearest hit of the ray from `origin` along `direction`, on either side of a triangle. The ray starts on triangle `except` and ignores it.
     pub fn nearest(&self, origin: Vec3, direction: Vec3, except: Option<usize>) -> Option<Hit> {
+        self.nearest_of(origin, direction, except, |_| true)
+    }
+
+    /// The nearest hit that counts. `counts` is asked of some hits, in any order.
+    pub(super) fn nearest_of(
+        &self,
+        origin: Vec3,
+        direction: Vec3,
+        except: Option<usize>,
+        counts: impl Fn(Hit) -> bool,
+    ) -> Option<Hit> {
         // The tree treats -0 as negative in one place and as positive in another, and then misses triangles. +0 is right.
         let ray = Ray::new_inf(SCALE * Vec3A::from(origin), Vec3A::from(direction) + Vec3A::ZERO);
         let mut hit = RayHit::none();
         let found = self.tree.ray_traverse(ray, &mut hit, |ray, leaf| {
-            if Some(self.tree.primitive_indices[leaf] as usize) == except {
+            let triangle = self.tree.primitive_indices[leaf] as usize;
+            if Some(triangle) == except {
                 return f32::INFINITY;
             }
-            intersect(&self.triangles[leaf], ray)
+            let distance = intersect(&self.triangles[leaf], ray);
+            let is_hit = distance.is_finite() && counts(Hit { triangle, distance: distance / SCALE });
+            if is_hit { distance } else { f32::INFINITY }
         });
         found.then(|| Hit { triangle: self.tree.primitive_indices[hit.primitive_id as usize] as usize, distance: hit.t / SCALE })
     }

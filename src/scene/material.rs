@@ -90,6 +90,24 @@ pub struct Opacity {
     pub cutoff: Option<f32>,
 }
 
+impl Opacity {
+    /// Whether it may let light pass.
+    pub fn is_partial(&self) -> bool {
+        let least = self.cutoff.unwrap_or(1.0);
+        least > 0.0 && (self.texture.is_some() || self.share < least)
+    }
+
+    /// Opacity where the texture has this alpha.
+    pub fn at(&self, alpha: f32) -> f32 {
+        let opacity = self.share * alpha;
+        match self.cutoff {
+            Some(cutoff) if opacity >= cutoff => 1.0,
+            Some(_) => 0.0,
+            None => opacity,
+        }
+    }
+}
+
 impl Default for Opacity {
     fn default() -> Self {
         Self { share: 1.0, texture: None, cutoff: None }

@@ -12,6 +12,7 @@
 //! | `smoothing.rs` | shading normals where a file has none |
 //! | `winding.rs`, `reversed_lamps.rs` | which side is the front, and lamps of which it is the wrong one |
 //! | `specular.rs` | paths through mirrors and glass |
+//! | `opacity.rs` | cut-outs and partial opacity, and rays that pass through them |
 //! | `gloss.rs`, `normal_map.rs` | reflection of glossy surfaces, and maps that turn shading normals |
 //!
 //! Coordinates are right-handed, in any unit of length. Surfaces are Lambertian, mirrors or glass. Both sides reflect with the same albedo. The front
@@ -33,6 +34,7 @@ mod light;
 mod material;
 mod mesh;
 mod normal_map;
+mod opacity;
 mod reversed_lamps;
 mod smoothing;
 mod source_lists;
@@ -51,6 +53,7 @@ pub use gloss::{Brdf, GlossMeans, LobeShares, LobeWeights, facing};
 pub use light::{Daylight, Environment, Focus, LightSample, Lights, PunctualKind, PunctualLight, Sky, Sun};
 pub use material::{Gloss, Material, NormalMap, Opacity, Surface};
 pub use mesh::{Mesh, Source, Triangle};
+pub use opacity::{Chance, Rays};
 pub use reversed_lamps::reversed_lamps;
 pub use smoothing::FaceNormals;
 pub use source_lists::SourceLists;

@@ -6,7 +6,7 @@
 
 use glam::Vec3;
 
-use super::{Brdf, Bvh, RAY_OFFSET, Scene, Surface, facing};
+use super::{Brdf, Chance, RAY_OFFSET, Rays, Scene, Surface, facing};
 
 /// Maximum number of consecutive mirrors and glass faces on a path. A mirror of reflectance 0.9 returns 3 % after this number.
 pub const MOST_SPECULAR: u32 = 32;
@@ -23,8 +23,8 @@ pub struct Path {
 
 impl Path {
     /// Moves to the nearest surface and returns its triangle. Without a hit it returns `None` and does not move.
-    pub fn advance(&mut self, bvh: &Bvh) -> Option<usize> {
-        let hit = bvh.nearest(self.origin, self.direction, self.triangle)?;
+    pub fn advance(&mut self, rays: &Rays, chance: Chance) -> Option<usize> {
+        let hit = rays.nearest(self.origin, self.direction, self.triangle, chance)?;
         self.origin += hit.distance * self.direction;
         self.triangle = Some(hit.triangle);
         self.triangle

@@ -20,7 +20,7 @@ use crate::math::neighbours;
 pub struct ImageTexture {
     pub width: u32,
     pub height: u32,
-    /// RGBA, row by row, the top row (v = 1) first; alpha is ignored.
+    /// RGBA, row by row, the top row (v = 1) first. Alpha is linear; [`super::Opacity`] may use it.
     pub texels: Vec<[u8; 4]>,
     pub sampler: Sampler,
 }
@@ -81,6 +81,28 @@ impl<'a> Textures<'a> {
         }
         let texture = ImageTexture { sampler, ..self.read(&file, path, named_at)? };
         self.add(file, texture, path, named_at)
+    }
+
+    /// Returns the index of a texture whose alpha is the picture's, or its grey if it has none. `None` if it is opaque everywhere.
+    pub fn load_opacity(&mut self, path: &Path, named_at: &str, sampler: Sampler) -> Result<Option<usize>> {
+        let file = self.find(path, named_at)?;
+        let mut grey = file.clone().into_os_string();
+        grey.push("#grey");
+        if let Some(known) = self.known(Path::new(&grey), sampler) {
+            return Ok(Some(known));
+        }
+        let picture = match self.known(&file, sampler) {
+            Some(known) => self.list[known].clone(),
+            None => ImageTexture { sampler, ..self.read(&file, path, named_at)? },
+        };
+        if picture.has_alpha() {
+            return self.load_with(path, named_at, sampler).map(Some);
+        }
+        let masked = picture.with_grey_as_alpha();
+        if !masked.has_alpha() {
+            return Ok(None);
+        }
+        self.add(grey.into(), masked, path, named_at).map(Some)
     }
 
     /// Returns the mean linear colour of a picture, which does not become a texture.
@@ -199,6 +221,11 @@ impl ImageTexture {
         self.sample(uv, |texel| Vec4::from(texel.map(f32::from)) / 255.0)
     }
 
+    /// Alpha at `uv`, from 0 to 1, interpolated in the same way.
+    pub fn sample_alpha(&self, uv: Vec2) -> f32 {
+        self.sample_data(uv).w
+    }
+
     fn sample(&self, uv: Vec2, value: impl Fn([u8; 4]) -> Vec4) -> Vec4 {
         let Sampler { wrap: [along_u, along_v], nearest } = self.sampler;
         let (left, right, x) = along_u.neighbours(uv.x, self.width as usize);
@@ -213,6 +240,20 @@ impl ImageTexture {
     /// Whether a texel is not opaque.
     pub fn has_alpha(&self) -> bool {
         self.texels.iter().any(|texel| texel[3] < 255)
+    }
+
+    /// Whether no texel stops any light.
+    pub fn is_clear(&self) -> bool {
+        self.texels.iter().all(|texel| texel[3] == 0)
+    }
+
+    /// The picture with its grey as alpha: the luminance of its bytes, which are linear where they are no colours.
+    fn with_grey_as_alpha(mut self) -> Self {
+        for [r, g, b, alpha] in &mut self.texels {
+            let sum = 2126 * u32::from(*r) + 7152 * u32::from(*g) + 722 * u32::from(*b);
+            *alpha = ((sum + 5000) / 10_000) as u8;
+        }
+        self
     }
 
     /// Mean linear reflectance of the whole picture.

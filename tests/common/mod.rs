@@ -278,7 +278,7 @@ pub fn points_on(scene: &Scene, count: usize) -> Vec<GatherPoint> {
 pub fn photon_grid(scene: &Scene, bvh: &Bvh, photons: u64) -> PhotonGrid {
     let mut grid = PhotonGrid::new(&scene.mesh, 32);
     PhotonTracer::new(scene, bvh, &Lights::new(scene), 0, 16).trace(0..photons, &mut grid);
-    grid.add_area(&scene.mesh, bvh, 0);
+    grid.add_area(scene, bvh, 0);
     grid
 }
 

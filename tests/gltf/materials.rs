@@ -1,6 +1,6 @@
 //! Materials and textures.
 
-use finalgather::scene::{Sampler, Surface, World, WrapMode};
+use finalgather::scene::{Opacity, Sampler, Surface, World, WrapMode};
 use glam::{Vec2, Vec3, vec3};
 use image::ImageFormat;
 use serde_json::{Value, json};
@@ -163,7 +163,6 @@ fn what_is_not_shown_is_noted() {
         "pbrMetallicRoughness": { "baseColorFactor": [0.5, 0.5, 0.5, 0.25], "metallicFactor": 0.5, "metallicRoughnessTexture": { "index": 0 } },
         "normalTexture": { "index": 0 },
         "occlusionTexture": { "index": 0 },
-        "alphaMode": "BLEND",
         "doubleSided": true,
         "extensions": {
             "KHR_materials_unlit": {},
@@ -178,7 +177,6 @@ fn what_is_not_shown_is_noted() {
     let expected = [
         "metallic 0.5",
         "metallic-roughness texture bumps",
-        "alpha mode BLEND, opacity 0.25",
         "normal map bumps",
         "unlit",
         "specular 0.5 of colour 1 1 1",
@@ -190,8 +188,34 @@ fn what_is_not_shown_is_noted() {
     let warnings = model.load_with(crate::build::options()).unwrap().report.warnings;
     assert_eq!(warnings.len(), 1);
     assert!(warnings[0].contains("what pictures do not show yet: all (metallic 0.5, "), "{warnings:?}");
-    model.json["materials"][0]["alphaMode"] = json!("MASK");
-    assert!(model.world().materials[0].unshaded.contains(&"alpha mode MASK, cutoff 0.5, opacity 0.25".to_owned()));
+}
+
+/// As the samples `AlphaBlendModeTest` and `AlphaBlendLitTest`: the factor's alpha multiplies that of the texture, which an opaque material ignores.
+#[test]
+fn alpha_modes() {
+    for (mode, cutoff, alpha, texel, expected) in [
+        ("OPAQUE", None, 0.25, 9, Opacity::default()),
+        ("BLEND", None, 0.25, 255, Opacity { share: 0.25, texture: None, cutoff: None }),
+        ("BLEND", None, 1.0, 9, Opacity { share: 1.0, texture: Some(0), cutoff: None }),
+        ("BLEND", None, 1.0, 255, Opacity::default()),
+        ("MASK", None, 0.75, 9, Opacity { share: 0.75, texture: Some(0), cutoff: Some(0.5) }),
+        ("MASK", Some(0.25), 1.0, 9, Opacity { share: 1.0, texture: Some(0), cutoff: Some(0.25) }),
+        ("MASK", Some(0.25), 0.5, 255, Opacity::default()),
+        ("MASK", None, 0.25, 255, Opacity { share: 0.25, texture: None, cutoff: Some(0.5) }),
+    ] {
+        let base = json!({ "baseColorFactor": [1, 1, 1, alpha], "baseColorTexture": { "index": 0 } });
+        let mut model = Model::square(json!({ "pbrMetallicRoughness": base, "alphaMode": mode }));
+        if let Some(cutoff) = cutoff {
+            model.json["materials"][0]["alphaCutoff"] = json!(cutoff);
+        }
+        let mut picture = Vec::new();
+        let texels = image::RgbaImage::from_pixel(1, 1, image::Rgba([255, 255, 255, texel]));
+        texels.write_to(&mut std::io::Cursor::new(&mut picture), ImageFormat::Png).unwrap();
+        model.texture(&picture, json!({}));
+        let world = model.world();
+        assert_eq!(world.materials[0].opacity, expected, "{mode}, cutoff {cutoff:?}, alpha {alpha} x {texel}");
+        assert!(!world.materials[0].unshaded.iter().any(|note| note.contains("alpha")), "{:?}", world.materials[0].unshaded);
+    }
 }
 
 /// As the sample `SpecGlossVsMetalRough`.

@@ -55,7 +55,7 @@ impl Cornell {
 
     /// A grid with the area that light reaches, by the probes of this seed.
     pub fn probed(&self, mut grid: PhotonGrid, seed: u64) -> PhotonGrid {
-        grid.add_area(&self.scene.mesh, &self.bvh, seed);
+        grid.add_area(&self.scene, &self.bvh, seed);
         grid
     }
 
@@ -64,7 +64,7 @@ impl Cornell {
         let gpu = gpu()?;
         let geometry = Geometry::upload(&gpu, &self.scene)?;
         let camera = CameraPoints::new(&gpu, [side; 2])?;
-        Ok(camera.see(&geometry, &self.scene.camera([side; 2]), Vec2::splat(0.5)).gather_points())
+        Ok(camera.see(&geometry, &self.scene.camera([side; 2]), Vec2::splat(0.5), 0).gather_points())
     }
 
     /// Triangles that are no lamps.

@@ -38,7 +38,7 @@ impl<'a> OneDirection<'a> {
         let gpu = gpu()?;
         let geometry = Geometry::upload(&gpu, &stage.scene)?;
         let camera = CameraPoints::new(&gpu, [side; 2])?;
-        let pixels = camera.see(&geometry, &stage.scene.camera([side; 2]), Vec2::splat(0.5)).pixels();
+        let pixels = camera.see(&geometry, &stage.scene.camera([side; 2]), Vec2::splat(0.5), 0).pixels();
         Ok(Self { stage, side: side as usize, pixels })
     }
 
@@ -60,7 +60,8 @@ impl<'a> OneDirection<'a> {
         // Turned so that up is up in the pictures of layers.
         let [x, y, _] = frame(*vector).to_cols_array_2d().map(Vec3::from);
         let turn = Vec3::Y.dot(-x).atan2(Vec3::Y.dot(y));
-        let bundle = Bundle::new(&Direction { vector: *vector, turn, shift: Vec2::ZERO }, &geometry.positions, layer_size);
+        let bundle =
+            Bundle::new(&Direction { vector: *vector, turn, shift: Vec2::ZERO, number: 0 }, &geometry.positions, layer_size);
         let list = PointList::upload(&gpu, &points)?;
         let (mut peel, kill) = (Peel::new(&gpu, layer_size)?, Kill::new(&gpu, list.points().size())?);
         peel.start();

@@ -298,7 +298,7 @@ impl Plane {
         let [x, y, _] = frame(vector).to_cols_array_2d().map(Vec3::from);
         let across = self.right.cross(Vec3::Y).cross(vector);
         let turn = across.dot(y).atan2(across.dot(x));
-        let with = |shift| Bundle::new(&Direction { vector, turn, shift }, positions, layer_size);
+        let with = |shift| Bundle::new(&Direction { vector, turn, shift, number: 0 }, positions, layer_size);
         let row = |bundle: &Bundle| bundle.to_layer.transform_point3(self.origin).y;
         let bundle = with(vec2(0.5, (0.5 - row(&with(Vec2::ZERO))).rem_euclid(1.0)));
         (bundle, row(&bundle) as usize)

@@ -9,7 +9,7 @@ use finalgather::harmonics::project;
 use finalgather::image::{self, Channel, Image, WriteOptions};
 use finalgather::job::{SceneRequest, check_kept};
 use finalgather::points::Vertices;
-use finalgather::scene::{Bvh, Environment, Loaded, Mesh, Scene};
+use finalgather::scene::{Bvh, Chance, Environment, Loaded, Mesh, Rays, Scene};
 use finalgather::settings::{Exposure, Settings};
 use glam::{DVec3, Vec2, Vec3};
 use rayon::prelude::*;
@@ -177,8 +177,9 @@ impl Model {
     fn picture(&self, irradiance: &[Vec3], environment: &Environment, size: [u32; 2]) -> Image {
         let [width, height] = size.map(|side| side as usize);
         let camera = self.unit.space.enter_camera(self.loaded.world.camera(size));
-        let radiance = |direction: Vec3| {
-            let Some(hit) = self.bvh.nearest(camera.eye, direction, None) else { return environment.radiance(direction) };
+        let rays = Rays::new(&self.unit, &self.bvh);
+        let radiance = |direction: Vec3, chance: Chance| {
+            let Some(hit) = rays.nearest(camera.eye, direction, None, chance) else { return environment.radiance(direction) };
             if !self.unit.mesh.meets_front(hit.triangle, direction) {
                 return Vec3::ZERO;
             }
@@ -189,10 +190,13 @@ impl Model {
         };
         let pixel = |i: usize| {
             let at = |step: usize| (step as f32 + 0.5) / SUBPIXELS as f32;
-            let places = (0..SUBPIXELS * SUBPIXELS).map(|k| Vec2::new(at(k % SUBPIXELS), at(k / SUBPIXELS)));
+            let places = (0..SUBPIXELS * SUBPIXELS).map(|k| (k, Vec2::new(at(k % SUBPIXELS), at(k / SUBPIXELS))));
             let corner = Vec2::new((i % width) as f32, (i / width) as f32);
             let size = Vec2::new(width as f32, height as f32);
-            let seen = places.map(|place| radiance(camera.ray((corner + place) / size, size.x / size.y)));
+            let seen = places.map(|(k, place)| {
+                let ray = camera.ray((corner + place) / size, size.x / size.y);
+                radiance(ray, Chance::of_pixel(i as u32, k as u32, 0))
+            });
             seen.sum::<Vec3>() / (SUBPIXELS * SUBPIXELS) as f32
         };
         let pixels: Vec<Vec3> = (0..width * height).into_par_iter().map(pixel).collect();

@@ -40,11 +40,11 @@ impl StorePeel {
 
     /// Peels all layers, at least `granted`. Returns their number, or the number of slots plus 1 when the layers fill all slots.
     pub fn fill(&self, geometry: &Geometry, bundles: &[Bundle], granted: u32) -> u32 {
-        let to_clip = Bundle::to_clip_of_tiles(bundles, self.tiles);
+        let own = (Bundle::to_clip_of_tiles(bundles, self.tiles), Bundle::numbers(bundles));
         for layer in 0..self.targets.len() as u32 {
             if layer < granted {
-                self.draw(geometry, &to_clip, layer);
-            } else if self.any.count(|| self.draw(geometry, &to_clip, layer)) == 0 {
+                self.draw(geometry, &own, layer);
+            } else if self.any.count(|| self.draw(geometry, &own, layer)) == 0 {
                 return layer;
             }
         }
@@ -52,7 +52,7 @@ impl StorePeel {
     }
 
     /// Draws one layer of all tiles into its slot.
-    fn draw(&self, geometry: &Geometry, to_clip: &[Mat4], layer: u32) {
+    fn draw(&self, geometry: &Geometry, (to_clip, numbers): &(Vec<Mat4>, Vec<u32>), layer: u32) {
         let target = &self.targets[layer as usize];
         if layer.is_multiple_of(2) {
             target.clear_unsigned(0, [0; 4]);
@@ -60,19 +60,27 @@ impl StorePeel {
         target.clear_depth(0.0);
         let previous = &self.depths[(layer as usize + 1) % 2];
         let channels = |in_element| std::array::from_fn(|channel| channel as u32 * in_element / 4 == layer % in_element);
-        Draw {
-            target,
-            region: None,
-            program: &self.programs[usize::from(layer > 0)],
-            uniforms: &[
-                ("to_clip", Uniform::Mat4s(to_clip)),
-                ("tiles", Uniform::Int(self.tiles as i32)),
-                ("previous_depth", Uniform::Texture(previous)),
-            ],
-            depth: DepthTest::Greater,
-            blend: Blend::ReplaceChannels([channels(2), channels(4)]),
-            geometry: geometry.instances(to_clip.len() as u32),
+        let own = [
+            ("to_clip", Uniform::Mat4s(to_clip)),
+            ("tiles", Uniform::Int(self.tiles as i32)),
+            ("previous_depth", Uniform::Texture(previous)),
+            ("numbers", Uniform::UInts(numbers)),
+        ];
+        let uniforms = [&own[..], &geometry.uniforms()].concat();
+        let which = usize::from(layer > 0);
+        for (geometry, program) in
+            geometry.instances(to_clip.len() as u32, &self.programs[which], |cut_outs| &cut_outs.store_peel[which])
+        {
+            Draw {
+                target,
+                region: None,
+                program,
+                uniforms: &uniforms,
+                depth: DepthTest::Greater,
+                blend: Blend::ReplaceChannels([channels(2), channels(4)]),
+                geometry,
+            }
+            .run();
         }
-        .run();
     }
 }

@@ -3,7 +3,7 @@
 
 use super::{Bundle, Slots};
 use crate::error::Result;
-use crate::geometry::Geometry;
+use crate::geometry::{CutOuts, Geometry};
 use crate::gpu::{Blend, DepthTest, Draw, Format, Gpu, Program, Shape, Target, Texture, Uniform};
 use crate::shaders;
 
@@ -69,20 +69,23 @@ impl StoreSort {
         self.dirty
     }
 
-    fn append(&self, geometry: &Geometry, bundles: &[Bundle], limit: u32) {
+    fn append<'a>(&'a self, geometry: &'a Geometry, bundles: &[Bundle], limit: u32) {
         let to_clip = Bundle::to_clip_of_tiles(bundles, self.tiles);
         self.counts.clear_unsigned(0, [0; 4]);
-        self.draw(
-            &self.append,
-            &[
-                ("to_clip", Uniform::Mat4s(&to_clip)),
-                ("tiles", Uniform::Int(self.tiles as i32)),
-                ("counts", Uniform::Image(self.counts.color(0))),
-                ("lists", Uniform::Image(&self.lists)),
-                ("list_limit", Uniform::Int(limit as i32)),
-            ],
-            geometry.instances(to_clip.len() as u32),
-        );
+        let numbers = Bundle::numbers(bundles);
+        let own = [
+            ("to_clip", Uniform::Mat4s(&to_clip)),
+            ("tiles", Uniform::Int(self.tiles as i32)),
+            ("counts", Uniform::Image(self.counts.color(0))),
+            ("lists", Uniform::Image(&self.lists)),
+            ("list_limit", Uniform::Int(limit as i32)),
+            ("numbers", Uniform::UInts(&numbers)),
+        ];
+        let uniforms = [&own[..], &geometry.uniforms()].concat();
+        let of_cut_outs = |cut_outs: &'a CutOuts| cut_outs.store_append.as_ref().unwrap_or(&self.append);
+        for (shape, program) in geometry.instances(to_clip.len() as u32, &self.append, of_cut_outs) {
+            self.draw(program, &uniforms, shape);
+        }
     }
 
     /// Sorts the lists into the slots, from texel column `column` on.

@@ -17,7 +17,7 @@ use self::chart::{ChartPlane, Charts};
 use self::contact::contacts;
 use self::pieces::{ChartPages, Pieces, cell_of};
 use super::store::PhotonStore;
-use crate::scene::{Bvh, Mesh};
+use crate::scene::{Bvh, Mesh, Scene};
 
 /// Photons on a page, on average over its chart. With its neighbours that is four times as many.
 const PHOTONS: f32 = 64.0;
@@ -63,15 +63,16 @@ pub(super) struct AtlasTables {
 }
 
 impl PhotonAtlas {
-    /// An atlas of `mesh`, to which `bvh` belongs. `arrivals` tells how many photons of a map each group of triangles gets, from the group of each
-    /// triangle and the number of groups. `gathered`: the index in `mesh` of each triangle of the gathered mesh, if the two differ.
-    pub fn new(mesh: &Mesh, bvh: &Bvh, gathered: Option<Vec<u32>>, arrivals: impl FnOnce(&[u32], usize) -> Vec<f32>) -> Self {
+    /// An atlas of the surfaces of `scene`, to which `bvh` belongs. `arrivals` tells how many photons of a map each group of triangles gets, from the
+    /// group of each triangle and the number of groups. `gathered`: the index in `scene` of each triangle of the gathered mesh, if the two differ.
+    pub fn new(scene: &Scene, bvh: &Bvh, gathered: Option<Vec<u32>>, arrivals: impl FnOnce(&[u32], usize) -> Vec<f32>) -> Self {
+        let mesh = &scene.mesh;
         let total: f64 = (0..mesh.triangles.len()).map(|triangle| f64::from(mesh.area(triangle))).sum();
         let equal = (total as f32 / PAGES).sqrt();
         let charts = Charts::new(mesh, THICKNESS * equal);
         let arrivals = arrivals(&charts.of, charts.planes.len());
         let pages = size_pages(mesh, &charts, &arrivals, equal);
-        let pieces = Pieces::new(mesh, bvh, &charts, &pages, &contacts(mesh, bvh, &charts, &pages));
+        let pieces = Pieces::new(scene, bvh, &charts, &pages, &contacts(mesh, bvh, &charts, &pages));
         let map = |(plane, &pages): (&ChartPlane, &ChartPages)| {
             let [u, v] = plane.axes();
             let low = plane.low / pages.side;

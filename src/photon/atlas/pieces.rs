@@ -7,15 +7,15 @@
 //! piece beside them, and no light leaks. Photons and area in seams do not count, nor do pieces inside solid things: a few rays from a piece tell. Else
 //! the floor below a wall would draw dark lines along it.
 
-use glam::{IVec2, UVec2, UVec3, Vec2};
+use glam::{IVec2, UVec2, UVec3, Vec2, Vec3};
 use rayon::prelude::*;
 
-use super::super::clip::{area, slice};
+use super::super::clip::{OPACITY_POINTS, area, even_points, slice};
 use super::chart::Charts;
 use super::contact::Contact;
 use crate::math::cosine_direction;
 use crate::random::Random;
-use crate::scene::{Bvh, Mesh, RAY_OFFSET};
+use crate::scene::{Bvh, Mesh, RAY_OFFSET, Scene};
 
 /// Binary logarithms of the fewest and most cells along a side of a divided page.
 const SHIFTS: [u32; 2] = [3, 8];
@@ -47,7 +47,7 @@ pub struct Pieces {
     pub pages: Vec<u32>,
     /// The piece of each cell.
     pub cells: Vec<u32>,
-    /// Surface area of each piece, in unit space. That of a seam is 0.
+    /// Surface area of each piece, in unit space, times its mean opacity. That of a seam is 0.
     pub areas: Vec<f32>,
     /// Seams, with the pieces beside them on the front and on the back of their chart.
     pub seams: Vec<(u32, [Vec<u32>; 2])>,
@@ -60,9 +60,9 @@ struct DividedPage {
     page: u32,
     /// The part of each cell, or a mark.
     cells: Vec<u32>,
-    /// Number of cells of each part, and of all parts and seams.
-    counts: Vec<u32>,
-    inner: usize,
+    /// Number of cells of each part, and of all parts and seams, each cell times its opacity.
+    counts: Vec<f32>,
+    inner: f32,
     /// The parts beside each seam that count, on the front and on the back. Seams have the numbers after those of the parts.
     seams: Vec<[Vec<u32>; 2]>,
 }
@@ -88,7 +88,8 @@ impl Pieces {
     /// Most cells of all divided pages, unless there are so many that the fewest cells of each exceed it.
     pub const MOST_CELLS: usize = 1 << 21;
 
-    pub fn new(mesh: &Mesh, bvh: &Bvh, charts: &Charts, pages: &[ChartPages], contacts: &[Contact]) -> Self {
+    pub fn new(scene: &Scene, bvh: &Bvh, charts: &Charts, pages: &[ChartPages], contacts: &[Contact]) -> Self {
+        let mesh = &scene.mesh;
         let own = |chart: usize, triangle: u32| {
             mesh.corners(triangle as usize).map(|corner| charts.planes[chart].in_pages(corner, pages[chart].side))
         };
@@ -107,7 +108,7 @@ impl Pieces {
         let count = pages.last().map_or(0, |last| last.first + last.size.element_product()) as usize;
         let mut is_crossed = vec![false; count];
         crossings.iter().for_each(|&(page, _)| is_crossed[page as usize] = true);
-        let (page_areas, mut triangles) = page_areas(mesh, charts, pages, &own, &is_crossed);
+        let (page_areas, mut triangles) = page_areas(scene, charts, pages, &own, &is_crossed);
         triangles.sort_unstable();
         let crossings: Vec<&[(u32, u32)]> =
             crossings.chunk_by(|a, b| a.0 == b.0).filter(|crossings| page_areas[crossings[0].0 as usize] > 0.0).collect();
@@ -122,10 +123,15 @@ impl Pieces {
                 let first = triangles.partition_point(|&(other, _)| other < page);
                 let triangles = triangles[first..].iter().take_while(|&&(other, _)| other == page);
                 let triangles: Vec<_> = triangles.map(|&(_, triangle)| (triangle, own(chart, triangle))).collect();
-                divide((page, &pages[chart]), shift, &triangles, lines, |triangle, position, side| {
+                let is_inside = |triangle: u32, position: Vec2, side: bool| {
                     let turned = charts.turned[triangle as usize] != side;
                     is_inside(mesh, bvh, triangle as usize, position, turned)
-                })
+                };
+                let opacity = |triangle: u32, weights: &dyn Fn() -> Vec2| match scene.is_cut_out(triangle as usize) {
+                    true => scene.opacity(triangle as usize, position_at(mesh, triangle as usize, weights())),
+                    false => 1.0,
+                };
+                divide((page, &pages[chart]), shift, &triangles, lines, is_inside, opacity)
             })
             .collect();
 
@@ -164,7 +170,7 @@ impl Pieces {
         let first = self.areas.len() as u32;
         self.pages.push((self.cells.len() as u32) << 4 | shift);
         self.cells.extend(divided.cells.iter().map(|cell| first + cell));
-        self.areas.extend(divided.counts.iter().map(|&count| area * count as f32 / divided.inner as f32));
+        self.areas.extend(divided.counts.iter().map(|&count| area * count / divided.inner));
         for beside in divided.seams {
             self.seams.push((self.areas.len() as u32, beside.map(|parts| parts.iter().map(|part| first + part).collect())));
             self.areas.push(0.0);
@@ -225,19 +231,26 @@ impl Pieces {
     }
 }
 
-/// The surface area in each page, and the triangles of those pages that are crossed: (page, triangle).
+/// The surface area in each page, times its mean opacity, and the triangles of those pages that are crossed: (page, triangle).
 fn page_areas(
-    mesh: &Mesh,
+    scene: &Scene,
     charts: &Charts,
     pages: &[ChartPages],
     own: &dyn Fn(usize, u32) -> [Vec2; 3],
     is_crossed: &[bool],
 ) -> (Vec<f32>, Vec<(u32, u32)>) {
+    let mesh = &scene.mesh;
     let (mut areas, mut crossed) = (vec![0.0; is_crossed.len()], Vec::new());
     for (chart, (triangles, pages)) in charts.triangles.iter().zip(pages).enumerate() {
         for &triangle in triangles {
             let corners = own(chart, triangle);
             let whole = mesh.area(triangle as usize);
+            let cut_out = scene.is_cut_out(triangle as usize);
+            // Of a part of the triangle, by its corners in pages.
+            let opacity = |part: &[Vec3]| {
+                let places = even_points(part, OPACITY_POINTS).map(|place| weights(corners, place.truncate()));
+                scene.mean_opacity(triangle as usize, places.map(|weights| position_at(mesh, triangle as usize, weights)))
+            };
             let [low, high] = [corners[0].min(corners[1]).min(corners[2]), corners[0].max(corners[1]).max(corners[2])];
             let mut add = |page: UVec2, area: f32| {
                 let page = pages.number(page);
@@ -247,13 +260,15 @@ fn page_areas(
                 }
             };
             if pages.page(low) == pages.page(high) {
-                add(pages.page(low), whole);
+                let opaque = if cut_out { opacity(&corners.map(|corner| corner.extend(0.0))) } else { 1.0 };
+                add(pages.page(low), whole * opaque);
                 continue;
             }
             let polygon = corners.map(|corner| corner.max(Vec2::ZERO).extend(0.0)).to_vec();
             let projected = area(&polygon).max(f32::MIN_POSITIVE);
             for (cell, part) in slice(UVec3::ZERO, polygon, 0).into_iter().flat_map(|(cell, part)| slice(cell, part, 1)) {
-                add(pages.page(cell.truncate().as_vec2()), whole * area(&part) / projected);
+                let opaque = if cut_out { opacity(&part) } else { 1.0 };
+                add(pages.page(cell.truncate().as_vec2()), whole * area(&part) / projected * opaque);
             }
         }
     }
@@ -267,6 +282,7 @@ fn divide(
     triangles: &[(u32, [Vec2; 3])],
     lines: impl Iterator<Item = [Vec2; 2]>,
     is_inside: impl Fn(u32, Vec2, bool) -> bool,
+    opacity: impl Fn(u32, &dyn Fn() -> Vec2) -> f32,
 ) -> Option<DividedPage> {
     let side = 1i32 << shift;
     let at = UVec2::new((page - pages.first) % pages.size.x, (page - pages.first) / pages.size.x).as_vec2();
@@ -325,6 +341,16 @@ fn divide(
         return None;
     }
 
+    let weights_at = |i: usize| weights(triangles[owners[i]].1, (cell_at(i).as_vec2() + 0.5) / side as f32 + at);
+    let (mut opaque, mut all_opaque) = (vec![0.0; counts.len()], 0.0);
+    for i in (0..cells.len()).filter(|&i| cells[i] != OUTSIDE) {
+        let opacity = opacity(triangles[owners[i]].0, &|| weights_at(i));
+        all_opaque += opacity;
+        if cells[i] != SEAM {
+            opaque[cells[i] as usize] += opacity;
+        }
+    }
+
     // The parts beside each cell of a seam: those around it, else those beside its neighbours in the seam.
     let around = |i: usize| (0..9).map(move |k| cell_at(i) + IVec2::new(k % 3 - 1, k / 3 - 1));
     let mut beside: Vec<Vec<u32>> = vec![Vec::new(); cells.len()];
@@ -358,8 +384,7 @@ fn divide(
             let probes = own.len().min(PROBES);
             let probe = |k: usize, back: bool| {
                 let i = own[k * own.len() / probes];
-                let (triangle, corners) = triangles[owners[i]];
-                is_inside(triangle, weights(corners, (cell_at(i).as_vec2() + 0.5) / side as f32 + at), back)
+                is_inside(triangles[owners[i]].0, weights_at(i), back)
             };
             [false, true].map(|back| 8 * (0..probes).filter(|&k| probe(k, back)).count() >= 7 * probes)
         })
@@ -381,7 +406,7 @@ fn divide(
         if outside.is_empty() { parts.clone() } else { outside }
     };
     let seams = seams.iter().map(|parts| [0, 1].map(|side| counted(parts, side))).collect();
-    Some(DividedPage { page, cells, counts, inner, seams })
+    Some(DividedPage { page, cells, counts: opaque, inner: all_opaque.max(f32::MIN_POSITIVE), seams })
 }
 
 /// Barycentric weights of the second and third corner of a triangle at a place.
@@ -390,11 +415,16 @@ fn weights([a, b, c]: [Vec2; 3], place: Vec2) -> Vec2 {
     Vec2::new((place - a).perp_dot(c - a), (b - a).perp_dot(place - a)) / if area == 0.0 { 1.0 } else { area }
 }
 
+/// The position of a place of a triangle, given by its weights.
+fn position_at(mesh: &Mesh, triangle: usize, weights: Vec2) -> Vec3 {
+    let [a, b, c] = mesh.corners(triangle);
+    a + weights.x * (b - a) + weights.y * (c - a)
+}
+
 /// Whether a ray from a place of a triangle, given by its weights, meets the back side of a surface. `back`: from the triangle's back.
 fn is_inside(mesh: &Mesh, bvh: &Bvh, triangle: usize, weights: Vec2, back: bool) -> bool {
-    let [a, b, c] = mesh.corners(triangle);
     let normal = if back { -mesh.geometric_normal(triangle) } else { mesh.geometric_normal(triangle) };
-    let position = a + weights.x * (b - a) + weights.y * (c - a);
+    let position = position_at(mesh, triangle, weights);
     let mut random = Random::new(triangle as u64, u64::from(weights.x.to_bits()) << 32 | u64::from(weights.y.to_bits()));
     let direction = cosine_direction(normal, random.uniform(), random.uniform());
     let hit = bvh.nearest(position + RAY_OFFSET * normal, direction, Some(triangle));

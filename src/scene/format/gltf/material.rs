@@ -11,7 +11,7 @@ use super::images::Images;
 use super::primitive::{Look, V_UP};
 use crate::error::Result;
 use crate::scene::format::Loader;
-use crate::scene::{Material, Surface};
+use crate::scene::{Material, Opacity, Surface};
 
 /// A metal of this much and no more roughness is a mirror.
 const METAL: f32 = 0.99;
@@ -83,7 +83,11 @@ impl MaterialReading<'_, '_, '_> {
         self.note_transmission(extensions, surface);
         let gloss = if surface == Surface::Diffuse { self.gloss(loader, extensions)? } else { None };
         let normal_map = self.normal_map(loader)?;
-        self.note_rest(extensions, factor[3]);
+        self.note_rest(extensions);
+        let opacity = match surface {
+            Surface::Glass { .. } => Opacity::default(),
+            _ => self.opacity(loader, factor[3], albedo_texture),
+        };
         if matches!(surface, Surface::Glass { .. }) {
             albedo = Vec3::ONE;
         }
@@ -95,6 +99,7 @@ impl MaterialReading<'_, '_, '_> {
             emission,
             two_sided,
             albedo_texture,
+            opacity,
             gloss,
             normal_map,
             surface,
@@ -102,6 +107,18 @@ impl MaterialReading<'_, '_, '_> {
             ..Material::default()
         };
         Ok((material, self.coordinates))
+    }
+
+    /// How much light it stops, by the alpha of its base colour. An opaque material ignores it.
+    fn opacity(&self, loader: &Loader, alpha: f32, texture: Option<usize>) -> Opacity {
+        let cutoff = match self.json.alpha_mode {
+            Checked::Valid(AlphaMode::Mask) => Some(self.json.alpha_cutoff.map_or(0.5, |cutoff| cutoff.0)),
+            Checked::Valid(AlphaMode::Blend) => None,
+            _ => return Opacity::default(),
+        };
+        let share = if alpha.is_finite() { alpha.clamp(0.0, 1.0) } else { 1.0 };
+        let opacity = Opacity { share, texture: texture.filter(|&texture| loader.textures.list[texture].has_alpha()), cutoff };
+        if opacity.is_partial() { opacity } else { Opacity::default() }
     }
 
     fn emission(&mut self, loader: &mut Loader, extensions: &extension::Material) -> Result<Vec3> {
@@ -151,15 +168,7 @@ impl MaterialReading<'_, '_, '_> {
     }
 
     /// Notes the rest of what is not shown.
-    fn note_rest(&mut self, extensions: &extension::Material, alpha: f32) {
-        match self.json.alpha_mode {
-            Checked::Valid(AlphaMode::Mask) => {
-                let cutoff = self.json.alpha_cutoff.map_or(0.5, |cutoff| cutoff.0);
-                self.note(format!("alpha mode MASK, cutoff {cutoff}, opacity {alpha}"));
-            }
-            Checked::Valid(AlphaMode::Blend) => self.note(format!("alpha mode BLEND, opacity {alpha}")),
-            _ => {}
-        }
+    fn note_rest(&mut self, extensions: &extension::Material) {
         if extensions.unlit.is_some() {
             self.note("unlit".to_owned());
         }

@@ -1,6 +1,6 @@
 //! Reads materials from material libraries (MTL). [`load`] is the entry point.
 //!
-//! Shaded statements: `Kd`, `Ke`, `map_Kd`, and of `map_Ke` its mean. `illum` 3 or 5 is a mirror, 4, 6 or 7 glass. Only these use `Ks` (mirror
+//! Shaded statements: `Kd`, `Ke`, `map_Kd`, `d`, `Tr`, `map_d`, and of `map_Ke` its mean. `illum` 3 or 5 is a mirror, 4, 6 or 7 glass. Only these use `Ks` (mirror
 //! reflectance), `Ni` (index of refraction), `Tf` (filter) and `Ns` (sharp or glossy). Only glass has a Fresnel term, not `illum` 5.
 //! `unshaded.rs` notes what is read and not shaded, and `picture.rs` reads the statements that name pictures.
 
@@ -18,7 +18,7 @@ use super::unshaded::Unshaded;
 use crate::error::Result;
 use crate::scene::format::Loader;
 use crate::scene::format::warnings::{Fault, Place, Warnings};
-use crate::scene::{Material, Surface};
+use crate::scene::{Material, Opacity, Surface};
 
 /// Minimum `Ns` of mirrors and glass. A lobe cos^Ns with this exponent falls to half at 3 degrees from its axis.
 const SHARP: f32 = 500.0;
@@ -62,6 +62,12 @@ struct Statements {
     texture: Option<PictureName>,
     /// `map_Ke`.
     glow: Option<PictureName>,
+    /// `d`, and 1 - `Tr`, which `d` overrides.
+    opacity: Option<f32>,
+    opacity_line: usize,
+    clearness: Option<f32>,
+    /// `map_d`.
+    mask: Option<PictureName>,
     /// The statements about mirrors and glass: keyword, line and arguments.
     optics: Vec<(&'static str, usize, String)>,
     gloss: GlossStatements,
@@ -70,7 +76,11 @@ struct Statements {
 
 impl Statements {
     /// The material, with the surface kind and the reflectance if that is not `Kd`.
-    fn finish(self, pictures: &mut Pictures, (surface, reflectance): (Surface, Option<Vec3>)) -> Result<(Material, Placement)> {
+    fn finish(
+        mut self,
+        pictures: &mut Pictures,
+        (surface, reflectance): (Surface, Option<Vec3>),
+    ) -> Result<(Material, Placement)> {
         let open = |picture| pictures.texture(picture, "the material has its Kd alone");
         let texture = self.texture.as_ref().map(open).transpose()?.flatten();
         let mut placement = self.texture.as_ref().filter(|_| texture.is_some()).map(|picture| picture.placement);
@@ -81,10 +91,11 @@ impl Statements {
         // A texture without `Kd` shows its own colours.
         let unsaid = if texture.is_some() { Vec3::ONE } else { Material::GREY };
         let gloss = self.optics.iter().map(|(keyword, _, text)| (*keyword, text.as_str()));
-        let mut unshaded = self.unshaded.notes(surface, gloss);
-        if let Some((name, _)) = self.texture.as_ref().zip(texture).filter(|&(_, texture)| pictures.has_alpha(texture)) {
-            unshaded.push(format!("alpha of {}", name.base()));
-        }
+        let mut unshaded = std::mem::take(&mut self.unshaded).notes(surface, gloss);
+        let opacity = match surface {
+            Surface::Glass { .. } => Opacity::default(),
+            _ => self.opacity(pictures, texture, &mut placement, &mut unshaded)?,
+        };
         if let Some(picture) = &self.glow {
             unshaded.push(format!("emission map {}", picture.base()));
         }
@@ -94,6 +105,7 @@ impl Statements {
             albedo: reflectance.or(self.diffuse).unwrap_or(unsaid),
             emission,
             albedo_texture: texture,
+            opacity,
             gloss,
             normal_map,
             surface,
@@ -101,6 +113,36 @@ impl Statements {
             ..Material::default()
         };
         Ok((material, placement.unwrap_or_default()))
+    }
+
+    /// How much light it stops. Without `map_d` the alpha of `texture`, that of `map_Kd`, counts. `placement` is that of the pictures so far.
+    fn opacity(
+        &self,
+        pictures: &mut Pictures,
+        texture: Option<usize>,
+        placement: &mut Option<Placement>,
+        unshaded: &mut Vec<String>,
+    ) -> Result<Opacity> {
+        let share = self.opacity.or(self.clearness).unwrap_or(1.0);
+        let mask = match &self.mask {
+            Some(mask) if placement.is_some_and(|placed| placed != mask.placement) => {
+                unshaded.push(format!("opacity map {}, placed otherwise than map_Kd", mask.base()));
+                None
+            }
+            Some(mask) => {
+                let found = pictures.mask(mask)?;
+                *placement = placement.or(found.map(|_| mask.placement));
+                found
+            }
+            None => texture.filter(|&texture| pictures.has_alpha(texture)),
+        };
+        let seen = mask.filter(|&mask| !pictures.is_clear(mask));
+        if share > 0.0 && seen == mask {
+            return Ok(Opacity { share, texture: mask, cutoff: None });
+        }
+        // Exporters write that by mistake.
+        pictures.tell_invisible(&self.name, self.opacity_line);
+        Ok(Opacity { share: if share > 0.0 { share } else { 1.0 }, texture: seen, cutoff: None })
     }
 }
 
@@ -129,6 +171,7 @@ impl MtlScanner<'_> {
             }
             return Ok(());
         }
+        let lower = keyword.to_ascii_lowercase();
         match keyword {
             "Kd" => {
                 let color = self.color("Kd", rest)?;
@@ -141,6 +184,19 @@ impl MtlScanner<'_> {
             "map_Kd" | "map_Ke" => {
                 let picture = self.picture(if keyword == "map_Kd" { "map_Kd" } else { "map_Ke" }, rest)?;
                 *(if keyword == "map_Kd" { &mut self.last().texture } else { &mut self.last().glow }) = picture;
+            }
+            _ if matches!(lower.as_str(), "d" | "tr") => {
+                let share = self.share(keyword, rest)?;
+                let is_opacity = lower == "d";
+                let (line, last) = (self.line, self.last());
+                last.opacity_line = line;
+                *(if is_opacity { &mut last.opacity } else { &mut last.clearness }) =
+                    share.map(|share| if is_opacity { share } else { 1.0 - share });
+            }
+            _ if matches!(lower.as_str(), "map_d" | "map_tr" | "map_opacity") => {
+                let picture = self.picture("map_d", rest)?;
+                let (line, last) = (self.line, self.last());
+                (last.opacity_line, last.mask) = (line, picture);
             }
             _ => {
                 let line = self.line;
@@ -196,6 +252,21 @@ impl MtlScanner<'_> {
                 Ok((Surface::Glass { index: Surface::GLASS_INDEX, filter }, None))
             }
         }
+    }
+
+    /// A share of the light, brought into its range. `None` if there is none to understand.
+    fn share(&mut self, keyword: &str, text: &str) -> Result<Option<f32>> {
+        let cure = "give a number from 0 to 1";
+        let word = words(text.trim_start_matches("-halo")).next().unwrap_or_default();
+        let problem = || format!("{keyword} has the value {word}");
+        let (Word::Number(value) | Word::Odd(value)) = read(word) else {
+            self.mend("opacity", &problem, "it is left out", cure)?;
+            return Ok(None);
+        };
+        if !(0.0..=1.0).contains(&value) {
+            self.mend("opacity", &problem, "it is clamped to 0 to 1", cure)?;
+        }
+        Ok(Some(value.clamp(0.0, 1.0) as f32).filter(|share| share.is_finite()))
     }
 
     /// A colour, brought into its range. `None` if there is none to understand.

@@ -134,6 +134,26 @@ impl<'a, 'b> Pictures<'a, 'b> {
         Ok(Some(radiance))
     }
 
+    /// The index of a texture whose alpha is the opacity that a picture says. `None` if it is opaque everywhere, or, with a warning, if it cannot be read.
+    pub fn mask(&mut self, picture: &PictureName) -> Result<Option<usize>> {
+        let loaded = self.open(picture, "the material is as opaque as its d", |loader, path, named_at| {
+            loader.textures.load_opacity(path, named_at, picture.sampler)
+        });
+        Ok(loaded?.flatten())
+    }
+
+    /// Whether a texture stops no light at all.
+    pub fn is_clear(&self, texture: usize) -> bool {
+        self.loader.textures.list[texture].is_clear()
+    }
+
+    /// Warns of a material that would be invisible.
+    pub fn tell_invisible(&mut self, name: &str, line: usize) {
+        let place = Place { path: self.files[0], line: (line > 0).then_some(line) };
+        let text = || format!("material \"{name}\" would be invisible, by d, Tr or the alpha of its picture, which is ignored");
+        self.loader.warnings.tell(place, "invisible", &text);
+    }
+
     /// A texture that was loaded.
     pub fn picture(&self, texture: usize) -> &ImageTexture {
         &self.loader.textures.list[texture]

@@ -7,9 +7,6 @@ use crate::scene::Surface;
 /// What one material says.
 #[derive(Default)]
 pub struct Unshaded {
-    opacity: Option<f32>,
-    /// From `Tr`, which `d` overrides.
-    transparency: Option<f32>,
     /// Kinds with their values; the last statement of a kind counts.
     notes: Vec<(&'static str, String)>,
 }
@@ -18,7 +15,7 @@ impl Unshaded {
     /// Reads a statement, if it is one of these.
     pub fn note(&mut self, keyword: &str, text: &str) {
         let number = || {
-            words(text.trim_start_matches("-halo")).next().and_then(|word| match read(word) {
+            words(text).next().and_then(|word| match read(word) {
                 Word::Number(value) | Word::Odd(value) if value.is_finite() => Some(value as f32),
                 _ => None,
             })
@@ -29,11 +26,8 @@ impl Unshaded {
             }
         };
         match keyword.to_ascii_lowercase().as_str() {
-            "d" => self.opacity = number(),
-            "tr" => self.transparency = number(),
             "ps" => unless("sheen", 0.0),
             "pc" => unless("clear coat", 0.0),
-            "map_d" | "map_tr" | "map_opacity" => self.picture("opacity map", text),
             "disp" | "map_disp" => self.picture("displacement map", text),
             "map_ks" => self.picture("highlight map", text),
             "map_ns" => self.picture("gloss map", text),
@@ -57,10 +51,6 @@ impl Unshaded {
     /// All notes on a material of this surface. `gloss` are its statements about mirrors, which a diffuse surface takes for highlights.
     pub fn notes<'a>(self, surface: Surface, gloss: impl Iterator<Item = (&'a str, &'a str)>) -> Vec<String> {
         let mut notes = Vec::new();
-        let opacity = self.opacity.or(self.transparency.map(|transparency| 1.0 - transparency));
-        if let Some(opacity) = opacity.filter(|&opacity| opacity < 1.0 && !matches!(surface, Surface::Glass { .. })) {
-            notes.push(format!("opacity {}", opacity.max(0.0)));
-        }
         let (mut illum, mut color, mut exponent) = ("", "", "");
         for (keyword, text) in gloss {
             match keyword {

@@ -45,6 +45,9 @@
 //! two_sided = true             # emits from the back too; false by default
 //! flip = false                 # the default; true: fronts of this material's surfaces become backs
 //! albedo_texture = "tiles.png"
+//! opacity = 1                  # share of the light that it stops; 1 by default
+//! opacity_texture = "leaf.png" # its alpha, or its grey if it has none, multiplies the opacity
+//! cutoff = 0.5                 # what is less opaque is not there, and all else is opaque; default: a share of the light passes
 //! roughness = 0.3              # with any of these five keys the surface is glossy: metallic-roughness as in glTF 2.0; default: that of the model, or 1
 //! metallic = 0                 # 1 is a metal, which reflects its albedo; default: that of the model, or 0
 //! specular = 0.04              # reflectance of a dielectric straight on, a number or [r, g, b]; default: that of the model, or 0.04
@@ -72,7 +75,7 @@ use lights::{LightTable, SkyTable, SunTable};
 use super::{Loader, Unread, beside, format_of, names, obj};
 use crate::error::{Error, Result};
 use crate::file::{MOST_BYTES, MOST_WORDS};
-use crate::scene::{Camera, Environment, Lens, NormalMap, Surface, World, WorldCamera};
+use crate::scene::{Camera, Environment, Lens, NormalMap, Sampler, Surface, World, WorldCamera};
 use crate::settings::{Exposure, Settings};
 
 #[derive(Deserialize)]
@@ -124,6 +127,9 @@ struct MaterialTable {
     #[serde(default)]
     flip: bool,
     albedo_texture: Option<Spanned<String>>,
+    opacity: Option<Spanned<f32>>,
+    opacity_texture: Option<Spanned<String>>,
+    cutoff: Option<Spanned<f32>>,
     roughness: Option<Spanned<f32>>,
     metallic: Option<Spanned<f32>>,
     specular: Option<Spanned<[f32; 3]>>,
@@ -317,6 +323,17 @@ pub fn load(loader: &mut Loader, path: &Path) -> Result<(World, Settings)> {
         if let Some(specular) = table.specular {
             let cure = "give a reflectance from 0 to 1, or one for each of red, green and blue";
             material.own_gloss().specular = color(specular, "specular", 0.0..=1.0, cure)?;
+        }
+        if let Some(opacity) = table.opacity {
+            material.opacity.share = share(opacity, "opacity")?;
+        }
+        if let Some(cutoff) = table.cutoff {
+            material.opacity.cutoff = Some(share(cutoff, "cutoff")?);
+        }
+        if let Some(name) = table.opacity_texture {
+            let named_at = format!("{}:{}", path.display(), source.line(&name.span()));
+            let picture = beside(path, name.get_ref());
+            material.opacity.texture = loader.textures.load_opacity(&picture, &named_at, Sampler::default())?;
         }
         let mut picture = |name: Spanned<String>| {
             let named_at = format!("{}:{}", path.display(), source.line(&name.span()));
