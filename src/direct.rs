@@ -84,7 +84,7 @@ impl Direct {
             return Ok(vec![Vec3::ZERO; (width * height) as usize]);
         }
         let tables = geometry.ray_tables()?;
-        let of_ray = lights.count().div_ceil(EMITTERS).clamp(1, LIGHTS);
+        let of_ray = lights.pieces().div_ceil(EMITTERS).clamp(1, LIGHTS);
         let in_draw = LIGHTS / of_ray * of_ray;
         let squares = Interleave::new(STRIDE, points.size(), self.seed);
         let sums = Accumulator::new(&self.gpu, squares.sums_size())?;

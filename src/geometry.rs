@@ -94,7 +94,7 @@ impl Geometry {
                 [0.0; 4],
                 [0.0; 4],
                 [0.0; 4],
-                [0.0; 4],
+                texture_entry(material.emission_texture),
                 [0.0; 4],
             ]
         };

@@ -79,7 +79,7 @@ pub enum Consumer {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct HitRadiance {
     pub source: RadianceSource,
-    /// Whether the scene has albedo textures.
+    /// Whether textures vary the albedo, or the emission that spherical harmonics hold.
     pub textured: bool,
 }
 

@@ -33,7 +33,8 @@ Surface fetch_surface(int triangle)
 // 0: albedo; a: bits of what varies it, 1 a texture, 2 vertex colours
 // 1: emission; a: 1 if the back emits
 // 2: albedo texture
-// 3 to 7: not used
+// 6: emission texture; zero without one
+// 3 to 5 and 7: not used
 ivec2 material_texel(Surface surface)
 {
     return table_texel(2 * surface.material);
@@ -56,8 +57,8 @@ vec3 vertex_color(int triangle, vec3 position)
     return clamp(color, 0.0, 1.0);
 }
 
-// The radiance that the front or the back emits.
-vec3 emission(Surface surface, bool front)
+// The radiance that the front or the back emits, without its texture, which multiplies it.
+vec3 plain_emission(Surface surface, bool front)
 {
     vec4 emitted = texelFetch(materials, material_texel(surface) + ivec2(1, 0), 0);
     return front || emitted.a > 0.0 ? emitted.rgb : vec3(0.0);

@@ -52,6 +52,7 @@ impl PixelSource {
         Ok(match self {
             Self::Camera(points, uploaded) => {
                 let mut g_buffer = points.see(geometry, camera, offset);
+                g_buffer.add_pictures_of_emission(scene);
                 g_buffer.add_environment(scene, camera, size, offset);
                 if let Some(ground) = ground {
                     g_buffer.add_ground(&ground, camera, size, offset);

@@ -100,8 +100,25 @@ impl Scene {
         let &Material { albedo, albedo_texture, .. } = self.material(triangle);
         let albedo = albedo * self.mesh.color(triangle, barycentric);
         let Some(texture) = albedo_texture else { return albedo };
-        let [a, b, c] = self.mesh.triangles[triangle].vertices.map(|vertex| self.mesh.uvs[vertex as usize]);
-        albedo * self.textures[texture].sample_linear(a * barycentric.x + b * barycentric.y + c * barycentric.z)
+        albedo * self.textures[texture].sample_linear(self.mesh.uv(triangle, barycentric))
+    }
+
+    /// Radiance that the front or the back emits at a point of a triangle, from its barycentric coordinates. The twin of `emission` in
+    /// `glsl/include/albedo.glsl`.
+    pub fn emission(&self, triangle: usize, barycentric: Vec3, front: bool) -> Vec3 {
+        let material = self.material(triangle);
+        let emission = material.emission_of(front);
+        match material.emission_texture {
+            Some(texture) if emission != Vec3::ZERO => {
+                emission * self.textures[texture].sample_linear(self.mesh.uv(triangle, barycentric))
+            }
+            _ => emission,
+        }
+    }
+
+    /// Whether the emission varies over a triangle, by textures.
+    pub fn has_pictures_of_emission(&self) -> bool {
+        self.materials.iter().any(|material| material.emission_texture.is_some() && material.is_emissive())
     }
 
     /// Whether the albedo varies over a triangle, by textures or vertex colours.

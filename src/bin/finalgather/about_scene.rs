@@ -68,7 +68,7 @@ fn about(world: &World, prepared: &Prepared, estimate: &Estimate) -> Value {
         "textures": world.textures.iter().map(|texture| json!([texture.width, texture.height])).collect::<Vec<_>>(),
         "cameras": world.cameras.iter().map(|(name, one)| camera(name, one)).collect::<Vec<_>>(),
         "lights": prepared.lights.count(),
-        "emitted_power": world.materials.iter().zip(&areas).map(|(one, &(_, area))| emitted(one, area)).sum::<Vec3>().to_array(),
+        "emitted_power": world.materials.iter().zip(&areas).map(|(one, &(_, area))| emitted(world, one, area)).sum::<Vec3>().to_array(),
         "environment": world.environment.as_ref().map(mean_radiance),
         "light_map": {
             "side": LIGHT_MAP_SIDE,
@@ -108,6 +108,7 @@ fn material(one: &Material, (triangles, area): (usize, f64)) -> Value {
         "name": one.name,
         "albedo": one.albedo.to_array(),
         "emission": one.emission.to_array(),
+        "emission_texture": one.emission_texture,
         "two_sided": one.two_sided,
         "texture": one.albedo_texture,
         "surface": surface,
@@ -122,9 +123,9 @@ fn camera(name: &str, one: &WorldCamera) -> Value {
 }
 
 /// Flux in W of each channel.
-fn emitted(one: &Material, area: f64) -> Vec3 {
+fn emitted(world: &World, one: &Material, area: f64) -> Vec3 {
     let sides = if one.two_sided { 2.0 } else { 1.0 };
-    one.emission * (std::f64::consts::PI * area * sides) as f32
+    one.mean_emission(&world.textures) * (std::f64::consts::PI * area * sides) as f32
 }
 
 /// Mean of the radiance over directions and channels.
@@ -195,7 +196,8 @@ fn line_of_material(one: &Value, textures: &[Value]) -> String {
     }
     if vector(&one["emission"]) != DVec3::ZERO {
         let sides = if one["two_sided"] == true { " from both sides" } else { "" };
-        parts.push(format!("emits {}{sides}", rgb(&one["emission"])));
+        let picture = if one["emission_texture"].is_null() { "" } else { " times a picture" };
+        parts.push(format!("emits {}{picture}{sides}", rgb(&one["emission"])));
     }
     if one["surface"] != "diffuse" {
         parts.push(text(&one["surface"]));

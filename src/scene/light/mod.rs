@@ -13,6 +13,7 @@ use super::{Path, RAY_OFFSET, Scene};
 mod area;
 mod environment;
 mod focus;
+mod pieces;
 
 use area::{AreaLight, LightPoint};
 pub use environment::Environment;
@@ -154,8 +155,16 @@ impl Lights {
 
     /// Number of sides of triangles that emit.
     pub fn count(&self) -> usize {
-        let sides = |(light, _): &(Light, f32)| if let Light::Area(area) = light { area.sides.len() } else { 0 };
-        self.lights.iter().map(sides).sum()
+        self.area().map_or(0, AreaLight::triangle_sides)
+    }
+
+    /// The same, in which each piece of a triangle with a picture of emission counts.
+    pub fn pieces(&self) -> usize {
+        self.area().map_or(0, |area| area.sides.len())
+    }
+
+    fn area(&self) -> Option<&AreaLight> {
+        self.lights.iter().find_map(|(light, _)| if let Light::Area(area) = light { Some(area) } else { None })
     }
 
     /// Whether there is direct light.

@@ -34,7 +34,7 @@ impl FileMaterials {
         let mut materials = Self { list: Vec::new(), looks: Vec::new() };
         for (index, json) in buffers.document.root.materials.iter().enumerate() {
             let (material, coordinates) =
-                MaterialReading { json, images: &mut images, unshaded: Vec::new() }.load(loader, index)?;
+                MaterialReading { json, images: &mut images, coordinates: None, unshaded: Vec::new() }.load(loader, index)?;
             materials.looks.push(Look { material: index as u32, coordinates });
             materials.list.push(material);
         }
@@ -58,11 +58,13 @@ impl FileMaterials {
 struct MaterialReading<'a, 'b, 'c> {
     json: &'a JsonMaterial,
     images: &'a mut Images<'b, 'c>,
+    /// Those of the textures so far. All textures of a material share them.
+    coordinates: Option<(u32, Affine2)>,
     unshaded: Vec<String>,
 }
 
 impl MaterialReading<'_, '_, '_> {
-    /// The material, and the coordinates of its texture.
+    /// The material, and the coordinates of its textures.
     fn load(mut self, loader: &mut Loader, index: usize) -> Result<(Material, Option<(u32, Affine2)>)> {
         let json = self.json;
         let none = extension::Material::default();
@@ -73,12 +75,12 @@ impl MaterialReading<'_, '_, '_> {
             None => (base.base_color_factor.0, base.base_color_texture.as_ref()),
         };
         let mut albedo = shares(factor);
-        let (mut albedo_texture, mut coordinates) = (None, None);
+        let mut albedo_texture = None;
         if let Some(info) = texture {
             albedo_texture = self.images.texture(loader, info.index.value())?;
-            coordinates = albedo_texture.map(|_| coordinates_of(info));
+            self.coordinates = albedo_texture.map(|_| coordinates_of(info));
         }
-        let emission = self.emission(loader, extensions)?;
+        let (emission, emission_texture) = self.emission(loader, extensions)?;
         let surface = self.surface(extensions, albedo, texture.is_some());
         self.note_reflection(extensions, surface);
         self.note_rest(extensions, factor[3]);
@@ -87,24 +89,45 @@ impl MaterialReading<'_, '_, '_> {
         }
         let name = json.name.clone().filter(|name| !name.is_empty()).unwrap_or_else(|| format!("material {index}"));
         let two_sided = json.double_sided && emission != Vec3::ZERO;
-        let material =
-            Material { name, albedo, emission, two_sided, albedo_texture, surface, unshaded: self.unshaded, ..Material::default() };
-        Ok((material, coordinates))
+        let material = Material {
+            name,
+            albedo,
+            emission,
+            two_sided,
+            albedo_texture,
+            emission_texture,
+            surface,
+            unshaded: self.unshaded,
+            ..Material::default()
+        };
+        Ok((material, self.coordinates))
     }
 
-    fn emission(&mut self, loader: &mut Loader, extensions: &extension::Material) -> Result<Vec3> {
+    /// The emission, and the texture that multiplies it.
+    fn emission(&mut self, loader: &mut Loader, extensions: &extension::Material) -> Result<(Vec3, Option<usize>)> {
         let strength = extensions.emissive_strength.as_ref().map_or(1.0, |strength| strength.emissive_strength.0);
         let radiance = |factor: f32| if factor > 0.0 { (factor * strength).clamp(0.0, f32::MAX) } else { 0.0 };
         let emission = Vec3::from(self.json.emissive_factor.0.map(radiance));
-        let Some(info) = self.json.emissive_texture.as_ref().filter(|_| emission != Vec3::ZERO) else { return Ok(emission) };
-        let mean = self.images.mean(loader, info.index.value())?.unwrap_or(Vec3::ONE);
-        let name = self.images.name(info.index.value());
-        if (emission * mean).max_element() < Material::LEAST_GLOW {
-            self.note(format!("emission texture {name}, which is too dark for a lamp"));
-            return Ok(Vec3::ZERO);
+        let Some(info) = self.json.emissive_texture.as_ref().filter(|_| emission != Vec3::ZERO) else {
+            return Ok((emission, None));
+        };
+        let (texture, coordinates) = (info.index.value(), coordinates_of(info));
+        if self.coordinates.is_none_or(|others| others == coordinates) {
+            let Some(texture) = self.images.texture(loader, texture)? else { return Ok((emission, None)) };
+            if !loader.textures.shines(texture) {
+                return Ok((Vec3::ZERO, None));
+            }
+            self.coordinates = Some(coordinates);
+            return Ok((emission, Some(texture)));
         }
-        self.note(format!("emission texture {name}, of which the mean colour shines"));
-        Ok(emission * mean)
+        let mean = self.images.mean(loader, texture)?.unwrap_or(Vec3::ONE);
+        let name = self.images.name(texture);
+        if (emission * mean).max_element() < Material::LEAST_GLOW {
+            self.note(format!("emission texture {name}, with other coordinates than the base colour and too dark for a lamp"));
+            return Ok((Vec3::ZERO, None));
+        }
+        self.note(format!("emission texture {name}, with other coordinates than the base colour: the mean colour shines"));
+        Ok((emission * mean, None))
     }
 
     fn surface(&self, extensions: &extension::Material, base: Vec3, textured: bool) -> Surface {

@@ -1,6 +1,6 @@
 //! Reads materials from material libraries (MTL). [`load`] is the entry point.
 //!
-//! Shaded statements: `Kd`, `Ke`, `map_Kd`, and of `map_Ke` its mean. `illum` 3 or 5 is a mirror, 4, 6 or 7 glass. Only these use `Ks` (mirror
+//! Shaded statements: `Kd`, `Ke`, `map_Kd`, `map_Ke`. `illum` 3 or 5 is a mirror, 4, 6 or 7 glass. Only these use `Ks` (mirror
 //! reflectance), `Ni` (index of refraction), `Tf` (filter) and `Ns` (sharp or glossy). Only glass has a Fresnel term, not `illum` 5.
 //! `unshaded.rs` notes what is read and not shaded, and `picture.rs` reads the statements that name pictures.
 
@@ -69,10 +69,13 @@ struct Statements {
 impl Statements {
     /// The material, with the surface kind and the reflectance if that is not `Kd`.
     fn finish(self, pictures: &mut Pictures, (surface, reflectance): (Surface, Option<Vec3>)) -> Result<(Material, Placement)> {
-        let texture = self.texture.as_ref().map(|picture| pictures.texture(picture)).transpose()?.flatten();
-        let mut emission = self.emission.unwrap_or(Vec3::ZERO);
+        let open = |picture| pictures.texture(picture, "the material has its Kd alone");
+        let texture = self.texture.as_ref().map(open).transpose()?.flatten();
+        let mut placement = self.texture.as_ref().filter(|_| texture.is_some()).map(|picture| picture.placement);
+        let (mut emission, mut emission_texture) = (self.emission.unwrap_or(Vec3::ZERO), None);
         if let Some(picture) = &self.glow {
-            emission = pictures.glow(picture, self.emission)?.unwrap_or(emission);
+            (emission, emission_texture) = pictures.glow(picture, self.emission, placement)?;
+            placement = placement.or(emission_texture.map(|_| picture.placement));
         }
         // A texture without `Kd` shows its own colours.
         let unsaid = if texture.is_some() { Vec3::ONE } else { Material::GREY };
@@ -81,7 +84,7 @@ impl Statements {
         if let Some((name, _)) = self.texture.as_ref().zip(texture).filter(|&(_, texture)| pictures.has_alpha(texture)) {
             unshaded.push(format!("alpha of {}", name.base()));
         }
-        if let Some(picture) = &self.glow {
+        if let Some(picture) = self.glow.as_ref().filter(|_| emission_texture.is_none()) {
             unshaded.push(format!("emission map {}", picture.base()));
         }
         let material = Material {
@@ -89,11 +92,12 @@ impl Statements {
             albedo: reflectance.or(self.diffuse).unwrap_or(unsaid),
             emission,
             albedo_texture: texture,
+            emission_texture,
             surface,
             unshaded,
             ..Material::default()
         };
-        Ok((material, self.texture.filter(|_| texture.is_some()).map(|picture| picture.placement).unwrap_or_default()))
+        Ok((material, placement.unwrap_or_default()))
     }
 }
 

@@ -26,6 +26,7 @@
 //! two_sided = true             # emits from the back too; false by default
 //! flip = false                 # the default; true: fronts of this material's surfaces become backs
 //! albedo_texture = "tiles.png"
+//! emission_texture = "screen.png"  # multiplies the emission, which is then 1 by default
 //! surface = "mirror"           # or "diffuse", or { glass = { index = 1.5, filter = [1, 1, 1] } }; a mirror reflects its albedo
 //! ```
 
@@ -93,6 +94,7 @@ struct MaterialTable {
     #[serde(default)]
     flip: bool,
     albedo_texture: Option<Spanned<String>>,
+    emission_texture: Option<Spanned<String>>,
     surface: Option<Spanned<SurfaceTable>>,
 }
 
@@ -214,13 +216,25 @@ pub fn load(loader: &mut Loader, path: &Path) -> Result<(World, Settings)> {
             let sound = value.get_ref().iter().all(|value| accepted.contains(value));
             sound.then_some(color).ok_or_else(|| error(value.span(), format!("{what} is {color}"), cure))
         };
+        let emission_is_pictured = table.emission_texture.is_some();
         if let Some(albedo) = table.albedo {
             let cure = "give a reflectance from 0 to 1 for each of red, green and blue";
             material.albedo = color(albedo, "albedo", 0.0..=1.0, cure)?;
         }
+        let mut texture = |name: Spanned<String>| {
+            let named_at = format!("{}:{}", path.display(), source.line(&name.span()));
+            loader.textures.load(&beside(path, name.get_ref()), &named_at)
+        };
+        material.albedo_texture = table.albedo_texture.map(&mut texture).transpose()?.or(material.albedo_texture);
+        material.emission_texture = table.emission_texture.map(&mut texture).transpose()?.or(material.emission_texture);
         if let Some(emission) = table.emission {
             let cure = "give a finite radiance of 0 or more for each of red, green and blue";
             material.emission = color(emission, "emission", 0.0..=f32::MAX, cure)?;
+        } else if emission_is_pictured && !material.is_emissive() {
+            material.emission = Vec3::ONE;
+        }
+        if material.emission_texture.is_some_and(|texture| !loader.textures.shines(texture)) {
+            (material.emission, material.emission_texture) = (Vec3::ZERO, None);
         }
         if let Some(two_sided) = table.two_sided {
             material.two_sided = *two_sided.get_ref();
@@ -231,10 +245,6 @@ pub fn load(loader: &mut Loader, path: &Path) -> Result<(World, Settings)> {
         }
         if table.flip {
             world.meshes.iter_mut().for_each(|mesh| mesh.turn(|triangle| triangle.material as usize == index));
-        }
-        if let Some(texture) = table.albedo_texture {
-            let named_at = format!("{}:{}", path.display(), source.line(&texture.span()));
-            material.albedo_texture = Some(loader.textures.load(&beside(path, texture.get_ref()), &named_at)?);
         }
         if let Some(surface) = table.surface {
             let kind = match *surface.get_ref() {
