@@ -1,7 +1,7 @@
 //! Direct light: irradiance from samples on the lights, with exact shadow rays. Mirrors `glsl/direct.frag`.
 //!
 //! E(x) = 1/S Σ L A/p cos θ cos θ' / r² V over S samples of the area lights. A bright part of the environment has no distance: there the term is
-//! L Ω/p cos θ V.
+//! L Ω/p cos θ V. A point or spot has an intensity I and no area: I/p cos θ c / r² V, where c is the share of it in this direction.
 //!
 //! Of many lamps most are far, and rays to them would be wasted. So several samples share a ray: a point casts it to one of them, chosen by the light
 //! that it would bring, and what the ray finds counts for all. The mean is the same (Talbot, Cline and Egbert 2005, "Importance resampling for global
@@ -9,6 +9,10 @@
 //!
 //! Samples are points of one Sobol' sequence, of which each pixel of a square of 4 × 4 takes a run of its own. So neighbours have different samples,
 //! a soft shadow has fine grain and no bands, and a square together has sixteen times the samples of a point.
+
+use std::cell::RefCell;
+use std::collections::HashMap;
+use std::rc::Rc;
 
 use glam::{Vec3, Vec4};
 
@@ -18,7 +22,7 @@ use crate::gpu::{Gpu, Program, Uniform};
 use crate::points::{Accumulator, Interleave, Points, Subset};
 use crate::random::{shuffled, sobol};
 use crate::scene::{LightSample, Lights};
-use crate::shaders;
+use crate::shaders::DirectVariant;
 
 /// Side in pixels of the squares whose pixels have different samples.
 const STRIDE: u32 = 4;
@@ -33,7 +37,8 @@ const EMITTERS: usize = 4;
 /// Computes the irradiance from the lights at gather points.
 pub struct Direct {
     gpu: Gpu,
-    program: Program,
+    /// Compiled when the first scene needs them.
+    programs: RefCell<HashMap<DirectVariant, Rc<Program>>>,
     seed: u64,
 }
 
@@ -71,23 +76,50 @@ impl Direct {
     /// # Errors
     /// When the program does not compile.
     pub fn new(gpu: &Gpu, seed: u64) -> Result<Self> {
-        Ok(Self { gpu: gpu.clone(), program: Program::new(gpu, &shaders::DIRECT)?, seed: seed ^ 0xd1ec7 })
+        let direct = Self { gpu: gpu.clone(), programs: RefCell::default(), seed: seed ^ 0xd1ec7 };
+        direct.program(DirectVariant::default())?;
+        Ok(direct)
+    }
+
+    fn program(&self, variant: DirectVariant) -> Result<Rc<Program>> {
+        let known = self.programs.borrow().get(&variant).map(Rc::clone);
+        known.map_or_else(
+            || {
+                let program = Rc::new(Program::new(&self.gpu, &variant.source())?);
+                self.programs.borrow_mut().insert(variant, Rc::clone(&program));
+                Ok(program)
+            },
+            Ok,
+        )
     }
 
     /// The mean irradiance of a share of the samples at each of `points`, row by row.
     ///
     /// # Errors
-    /// When the device has no memory left or the scene exceeds its limits.
+    /// When the device has no memory left, the scene exceeds its limits, or its program does not compile.
     pub fn irradiance(&self, geometry: &Geometry, lights: &Lights, share: SampleShare, points: Points) -> Result<Vec<Vec3>> {
+        let [irradiance, _] = self.light(geometry, lights, share, points)?;
+        Ok(irradiance)
+    }
+
+    /// The same, and the radiance that the lobes of points with gloss reflect. Their irradiance is what passes the lobe. Without gloss the second is empty.
+    ///
+    /// # Errors
+    /// As [`Self::irradiance`].
+    pub fn light(&self, geometry: &Geometry, lights: &Lights, share: SampleShare, points: Points) -> Result<[Vec<Vec3>; 2]> {
+        let outputs = if points.gloss.is_some() { 2 } else { 1 };
         if !lights.are_sampled() {
             let [width, height] = points.size();
-            return Ok(vec![Vec3::ZERO; (width * height) as usize]);
+            let dark = |output: usize| vec![Vec3::ZERO; if output < outputs { (width * height) as usize } else { 0 }];
+            return Ok([dark(0), dark(1)]);
         }
+        let share = if lights.are_one_point() { SampleShare { samples: share.parts, ..share } } else { share };
         let tables = geometry.ray_tables()?;
+        let program = self.program(DirectVariant { punctual: lights.have_cones(), gloss: points.gloss.is_some() })?;
         let of_ray = lights.pieces().div_ceil(EMITTERS).clamp(1, LIGHTS);
         let in_draw = LIGHTS / of_ray * of_ray;
         let squares = Interleave::new(STRIDE, points.size(), self.seed);
-        let sums = Accumulator::new(&self.gpu, squares.sums_size())?;
+        let sums = Accumulator::several(&self.gpu, squares.sums_size(), outputs)?;
         sums.clear();
         let mut draws = 0;
         for y in 0..STRIDE {
@@ -98,8 +130,8 @@ impl Direct {
                 for (index, batch) in lamps.chunks(in_draw).chain(sky.chunks(in_draw)).enumerate() {
                     let each = |value: fn(&LightSample) -> Vec4| batch.iter().map(value).collect::<Vec<_>>();
                     let places = each(|sample| sample.place);
-                    let normals = each(|sample| sample.normal.extend(0.0));
-                    let weights = each(|sample| sample.weight.extend(0.0));
+                    let normals = each(|sample| sample.normal.extend(sample.cone[0]));
+                    let weights = each(|sample| sample.weight.extend(sample.cone[1]));
                     let own = [
                         ("light_places", Uniform::Vec4s(&places)),
                         ("light_normals", Uniform::Vec4s(&normals)),
@@ -110,7 +142,7 @@ impl Direct {
                         ("choice", Uniform::Float((0.618_034 * (index * in_draw / of_ray) as f32).fract())),
                     ];
                     let subset = points.only(Subset { stride: STRIDE, offset: [x, y] });
-                    sums.add(subset, &self.program, &[&own[..], &tables.uniforms()].concat());
+                    sums.add(subset, &program, &[&own[..], &tables.uniforms()].concat());
                     // Draws of few points are not measured, but their rays take long on slow devices.
                     draws += 1;
                     if draws % DRAWS == 0 {
@@ -120,7 +152,8 @@ impl Direct {
             }
         }
         let mean = 1.0 / (share.rays() * of_ray as u32) as f32;
-        Ok(squares.in_order(sums.read()).into_iter().map(|sum| mean * sum.truncate()).collect())
+        let mut all = sums.read_all().map(|sums| squares.in_order(sums).into_iter().map(|sum| mean * sum.truncate()).collect());
+        Ok([all.next().unwrap_or_default(), all.next().unwrap_or_default()])
     }
 
     fn sample(&self, lights: &Lights, place: u32) -> LightSample {

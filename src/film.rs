@@ -21,6 +21,8 @@ pub struct Film {
     directions: u32,
     /// Row by row from the top.
     pixels: Vec<Pixel>,
+    /// Sums of lobes, in scenes with gloss; else empty.
+    lobes: Vec<LobePixel>,
 }
 
 /// The sums of one pixel, weighted as the module's documentation says.
@@ -48,6 +50,34 @@ struct Pixel {
     position: Vec3,
 }
 
+/// The sums of the lobes at one pixel, as those of [`Pixel`] for bases.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+struct LobePixel {
+    indirect: Vec3,
+    /// For each channel: the Fresnel term weighs them differently.
+    weight: Vec3,
+    /// Directions of blocks in which the pixel has a lobe.
+    gathered: f32,
+}
+
+/// What the lobes of a block's pixels reflect, row by row from the bottom.
+pub struct LobeSums {
+    /// rgb: Σ radiance × weight, over what the lobe reflects of even light.
+    pub lobes: Vec<Vec4>,
+    /// rgb: Σ weight, over the same.
+    pub weights: Vec<Vec4>,
+    /// Radiance that comes from lights and caustics, without the path's throughput.
+    pub direct: [Vec<Vec3>; 2],
+}
+
+impl LobePixel {
+    fn indirect(&self, total: f32) -> Vec3 {
+        let mean = Vec3::select(self.weight.cmpgt(Vec3::ZERO), self.indirect / self.weight, Vec3::ZERO);
+        mean * (self.gathered / total)
+    }
+}
+
 impl Pixel {
     fn indirect(&self, total: f32) -> Vec3 {
         quotient(self.indirect, self.weight) * (self.gathered / total)
@@ -68,19 +98,19 @@ fn quotient(sum: Vec3, by: f32) -> Vec3 {
 }
 
 impl Film {
-    /// Bytes of so many pixels.
-    pub fn bytes(pixels: usize) -> usize {
-        size_of::<Pixel>() * pixels
+    /// Bytes of so many pixels, in a scene with gloss or without.
+    pub fn bytes(pixels: usize, glossy: bool) -> usize {
+        (size_of::<Pixel>() + if glossy { size_of::<LobePixel>() } else { 0 }) * pixels
     }
 
     /// A film of no blocks.
     pub fn empty(size: [u32; 2]) -> Self {
         let [width, height] = size.map(|side| side as usize);
-        Self { size: [width, height], directions: 0, pixels: vec![Pixel::default(); width * height] }
+        Self { size: [width, height], directions: 0, pixels: vec![Pixel::default(); width * height], lobes: Vec::new() }
     }
 
     /// The sums of one block of `directions`. `direct` is the irradiance from the lights, `photon_map` that of the photon map, `caustics` that of
-    /// caustics, and `gathered` the sums of the gather. `ground`: the light of pixels that see the ground, and what it would be without the scene.
+    /// caustics, and `gathered` the sums of the gather. `ground`: the light of pixels that see the ground, and what it would be without the scene. `lobes`: in scenes with gloss.
     pub fn of_block(
         size: [u32; 2],
         g_buffer: &GBuffer,
@@ -89,12 +119,22 @@ impl Film {
         caustics: &[Vec3],
         ground: &[Option<[f32; 2]>],
         (gathered, directions): (&[Vec4], u32),
+        lobes: Option<&LobeSums>,
     ) -> Self {
         let [width, height] = size.map(|side| side as usize);
         let n = directions as f32;
+        // The GL side counts rows from the bottom.
+        let from_below = |i: usize| (height - 1 - i / width) * width + i % width;
+        let lobe_pixel = |sums: &LobeSums, i: usize| {
+            let gloss = &g_buffer.gloss[i];
+            LobePixel {
+                indirect: gloss.throughput * gloss.lobe_share() * sums.lobes[i].truncate(),
+                weight: sums.weights[i].truncate(),
+                gathered: if gloss.counts { n } else { 0.0 },
+            }
+        };
         let pixel = |i: usize| {
-            // The GL side counts rows from the bottom.
-            let i = (height - 1 - i / width) * width + i % width;
+            let i = from_below(i);
             let emission = n * g_buffer.emission[i].truncate();
             if g_buffer.emission[i].w == 0.0 {
                 let [light, open] = ground.get(i).copied().flatten().map_or([0.0; 2], |lights| lights.map(|light| n * light));
@@ -102,38 +142,56 @@ impl Film {
                 return Pixel { emission, environment: emission, ground, light, open, ..Pixel::default() };
             }
             let albedo = g_buffer.albedo[i].truncate();
+            let gloss = g_buffer.gloss.get(i).copied().unwrap_or_default();
+            let all = albedo + gloss.throughput * gloss.lobe_share();
+            let [lights, focused] =
+                lobes.map_or([Vec3::ZERO; 2], |sums| [0, 1].map(|part| n * gloss.throughput * sums.direct[part][i]));
             Pixel {
                 indirect: albedo * gathered[i].truncate(),
                 weight: gathered[i].w,
                 gathered: if g_buffer.normal[i].truncate() == Vec3::ZERO { 0.0 } else { n },
-                direct: n * albedo * direct[i] / PI,
-                caustics: n * albedo * caustics[i] / PI,
-                photon_map: n * albedo * photon_map[i].truncate() / PI,
+                direct: n * albedo * direct[i] / PI + lights,
+                caustics: n * albedo * caustics[i] / PI + focused,
+                photon_map: n * all * photon_map[i].truncate() / PI,
                 coverage: n,
                 emission,
                 depth: n * g_buffer.emission[i].w,
-                albedo: n * albedo,
+                albedo: n * all,
                 normal: n * g_buffer.normal[i].truncate(),
                 position: n * g_buffer.position[i].truncate(),
                 ..Pixel::default()
             }
         };
-        Self { size: [width, height], directions, pixels: (0..width * height).into_par_iter().map(pixel).collect() }
+        let all = || (0..width * height).into_par_iter();
+        let lobes = lobes.map_or_else(Vec::new, |sums| all().map(|i| lobe_pixel(sums, from_below(i))).collect());
+        Self { size: [width, height], directions, pixels: all().map(pixel).collect(), lobes }
     }
 
     /// The inverse of [`Planes::planes`]; `None` if the number of floats does not fit `size`.
     pub fn of_planes(size: [u32; 2], directions: u32, planes: &[&[f32]]) -> Option<Self> {
-        let [pixels] = planes else { return None };
+        let (pixels, lobes): (&[f32], &[f32]) = match planes {
+            [pixels] => (pixels, &[]),
+            [pixels, lobes] => (pixels, lobes),
+            _ => return None,
+        };
         let [width, height] = size.map(|side| side as usize);
         let pixels: Vec<Pixel> = bytemuck::try_cast_slice(pixels).ok()?.to_vec();
-        (pixels.len() == width * height).then_some(Self { size: [width, height], directions, pixels })
+        let lobes: Vec<LobePixel> = bytemuck::try_cast_slice(lobes).ok()?.to_vec();
+        let fits = pixels.len() == width * height && [0, pixels.len()].contains(&lobes.len());
+        fits.then_some(Self { size: [width, height], directions, pixels, lobes })
     }
 
     /// Radiance of a pixel without emission. Emission has no error except at edges, and would hide the error of the rest.
     fn reflected(&self, pixel: usize) -> Vec3 {
         let p = &self.pixels[pixel];
         let total = self.directions.max(1) as f32;
-        (p.direct + p.caustics) / total + p.indirect(total)
+        (p.direct + p.caustics) / total + self.indirect(pixel, total)
+    }
+
+    /// Indirect light of a pixel's base and lobe.
+    fn indirect(&self, pixel: usize, total: f32) -> Vec3 {
+        let base = self.pixels[pixel].indirect(total);
+        self.lobes.get(pixel).map_or(base, |lobe| base + lobe.indirect(total))
     }
 
     /// The means, as channels: `R G B` radiance = `Emission` (with the environment) + `Direct` + `Indirect` + `Caustics`; `A` coverage by
@@ -142,40 +200,39 @@ impl Film {
     /// space, the normal `N`, the position `P`, relative to [`UnitSpace::local_origin`], and the distance along the view axis `Z`.
     pub fn image(&self, space: &UnitSpace) -> Image {
         let total = self.directions.max(1) as f32;
-        let indirect = |p: &Pixel| p.indirect(total);
-        let radiance = |p: &Pixel| (p.emission + p.direct + p.caustics) / total + indirect(p);
+        let indirect: Vec<Vec3> = (0..self.pixels.len()).into_par_iter().map(|pixel| self.indirect(pixel, total)).collect();
         let seen = |p: &Pixel, value: Vec3| if p.coverage > 0.0 { value } else { Vec3::ZERO };
         let origin = space.local_origin();
         let local = |position: Vec3| (space.to_world(position) - origin).as_vec3();
 
         let [width, height] = self.size;
         let mut image = Image { width, height, channels: Vec::new() };
-        let mut push = |name: &str, value: &(dyn Fn(&Pixel) -> f32 + Sync)| {
-            let samples = self.pixels.par_iter().map(value).collect();
+        let mut push = |name: &str, value: &(dyn Fn(usize, &Pixel) -> f32 + Sync)| {
+            let samples = self.pixels.par_iter().enumerate().map(|(i, p)| value(i, p)).collect();
             image.channels.push(Channel { name: name.to_owned(), samples });
         };
-        let mut push3 = |names: [&str; 3], value: &(dyn Fn(&Pixel) -> Vec3 + Sync)| {
+        let mut push3 = |names: [&str; 3], value: &(dyn Fn(usize, &Pixel) -> Vec3 + Sync)| {
             for (k, name) in names.into_iter().enumerate() {
-                push(name, &|p| value(p)[k]);
+                push(name, &|i, p| value(i, p)[k]);
             }
         };
-        push3(["R", "G", "B"], &radiance);
-        push3(["Direct.R", "Direct.G", "Direct.B"], &|p| p.direct / total);
-        push3(["Indirect.R", "Indirect.G", "Indirect.B"], &indirect);
-        push3(["Caustics.R", "Caustics.G", "Caustics.B"], &|p| p.caustics / total);
-        push3(["Emission.R", "Emission.G", "Emission.B"], &|p| p.emission / total);
+        push3(["R", "G", "B"], &|i, p| (p.emission + p.direct + p.caustics) / total + indirect[i]);
+        push3(["Direct.R", "Direct.G", "Direct.B"], &|_, p| p.direct / total);
+        push3(["Indirect.R", "Indirect.G", "Indirect.B"], &|i, _| indirect[i]);
+        push3(["Caustics.R", "Caustics.G", "Caustics.B"], &|_, p| p.caustics / total);
+        push3(["Emission.R", "Emission.G", "Emission.B"], &|_, p| p.emission / total);
         if self.pixels.par_iter().any(|p| p.environment != Vec3::ZERO) {
-            push3(["Environment.R", "Environment.G", "Environment.B"], &|p| p.environment / total);
+            push3(["Environment.R", "Environment.G", "Environment.B"], &|_, p| p.environment / total);
         }
-        push3(["PhotonMap.R", "PhotonMap.G", "PhotonMap.B"], &|p| p.photon_map / total);
-        push3(["Albedo.R", "Albedo.G", "Albedo.B"], &|p| p.albedo / total);
-        push3(["N.X", "N.Y", "N.Z"], &|p| p.normal.normalize_or_zero());
-        push3(["P.X", "P.Y", "P.Z"], &|p| seen(p, local(quotient(p.position, p.coverage))));
-        push("A", &|p| p.coverage / total);
+        push3(["PhotonMap.R", "PhotonMap.G", "PhotonMap.B"], &|_, p| p.photon_map / total);
+        push3(["Albedo.R", "Albedo.G", "Albedo.B"], &|_, p| p.albedo / total);
+        push3(["N.X", "N.Y", "N.Z"], &|_, p| p.normal.normalize_or_zero());
+        push3(["P.X", "P.Y", "P.Z"], &|_, p| seen(p, local(quotient(p.position, p.coverage))));
+        push("A", &|_, p| p.coverage / total);
         if self.pixels.par_iter().any(|p| p.ground > 0.0) {
-            push("Shadow", &|p| p.shadow(total));
+            push("Shadow", &|_, p| p.shadow(total));
         }
-        push("Z", &|p| space.length_to_world(quotient(Vec3::splat(p.depth), p.coverage).x));
+        push("Z", &|_, p| space.length_to_world(quotient(Vec3::splat(p.depth), p.coverage).x));
         image
     }
 }
@@ -183,14 +240,16 @@ impl Film {
 impl Sum for Film {
     fn add(&mut self, later: &Self) {
         self.directions += later.directions;
-        let (sums, more): (&mut [f32], &[f32]) = (cast_slice_mut(&mut self.pixels), cast_slice(&later.pixels));
-        sums.par_iter_mut().zip(more).for_each(|(sum, value)| *sum += value);
+        let add = |sums: &mut [f32], more: &[f32]| sums.par_iter_mut().zip(more).for_each(|(sum, value)| *sum += value);
+        add(cast_slice_mut(&mut self.pixels), cast_slice(&later.pixels));
+        add(cast_slice_mut(&mut self.lobes), cast_slice(&later.lobes));
     }
 }
 
 impl Planes for Film {
     fn planes(&self) -> Vec<&[f32]> {
-        vec![cast_slice(&self.pixels)]
+        let lobes = (!self.lobes.is_empty()).then(|| cast_slice(&self.lobes));
+        [cast_slice(&self.pixels)].into_iter().chain(lobes).collect()
     }
 }
 

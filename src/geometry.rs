@@ -77,31 +77,39 @@ impl Geometry {
             positions.extend(mesh.corners(triangle));
             normals.extend(mesh.triangles[triangle].vertices.map(|vertex| mesh.normals[vertex as usize]));
         }
-        let (texels, first_rows) = upload_texels(gpu, &scene.textures)?;
-        let entry = |material: &Material| {
+        let unused = ImageTexture { width: 1, height: 1, texels: vec![[255; 4]], sampler: Sampler::default() };
+        let in_shaders = |&(index, _): &(usize, _)| scene.materials.iter().any(|material| material.is_in_shaders(index));
+        let scene_textures: Vec<&ImageTexture> =
+            scene.textures.iter().enumerate().map(|texture| if in_shaders(&texture) { texture.1 } else { &unused }).collect();
+        let (texels, first_rows) = upload_texels(gpu, &scene_textures)?;
+        let entry = |(index, material): (usize, &Material)| {
             let texture_entry = |texture: Option<usize>| {
                 texture.map_or([0.0; 4], |texture| {
                     let ImageTexture { width, height, sampler, .. } = scene.textures[texture];
                     [width as f32, height as f32, first_rows[texture] as f32, sampler_code(sampler)]
                 })
             };
-            // Bits: a texture, colours of vertices.
-            let varied = u8::from(material.albedo_texture.is_some()) + 2 * u8::from(!mesh.colors.is_empty());
+            let gloss = scene.gloss_mean(index);
+            // Bits: a texture, colours of vertices, gloss.
+            let varied = u8::from(material.albedo_texture.is_some())
+                + 2 * u8::from(!mesh.colors.is_empty())
+                + 4 * u8::from(gloss.is_some());
+            let [share, rest] = gloss.unwrap_or_default().map(|value| value.extend(0.0).to_array());
             [
                 material.albedo.extend(f32::from(varied)).to_array(),
                 material.emission.extend(f32::from(material.two_sided)).to_array(),
                 texture_entry(material.albedo_texture),
-                [0.0; 4],
+                rest,
                 [0.0; 4],
                 [0.0; 4],
                 texture_entry(material.emission_texture),
-                [0.0; 4],
+                share,
             ]
         };
-        let materials = scene.materials.iter().flat_map(entry).collect();
+        let materials = scene.materials.iter().enumerate().flat_map(entry).collect();
 
         let mut textures = Vec::with_capacity(white + 1);
-        for texture in &scene.textures {
+        for texture in scene_textures {
             let size = [texture.width, texture.height];
             textures.push(Texture::from_texels(
                 gpu,
@@ -251,9 +259,9 @@ impl From<WrapMode> for Wrap {
 }
 
 /// All textures in one, and the first row of each. Each begins a new row, which wastes least when narrow: the width grows only as device limits need.
-fn upload_texels(gpu: &Gpu, textures: &[ImageTexture]) -> Result<(Texture, Vec<usize>)> {
+fn upload_texels(gpu: &Gpu, textures: &[&ImageTexture]) -> Result<(Texture, Vec<usize>)> {
     let limit = gpu.info().limits.max_texture_size as usize;
-    let rows_of = |texture: &ImageTexture, width: usize| texture.texels.len().div_ceil(width);
+    let rows_of = |texture: &&ImageTexture, width: usize| texture.texels.len().div_ceil(width);
     let rows = |width: usize| textures.iter().map(|texture| rows_of(texture, width)).sum::<usize>().max(1);
     let widths = (10..=limit.ilog2()).map(|power| 1usize << power);
     let Some(width) =

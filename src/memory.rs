@@ -9,7 +9,7 @@ use crate::film::{Film, FilmSum};
 use crate::gather::LayerStore;
 use crate::geometry::Geometry;
 use crate::photon::{PhotonAtlas, PhotonGrid, PhotonTexture};
-use crate::points::{Accumulator, CameraPoints, GBuffer, GatherPoint, PointTextures};
+use crate::points::{Accumulator, CameraPoints, GBuffer, GatherPoint, GlossTextures, PointGloss, PointTextures, chosen_source};
 use crate::scene::{Environment, Scene, Triangle};
 use crate::settings::{PhotonMapKind, Pipeline, PointSource, Settings};
 
@@ -50,16 +50,25 @@ pub fn of_render(scene: &Scene, settings: &Settings, blocks: u32, shard: bool) -
     let gl = CameraPoints::bytes(size) + Accumulator::bytes(size, 3);
     // The photon map; at the end of a block the gather's sums as read, and the same in pixel order; direct light and caustics.
     let block = GBuffer::bytes(pixels) + texels(3) + 2 * size_of::<Vec3>() * pixels;
-    let rays = match (settings.gather.pipeline, settings.film.points) {
+    let lens = scene.camera.is_some_and(|camera| camera.lens.is_some());
+    let rays = match (settings.gather.pipeline, chosen_source(scene, lens, settings.film.points)) {
         _ if settings.film.ground => size_of::<Option<GatherPoint>>() * pixels + PointTextures::bytes(size),
         (Pipeline::Raycast, _) | (_, PointSource::Traced) => {
             size_of::<Option<GatherPoint>>() * pixels + PointTextures::bytes(size)
         }
         _ => 0,
     };
+    // The textures of gloss, and the points' reflection; two more sums of the gather and one of direct light, as read and in order.
+    let glossy = scene.is_glossy();
+    let of_gloss = || {
+        let read = texels(4) + (size_of::<PointGloss>() + 2 * size_of::<Vec3>()) * pixels;
+        PointTextures::bytes(size) + GlossTextures::bytes(size) + Accumulator::bytes(size, 3) + read
+    };
+    let gloss = if glossy { of_gloss() } else { 0 };
+    let film = |nodes: usize| Film::bytes(nodes * pixels, glossy);
     let channels = 32 + if scene.environment.is_some() { 3 } else { 0 } + usize::from(settings.film.ground);
     let films = FilmSum::most_nodes(blocks) as usize;
     // The tree, when its size is no power of two, and its two halves or its whole; the picture's channels, a copy for the writer, and the file.
-    let writing = if shard { 0 } else { Film::bytes(films.max(2) * pixels) + 3 * channels * size_of::<f32>() * pixels };
-    (common(scene, settings, true) + gl + rays + (block + Film::bytes(films * pixels)).max(writing)) as u64
+    let writing = if shard { 0 } else { film(films.max(2)) + 3 * channels * size_of::<f32>() * pixels };
+    (common(scene, settings, true) + gl + rays + gloss + (block + film(films)).max(writing)) as u64
 }

@@ -7,12 +7,12 @@
 
 use std::f64::consts::PI;
 
-use glam::{DVec4, Vec3, Vec4};
+use glam::{DVec3, DVec4, Vec3, Vec4};
 use rayon::prelude::*;
 
 use crate::photon::PhotonStore;
-use crate::points::GatherPoint;
-use crate::scene::{Bvh, Hit, RAY_OFFSET, Scene};
+use crate::points::{GatherPoint, PointGloss};
+use crate::scene::{Bvh, Hit, LobeWeights, RAY_OFFSET, Scene};
 
 /// Casts gather rays through one scene.
 #[derive(Clone, Copy)]
@@ -38,14 +38,26 @@ impl<'a> Reference<'a> {
     /// One term of the sums. rgb: radiance × weight; a: weight.
     pub fn sample(&self, point: &GatherPoint, direction: Vec3) -> DVec4 {
         let weight = f64::from(point.cosine(direction));
-        if weight == 0.0 {
-            return DVec4::ZERO;
+        if weight == 0.0 { DVec4::ZERO } else { weight * self.radiance(point, direction).extend(1.0) }
+    }
+
+    /// The terms of a point with gloss: that of its base, and of its lobe radiance × weight and weight. The twin of `glsl/consumer/irradiance.glsl`.
+    pub fn sample_glossy(&self, point: &GatherPoint, gloss: &PointGloss, direction: Vec3) -> [DVec4; 3] {
+        let cosine = point.cosine(direction);
+        if cosine == 0.0 {
+            return [DVec4::ZERO; 3];
         }
-        let radiance = match self.hit(point, direction) {
+        let LobeWeights { base, lobe } = gloss.weights(point, direction);
+        let (radiance, lobe) = (self.radiance(point, direction), (cosine * lobe).as_dvec3());
+        [f64::from(cosine * base) * radiance.extend(1.0), (radiance * lobe).extend(0.0), lobe.extend(0.0)]
+    }
+
+    /// Radiance that comes to a point along a unit `direction`, without the surfaces' own emission.
+    fn radiance(&self, point: &GatherPoint, direction: Vec3) -> DVec3 {
+        match self.hit(point, direction) {
             Some(hit) => self.radiosity(point, direction, hit).as_dvec3() / PI,
             None => self.scene.gathered_radiance(direction).as_dvec3(),
-        };
-        weight * radiance.extend(1.0)
+        }
     }
 
     /// The hit of each point along a unit `direction`; `None` for a miss or a weight of zero.

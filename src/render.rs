@@ -7,6 +7,7 @@
 //! shard each ([`Render::only`]), and a render that ended early can go on from its finished blocks ([`Render::save`], [`Render::resume`]).
 //! Long renders trace fresh photons now and then, so that photon noise averages out as the noise of the directions does.
 
+mod gloss;
 mod ground;
 mod layer_view;
 mod merge;
@@ -41,6 +42,7 @@ use crate::reference::Reference;
 use crate::scene::{Camera, World, WorldCamera};
 use crate::settings::{DIRECTIONS_PER_PHOTON_MAP, Estimator, PhotonMapKind, Settings};
 
+use self::gloss::caustic_light;
 use self::ground::ShadowCatcher;
 use self::merge::{FILM, film_of_part};
 use self::method::{method, seen, view_of};
@@ -107,6 +109,8 @@ struct Block {
     photon_map: Vec<Vec4>,
     /// Irradiance of caustics at the visible points.
     caustics: Vec<Vec3>,
+    /// In scenes with gloss what lobes reflect of lights and of caustics; else empty.
+    lobes: [Vec<Vec3>; 2],
     /// The directions left, grouped by subset of the pixels, so that a batch has one subset. The last one is next.
     left: Vec<u32>,
     /// Number of directions gathered so far at each subset of the pixels.
@@ -129,7 +133,7 @@ impl Render {
         };
         let (scene, camera) = (&all.scene, all.scene.camera(settings.film.size));
         let seen = seen(&gathered, &camera, settings.film.size);
-        let (settings, interleave) = &method(&gathered, &seen, settings);
+        let (settings, interleave) = &method([&all, &gathered], (&camera, &seen), settings);
         let mut passes = Passes::new(gpu, &gathered, settings, *interleave)?;
 
         let start = Instant::now();
@@ -178,7 +182,8 @@ impl Render {
         }
         settings.validate()?;
         let camera = self.all.scene.space.enter_camera(camera);
-        let (settings, interleave) = &method(&self.gathered, &seen(&self.gathered, &camera, settings.film.size), settings);
+        let seen = seen(&self.gathered, &camera, settings.film.size);
+        let (settings, interleave) = &method([&self.all, &self.gathered], (&camera, &seen), settings);
         let passes = |of: &Settings| (of.film, of.gather, of.layers());
         if (passes(settings), *interleave) != (passes(&self.settings), self.passes.interleave) {
             self.passes = Passes::new(&self.gpu, &self.gathered, settings, *interleave)?;
@@ -363,31 +368,39 @@ impl Render {
 
         let start = Instant::now();
         let share = SampleShare { samples: self.settings.direct.light_samples, part: index, parts: blocks.count() };
-        let direct = self.passes.direct.irradiance(&self.geometry, &self.all.lights, share, points)?;
+        let [mut direct, lobes] = self.passes.direct.light(&self.geometry, &self.all.lights, share, points)?;
+        self::gloss::even_out(&mut direct, &g_buffer.gloss);
         self.statistics.seconds.direct += self.finish("direct light", start)?;
         let start = Instant::now();
-        let caustics = self.caustics(index, &g_buffer);
+        let [caustics, focused] = self.caustics(index, &g_buffer);
         self.statistics.seconds.caustics += start.elapsed().as_secs_f64();
 
-        self.passes.gather.begin(|| g_buffer.pixels());
+        self.passes.gather.begin_glossy(|| g_buffer.pixels(), &g_buffer.gloss);
         self.statistics.gather.points = g_buffer.count;
         self.statistics.gather.cut += u64::from(g_buffer.cut);
         let mut left: Vec<u32> = self.passes.interleave.numbers(directions).rev().collect();
         left.sort_by_key(|&direction| self.passes.interleave.subset(direction, index).index());
         let taken = vec![0; self.passes.interleave.subsets()];
-        Ok(Block { index, g_buffer, direct, photon_map, caustics, left, taken })
+        Ok(Block { index, g_buffer, direct, photon_map, caustics, lobes: [lobes, focused], left, taken })
     }
 
-    /// Irradiance by way of mirrors and glass at the points of a block. Each block has its own caustic photons.
-    fn caustics(&self, block: u32, g_buffer: &GBuffer) -> Vec<Vec3> {
-        if !self.all.scene.is_specular() {
-            return vec![Vec3::ZERO; g_buffer.normal.len()];
+    /// Irradiance by way of mirrors, glass and narrow lobes at the points of a block, and what their lobes reflect of it. Each block has its own caustic
+    /// photons.
+    fn caustics(&self, block: u32, g_buffer: &GBuffer) -> [Vec<Vec3>; 2] {
+        if !self.all.scene.has_caustics() {
+            return [g_buffer.normal.len(), g_buffer.gloss.len()].map(|pixels| vec![Vec3::ZERO; pixels]);
         }
         let (settings, seed) = (&self.settings.photons, self.settings.seed);
         let photons = self.all.photons(settings, seed).caustics(settings.numbers(block.into()));
         let map = CausticMap::new(photons, block);
-        let see = |point: Option<GatherPoint>| point.map_or(Vec3::ZERO, |p| map.irradiance(p.position, p.surface_normal));
-        g_buffer.pixels().into_par_iter().map(see).collect()
+        let gloss = |pixel: usize| g_buffer.gloss.get(pixel);
+        let see = |(pixel, point): (usize, Option<GatherPoint>)| {
+            point.map_or([Vec3::ZERO; 2], |point| caustic_light(&map, &point, gloss(pixel)))
+        };
+        let (bases, mut lobes): (Vec<_>, Vec<_>) =
+            g_buffer.pixels().into_par_iter().enumerate().map(see).map(|[base, lobe]| (base, lobe)).unzip();
+        lobes.truncate(g_buffer.gloss.len());
+        [bases, lobes]
     }
 
     fn gather_directions(&mut self, block: &mut Block) -> Result<()> {
@@ -427,11 +440,9 @@ impl Render {
     fn film_of(&self, block: &Block) -> Film {
         let mut gathered = self.passes.gather.read();
         if self.settings.directions.estimator == Estimator::Plain {
-            // The plain estimator divides by the expected sum of the weights. Over the sphere the mean of max(n·d, 0) is 1/4, that of |n·d| 1/2.
-            let mean = if self.passes.gather.both_ends() { 0.5 } else { 0.25 };
-            let taken = |pixel| block.taken[self.passes.interleave.subset_of(pixel).index()];
-            gathered.iter_mut().enumerate().for_each(|(pixel, sum)| sum.w = mean * taken(pixel) as f32);
+            gathered.iter_mut().enumerate().for_each(|(pixel, sum)| sum.w = self.expected_weight(block, pixel));
         }
+        let lobes = self.lobe_sums(block, &mut gathered);
         let gathered = self.passes.interleave.share(gathered, &block.taken, &block.g_buffer);
         let directions = self.taken(block);
         let ground = self.ground_lights(block, &gathered);
@@ -443,7 +454,14 @@ impl Render {
             &block.caustics,
             &ground,
             (&gathered, directions),
+            lobes.as_ref(),
         )
+    }
+
+    /// The plain estimator divides by the expected sum of the weights. Over the sphere the mean of max(n·d, 0) is 1/4, that of |n·d| 1/2.
+    fn expected_weight(&self, block: &Block, pixel: usize) -> f32 {
+        let mean = if self.passes.gather.both_ends() { 0.5 } else { 0.25 };
+        mean * block.taken[self.passes.interleave.subset_of(pixel).index()] as f32
     }
 
     /// Estimates the error after every eighth block and the last one, for the report and to stop at the target error.
@@ -469,10 +487,11 @@ impl Passes {
     fn new(gpu: &Gpu, gathered: &Prepared, settings: &Settings, interleave: Interleave) -> Result<Self> {
         let points = settings.film.size;
         let source = PixelSource::new(gpu, settings)?;
+        let glossy = gathered.scene.is_glossy();
         let direct = Direct::new(gpu, settings.seed)?;
         let photon_map = PhotonMap::new(gpu, settings.photons.map, points)?;
         // The gather comes last: it adapts to the memory that is left.
-        let gather = IrradianceGather::new(gpu, settings, &gathered.scene, &gathered.bvh, interleave)?;
+        let gather = IrradianceGather::with(gpu, settings, (&gathered.scene, &gathered.bvh), interleave, glossy)?;
         Ok(Self { source, direct, photon_map, interleave, gather, shown: None })
     }
 }

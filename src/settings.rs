@@ -102,7 +102,7 @@ settings! {
     film: FilmSettings {
         /// Picture size in pixels, [width, height].
         size => size: [u32; 2] = [512, 512],
-        points => points: PointSource = PointSource::Camera,
+        points => points: PointSource = PointSource::Auto,
         /// Side in pixels of squares of neighbouring pixels that divide the directions among them. Each pixel gathers along its share. Then the pixels
         /// of one surface share their results. 1: every pixel gathers along every direction.
         interleave => interleave: Squares = Squares::Auto,
@@ -165,10 +165,12 @@ pub const DIRECTIONS_PER_PHOTON_MAP: u32 = 1024;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum PointSource {
-    /// Rasterisation through a pinhole. Every pixel shows the first surface; mirrors and glass look diffuse.
+    /// [`Self::Traced`] where the scene has mirrors, glass or narrow gloss, or the camera a lens; else [`Self::Camera`]. The choice is made when a job begins.
     #[default]
+    Auto,
+    /// Rasterisation through a pinhole. Every pixel shows the first surface; mirrors and glass look diffuse.
     Camera,
-    /// CPU rays, through mirrors, glass and the camera's lens, to the first diffuse surface.
+    /// CPU rays, through mirrors, glass, narrow gloss and the camera's lens, to the first diffuse surface.
     Traced,
 }
 

@@ -15,7 +15,7 @@ macro_rules! includes {
 const INCLUDES: &[(&str, &str)] = includes![
     "consumer/harmonics.glsl" "consumer/hemisphere.glsl" "consumer/irradiance.glsl" "consumer/record.glsl"
     "finder/layers.glsl" "finder/rays.glsl" "finder/stored.glsl"
-    "include/albedo.glsl" "include/bvh.glsl" "include/harmonics.glsl" "include/hits.glsl" "include/layer.glsl" "include/layer_store.glsl"
+    "include/albedo.glsl" "include/bvh.glsl" "include/gloss.glsl" "include/harmonics.glsl" "include/hits.glsl" "include/layer.glsl" "include/layer_store.glsl"
     "include/octahedral.glsl" "include/packed_surface.glsl" "include/photon_atlas.glsl" "include/photon_grid.glsl" "include/points.glsl" "include/radiance.glsl"
     "include/surface.glsl" "include/vertex_cache.glsl"
 ];
@@ -55,6 +55,28 @@ pub const BATCH: usize = 8;
 const TARGETS: usize = 8;
 const GATHER: &str = include_str!("../glsl/gather.frag");
 
+/// What `glsl/direct.frag` does besides.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub struct DirectVariant {
+    /// Some lights have no surface.
+    pub punctual: bool,
+    /// Points may have a lobe.
+    pub gloss: bool,
+}
+
+impl DirectVariant {
+    fn all() -> impl Iterator<Item = Self> {
+        [false, true].into_iter().flat_map(|punctual| [false, true].map(|gloss| Self { punctual, gloss }))
+    }
+
+    pub fn source(self) -> ShaderSource {
+        let mut source = ShaderSource::clone(&DIRECT);
+        let flags = [(self.punctual, "PUNCTUAL"), (self.gloss, "GLOSS")];
+        source.defines.extend(flags.into_iter().filter(|(set, _)| *set).map(|(_, name)| name.to_owned()));
+        source
+    }
+}
+
 /// The hit finder that `glsl/gather.frag` includes: the file of that name in `glsl/finder/`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Finder {
@@ -67,6 +89,8 @@ pub enum Finder {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Consumer {
     Irradiance(HitRadiance),
+    /// The same with the sums of points' lobes.
+    Gloss(HitRadiance),
     /// `None`: surfaces are black.
     Hemisphere(Option<HitRadiance>),
     IncidentHarmonics(HitRadiance, HarmonicsPass),
@@ -79,7 +103,7 @@ pub enum Consumer {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct HitRadiance {
     pub source: RadianceSource,
-    /// Whether textures vary the albedo, or the emission that spherical harmonics hold.
+    /// Whether textures, vertex colours or gloss vary the reflectance, or textures the emission that spherical harmonics hold.
     pub textured: bool,
 }
 
@@ -135,6 +159,9 @@ impl Consumer {
             sources.into_iter().flat_map(|source| [false, true].map(|textured| HitRadiance { source, textured })).collect();
         let mut all = vec![Self::Record, Self::Hemisphere(None)];
         all.extend(radiance.iter().flat_map(|&radiance| [Self::Irradiance(radiance), Self::Hemisphere(Some(radiance))]));
+        // Bakes have no lobes.
+        let of_pictures = radiance.iter().filter(|radiance| radiance.source != RadianceSource::VertexCache);
+        all.extend(of_pictures.map(|&radiance| Self::Gloss(radiance)));
         for pass in (1..=MAX_ORDER).flat_map(HarmonicsPass::all) {
             all.extend(radiance.iter().map(|&radiance| Self::IncidentHarmonics(radiance, pass)));
             all.extend([None, Some(false), Some(true)].map(|textured| Self::TransferHarmonics(textured, pass)));
@@ -144,7 +171,7 @@ impl Consumer {
 
     fn defines(self) -> Vec<String> {
         let (file, radiance, pass) = match self {
-            Self::Irradiance(radiance) => ("irradiance", Some(radiance), None),
+            Self::Irradiance(radiance) | Self::Gloss(radiance) => ("irradiance", Some(radiance), None),
             Self::Hemisphere(radiance) => ("hemisphere", radiance, None),
             Self::IncidentHarmonics(radiance, pass) => ("harmonics", Some(radiance), Some(pass)),
             Self::TransferHarmonics(textured, pass) => {
@@ -158,6 +185,7 @@ impl Consumer {
             (radiance.is_some_and(|radiance| radiance.source == RadianceSource::PhotonGrid), "PHOTON_GRID"),
             (radiance.is_some_and(|radiance| radiance.textured), "TEXTURED"),
             (matches!(self, Self::TransferHarmonics(..)), "TRANSFER"),
+            (matches!(self, Self::Gloss(_)), "GLOSS"),
         ];
         let flags = flags.into_iter().filter(|(set, _)| *set).map(|(_, name)| name.to_owned());
         let pass = pass.map(|HarmonicsPass { order, pass }| [format!("ORDER {order}"), format!("PASS {pass}")]);
@@ -181,7 +209,8 @@ pub fn gather(finder: Finder, consumer: Consumer) -> ShaderSource {
 pub fn variants() -> Vec<ShaderSource> {
     let finders = [Finder::Layers, Finder::Rays, Finder::Stored];
     let pairs = finders.into_iter().flat_map(|finder| Consumer::all().into_iter().map(move |consumer| gather(finder, consumer)));
-    NAMED.iter().map(|&source| ShaderSource::clone(source)).chain(pairs).collect()
+    let direct = DirectVariant::all().filter(|&variant| variant != DirectVariant::default()).map(DirectVariant::source);
+    NAMED.iter().map(|&source| ShaderSource::clone(source)).chain(direct).chain(pairs).collect()
 }
 
 /// Replaces embedded shader sources by the files of a folder laid out as `glsl/`; a missing file keeps the embedded text. For work on shaders.

@@ -62,6 +62,8 @@ vec3 albedo(int triangle, Surface surface, vec3 position)
         color *= vertex_color(triangle, position);
     if ((varied & 1) != 0)
         color *= albedo_texture_color(texelFetch(materials, texel + ivec2(2, 0), 0), texture_coordinates(surface, position));
+    if ((varied & 4) != 0)
+        color = color * texelFetch(materials, texel + ivec2(7, 0), 0).rgb + texelFetch(materials, texel + ivec2(3, 0), 0).rgb;
     return color;
 }
 

@@ -30,11 +30,13 @@ Surface fetch_surface(int triangle)
 }
 
 // The first texel of a surface's material:
-// 0: albedo; a: bits of what varies it, 1 a texture, 2 vertex colours
+// 0: albedo; a: bits of what varies it, 1 a texture, 2 vertex colours, 4 gloss
 // 1: emission; a: 1 if the back emits
 // 2: albedo texture
+// 3: added to the albedo of hits, with gloss
+// 4 and 5: not used
 // 6: emission texture; zero without one
-// 3 to 5 and 7: not used
+// 7: multiplies the albedo of hits, with gloss
 ivec2 material_texel(Surface surface)
 {
     return table_texel(2 * surface.material);

@@ -132,7 +132,8 @@ impl Bench {
                 // Only the counts are needed from now on.
                 let (count, cut) = (visible.count, visible.cut);
                 let [position, normal, albedo, emission] = Default::default();
-                (PointOrigin::Camera(camera, GBuffer { position, normal, albedo, emission, count, cut }), pixels)
+                let counts = GBuffer { position, normal, albedo, emission, gloss: Vec::new(), count, cut };
+                (PointOrigin::Camera(camera, counts), pixels)
             }
             Where::Points(points) => {
                 (PointOrigin::List(PointList::upload(gpu, &points)?), points.into_iter().map(Some).collect())

@@ -36,7 +36,8 @@ pub fn inside_out(name: &str, points: &[GatherPoint], scene: &Scene, bvh: &Bvh, 
         _ => false,
     };
     let lamps = Material::are_lamps(&scene.materials, &scene.textures);
-    let has_lamps = scene.mesh.triangles.iter().any(|triangle| lamps[triangle.material as usize]);
+    let has_lamps = scene.mesh.triangles.iter().any(|triangle| lamps[triangle.material as usize])
+        || scene.lights.iter().any(|light| !light.is_directional());
     let sky_alone = !has_lamps && scene.environment.as_ref().is_some_and(|environment| !Environment::is_black(environment));
     let matters = sky_alone || plan.what.iter().any(is_open);
     (matters && front.nothing < 0.01 && back.nothing > 0.5).then(|| {

@@ -23,6 +23,8 @@ pub struct CausticPhoton {
     pub position: Vec3,
     /// Unit normal of the side that the photon hit.
     pub side: Vec3,
+    /// Unit vector along which it came.
+    pub direction: Vec3,
     pub flux: Vec3,
 }
 
@@ -52,9 +54,15 @@ impl CausticMap {
 
     /// Irradiance at a point of a surface with this unit normal.
     pub fn irradiance(&self, position: Vec3, normal: Vec3) -> Vec3 {
+        let [irradiance] = self.weighted(position, normal, |_| [Vec3::ONE]);
+        irradiance
+    }
+
+    /// Sums of irradiance there, with weights by the unit vector to where the light comes from.
+    pub fn weighted<const N: usize>(&self, position: Vec3, normal: Vec3, weights: impl Fn(Vec3) -> [Vec3; N]) -> [Vec3; N] {
         let [low, high] = [-self.radius, self.radius].map(|reach| cell_of(position + reach, self.radius));
         let squared_radius = self.radius * self.radius;
-        let mut sum = Vec3::ZERO;
+        let mut sums = [Vec3::ZERO; N];
         for corner in 0..8 {
             let cell = IVec3::from_array([0, 1, 2].map(|axis| if corner >> axis & 1 == 1 { high[axis] } else { low[axis] }));
             let Some(range) = self.cells.get(&cell) else { continue };
@@ -63,11 +71,13 @@ impl CausticMap {
                 let squared = offset.length_squared();
                 let beside = squared < squared_radius && offset.dot(normal).abs() < THICKNESS * self.radius;
                 if beside && photon.side.dot(normal) > 0.0 {
-                    sum += photon.flux * (1.0 - squared / squared_radius);
+                    let flux = photon.flux * (1.0 - squared / squared_radius);
+                    let weights = weights(-photon.direction);
+                    sums.iter_mut().zip(weights).for_each(|(sum, weight)| *sum += flux * weight);
                 }
             }
         }
-        sum * 2.0 / (PI * squared_radius)
+        sums.map(|sum| sum * 2.0 / (PI * squared_radius))
     }
 }
 

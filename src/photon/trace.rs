@@ -5,6 +5,9 @@
 //! carry about the flux that was emitted with each. Mirrors and glass send it on in one direction and do not store it. One exception: a mirror
 //! stores photons that come from a diffuse surface, because gather rays treat mirrors as Lambertian. [`PhotonTracer::caustics`] returns photons
 //! that reach a diffuse surface from a light by mirrors and glass alone.
+//!
+//! A glossy surface stores photons as a diffuse one, and reflects them by its base or by its lobe. A narrow lobe is a mirror in what has been said; then
+//! the surface stores only what its base reflects of light that comes from a lamp.
 
 use std::ops::{AddAssign, Range};
 
@@ -17,7 +20,7 @@ use super::guide::Guide;
 use super::store::PhotonStore;
 use crate::math::cosine_direction;
 use crate::random::{Random, Recurrence};
-use crate::scene::{Bvh, Focus, Lights, MOST_SPECULAR, Path, Scene, Surface};
+use crate::scene::{Brdf, Bvh, Focus, Lights, LobeShares, MOST_SPECULAR, Path, Scene, Surface};
 
 /// Number of photons between two sums. It limits the memory of their hits.
 const ROUND: u64 = 1 << 18;
@@ -162,18 +165,40 @@ impl<'a> PhotonTracer<'a> {
     pub fn caustics(&self, photons: Range<u64>) -> Vec<CausticPhoton> {
         let share = 1.0 / (photons.end - photons.start) as f32;
         let chunks: Vec<u64> = photons.clone().step_by(CHUNK as usize).collect();
-        let trace = |photon| {
+        let trace = |photon: u64, found: &mut Vec<CausticPhoton>| {
             let (mut path, mut flux, mut random) = self.emit(photon, share);
             for specular in 0..=MOST_SPECULAR {
-                let side = self.scene.mesh.side_met(path.advance(self.bvh)?, path.direction);
+                let Some(triangle) = path.advance(self.bvh) else { break };
                 let Some(kept) = path.scatter(self.scene, &mut random.uniform()) else {
-                    return (specular > 0).then_some(CausticPhoton { position: path.origin, side, flux });
+                    if specular > 0 {
+                        let side = self.scene.mesh.side_met(triangle, path.direction);
+                        found.push(CausticPhoton { position: path.origin, side, direction: path.direction, flux });
+                    }
+                    // What it stores counts for its base. Its lobe may send on the rest.
+                    match self.follow_narrow_lobe(&mut path, flux, &mut random) {
+                        Some(reflected) => flux = reflected,
+                        None => break,
+                    }
+                    continue;
                 };
                 flux *= kept;
             }
-            None
         };
-        chunks.into_par_iter().flat_map_iter(|chunk| (chunk..(chunk + CHUNK).min(photons.end)).filter_map(trace)).collect()
+        let of_chunk = |chunk: u64| {
+            let mut found = Vec::new();
+            (chunk..(chunk + CHUNK).min(photons.end)).for_each(|photon| trace(photon, &mut found));
+            found
+        };
+        chunks.into_par_iter().flat_map_iter(of_chunk).collect()
+    }
+
+    /// Sends a path on by the narrow lobe of the surface that it has met. Returns its flux after Russian roulette; `None` if it ends.
+    fn follow_narrow_lobe(&self, path: &mut Path, flux: Vec3, random: &mut Random) -> Option<Vec3> {
+        let (brdf, normal) = path.gloss(self.scene).filter(|(brdf, _)| !brdf.is_rough())?;
+        let weight = path.leave_by_lobe(self.scene, (&brdf, normal), [random.uniform(), random.uniform()])?;
+        let reflected = flux * weight;
+        let survival = (reflected.max_element() / flux.max_element()).min(1.0);
+        (random.uniform() < survival).then(|| reflected / survival)
     }
 
     /// The start of a photon's path, its flux, and its random numbers.
@@ -209,8 +234,21 @@ impl<'a> PhotonTracer<'a> {
             let Some(triangle) = path.advance(self.bvh) else { return PhotonEnd::Escaped };
             let surface = self.scene.material(triangle).surface;
             // Light of a lamp that mirrors reflect is a caustic. Gather rays must not count it again.
+            let gloss = path.gloss(self.scene);
             if surface == Surface::Diffuse || surface == Surface::Mirror && diffuse > 0 {
-                hits.push((index(triangle, &path), flux));
+                let stored = gloss.map_or(flux, |(brdf, normal)| flux * self.stored_share(&path, &brdf, normal, diffuse > 0));
+                hits.push((index(triangle, &path), stored));
+            }
+            if let Some((brdf, normal)) = gloss {
+                let Some((reflected, by_lobe)) = self.reflect(&mut path, flux, (&brdf, normal), &mut random) else {
+                    return PhotonEnd::Absorbed;
+                };
+                flux = reflected;
+                (diffuse, specular) = if by_lobe && !brdf.is_rough() { (diffuse, specular + 1) } else { (diffuse + 1, 0) };
+                if diffuse == self.depth || specular > MOST_SPECULAR {
+                    return PhotonEnd::Cut;
+                }
+                continue;
             }
             let side = mesh.side_met(triangle, path.direction);
             let kept = match surface {
@@ -232,5 +270,34 @@ impl<'a> PhotonTracer<'a> {
                 path.leave(side, cosine_direction(side, random.uniform(), random.uniform()));
             }
         }
+    }
+
+    /// What a glossy surface stores of a photon. Gather rays take it for Lambertian, with what it reflects of even light. This photon has it reflect another
+    /// share. Of light from a lamp, not yet `scattered`, the narrow lobe's part belongs to caustics.
+    fn stored_share(&self, path: &Path, brdf: &Brdf, normal: Vec3, scattered: bool) -> Vec3 {
+        let LobeShares { base, lobe, .. } = brdf.shares(-normal.dot(path.direction));
+        let counted = if scattered || brdf.is_rough() { base + lobe } else { base };
+        counted / brdf.reflectance().max(Vec3::splat(f32::MIN_POSITIVE))
+    }
+
+    /// Reflects a photon by the lobe or the base of a glossy surface, with Russian roulette. Returns its flux and whether it took the lobe; `None` if it ends.
+    fn reflect(&self, path: &mut Path, flux: Vec3, (brdf, normal): (&Brdf, Vec3), random: &mut Random) -> Option<(Vec3, bool)> {
+        if flux == Vec3::ZERO {
+            return None;
+        }
+        let (side, eye) = (self.side_met(path.triangle?, path.direction), -path.direction);
+        let LobeShares { base, lobe, .. } = brdf.shares(normal.dot(eye));
+        let probability = (flux * lobe).element_sum() / (flux * (base + lobe)).element_sum();
+        let by_lobe = random.uniform() < probability;
+        let square = [random.uniform(), random.uniform()];
+        let reflected = if by_lobe {
+            flux * path.leave_by_lobe(self.scene, (brdf, normal), square)? / probability
+        } else {
+            let direction = cosine_direction(side, square[0], square[1]);
+            path.leave(side, direction);
+            flux * brdf.base_weight(eye, direction) / (1.0 - probability)
+        };
+        let survival = (reflected.max_element() / flux.max_element()).min(1.0);
+        (random.uniform() < survival).then(|| (reflected / survival, by_lobe))
     }
 }

@@ -4,7 +4,7 @@ use glam::camera::rh::{proj, view};
 use glam::{Mat4, Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
-use super::{Ground, Points, Subset};
+use super::{Ground, PointGloss, Points, Subset};
 use crate::error::Result;
 use crate::geometry::{Geometry, SurfacePass};
 use crate::gpu::{DepthTest, Format, Gpu, Program, Target, Uniform};
@@ -27,6 +27,8 @@ pub struct GBuffer {
     pub albedo: Vec<Vec4>,
     /// rgb: emitted radiance, of the environment if the pixel sees no surface; a: distance of the first surface along the view axis, or 0.
     pub emission: Vec<Vec4>,
+    /// The gloss of each pixel's point; empty if the scene has none. Albedo is then that of the base alone.
+    pub gloss: Vec<PointGloss>,
     /// Number of pixels with a point: those that see a diffuse surface, or the ground.
     pub count: u32,
     /// Number of rays that ended at the limit of mirrors and glass.
@@ -70,12 +72,19 @@ impl CameraPoints {
         let seen = albedo.iter_mut().zip(&normal).filter(|(_, normal)| normal.truncate() != Vec3::ZERO);
         seen.for_each(|(albedo, _)| albedo.w = (geometry.order[albedo.w as usize] + 1) as f32);
         let count = normal.iter().filter(|normal| normal.truncate() != Vec3::ZERO).count() as u32;
-        GBuffer { position: self.target.color(0).read(), normal, albedo, emission: self.target.color(3).read(), count, cut: 0 }
+        let [position, emission] = [0, 3].map(|color| self.target.color(color).read());
+        GBuffer { position, normal, albedo, emission, gloss: Vec::new(), count, cut: 0 }
     }
 
     /// The points of the last G-buffer, which is `g_buffer`, as gather points.
     pub fn points(&self, g_buffer: &GBuffer) -> Points<'_> {
-        Points { position: self.target.color(0), normal: self.target.color(1), subset: Subset::ALL, count: g_buffer.count }
+        Points {
+            position: self.target.color(0),
+            normal: self.target.color(1),
+            gloss: None,
+            subset: Subset::ALL,
+            count: g_buffer.count,
+        }
     }
 }
 

@@ -230,6 +230,7 @@ mod tests {
             normal: pixels().map(|pixel| normal(pixel).extend(octahedral_encode(normal(pixel)).y)).collect(),
             albedo: Vec::new(),
             emission: Vec::new(),
+            gloss: Vec::new(),
             count: SIZE[0] * SIZE[1],
             cut: 0,
         }

@@ -4,6 +4,7 @@
 mod accumulator;
 mod camera;
 pub mod file;
+mod gloss;
 mod ground;
 mod interleave;
 mod lightmap;
@@ -13,6 +14,7 @@ mod vertices;
 
 pub use accumulator::Accumulator;
 pub use camera::{CameraPoints, GBuffer};
+pub use gloss::{GlossTextures, PointGloss};
 pub use ground::Ground;
 pub use interleave::{Interleave, Subset};
 pub use lightmap::{LightMap, LightMapCounts, LightMapOptions, Mended, Resolution, UvSource};
@@ -25,6 +27,8 @@ use rayon::prelude::*;
 
 use crate::error::Result;
 use crate::gpu::{Blend, DepthTest, Draw, Filter, Format, Gpu, Program, Shape, Target, Texture, Uniform, Wrap};
+use crate::scene::Scene;
+use crate::settings::PointSource;
 
 /// A point lies inside something if more than this fraction of its hits are back faces. Inside, all hits are, except for leaks. Outside none are,
 /// except on surfaces without thickness, such as leaves, of which about half show their backs.
@@ -35,10 +39,20 @@ pub fn sides(points: &[GatherPoint]) -> Vec<(Vec3, Vec3)> {
     points.iter().map(|point| (point.position, point.surface_normal)).collect()
 }
 
+/// What the setting stands for in a picture of this scene, through a lens or a pinhole.
+pub fn chosen_source(scene: &Scene, lens: bool, asked: PointSource) -> PointSource {
+    match asked {
+        PointSource::Auto if lens || scene.has_caustics() => PointSource::Traced,
+        PointSource::Auto => PointSource::Camera,
+        asked => asked,
+    }
+}
+
 /// Owned point textures, one texel for each point.
 pub struct PointTextures {
     position: Texture,
     normal: Texture,
+    gloss: Option<GlossTextures>,
     count: u32,
 }
 
@@ -49,7 +63,12 @@ impl PointTextures {
     /// If `size` exceeds the device's limits.
     pub fn upload(gpu: &Gpu, size: [u32; 2], position: &[Vec4], normal: &[Vec4], count: u32) -> Result<Self> {
         let upload = |texels| Texture::from_texels(gpu, Format::Rgba32F, size, Filter::Nearest, Wrap::CLAMP, texels);
-        Ok(Self { position: upload(position)?, normal: upload(normal)?, count })
+        Ok(Self { position: upload(position)?, normal: upload(normal)?, gloss: None, count })
+    }
+
+    /// The points with their gloss.
+    pub fn with_gloss(self, gloss: Option<GlossTextures>) -> Self {
+        Self { gloss, ..self }
     }
 
     /// Bytes that [`Self::upload`] takes.
@@ -58,7 +77,8 @@ impl PointTextures {
     }
 
     pub fn points(&self) -> Points<'_> {
-        Points { position: &self.position, normal: &self.normal, subset: Subset::ALL, count: self.count }
+        let gloss = self.gloss.as_ref().map(GlossTextures::textures);
+        Points { position: &self.position, normal: &self.normal, gloss, subset: Subset::ALL, count: self.count }
     }
 }
 
@@ -69,6 +89,8 @@ pub struct Points<'a> {
     pub position: &'a Texture,
     /// xyz: unit shading normal, zero where there is no point; w: octahedral y.
     pub normal: &'a Texture,
+    /// Those of [`GlossTextures`], in scenes with gloss.
+    pub gloss: Option<[&'a Texture; 2]>,
     /// The texels that a pass covers.
     pub subset: Subset,
     /// The approximate number of points in the subset.
@@ -109,12 +131,15 @@ impl<'a> Points<'a> {
     }
 
     /// The uniforms that the shaders read.
-    pub fn uniforms(&self) -> [(&'static str, Uniform<'a>); 4] {
-        [
+    pub fn uniforms(&self) -> Vec<(&'static str, Uniform<'a>)> {
+        let gloss = self.gloss.map(|textures| textures.map(Uniform::Texture));
+        let gloss = gloss.map(|[view, straight]| [("point_view", view), ("point_straight", straight)]);
+        let own = [
             ("point_position", Uniform::Texture(self.position)),
             ("point_normal", Uniform::Texture(self.normal)),
             ("point_stride", Uniform::Int(self.subset.stride as i32)),
             ("point_offset", Uniform::IVec2(self.subset.offset.map(|o| o as i32))),
-        ]
+        ];
+        own.into_iter().chain(gloss.into_iter().flatten()).collect()
     }
 }

@@ -3,7 +3,7 @@
 use glam::Vec2;
 
 use crate::gather::chosen_for_picture;
-use crate::points::{GatherPoint, Interleave};
+use crate::points::{GatherPoint, Interleave, chosen_source};
 use crate::prepared::Prepared;
 use crate::scene::Camera;
 use crate::settings::{Pipeline, Settings, Squares};
@@ -11,10 +11,15 @@ use crate::settings::{Pipeline, Settings, Squares};
 /// Eye rays along each side of the picture that stand for its points.
 const SIDE: u32 = 32;
 
-/// The settings with a pipeline that is not `auto`, and how pixels share its directions. `gathered` is the scene without glass, and `seen` what the
-/// camera sees of it.
-pub(super) fn method(gathered: &Prepared, seen: &[GatherPoint], asked: &Settings) -> (Settings, Interleave) {
+/// The settings with a pipeline and points that are not `auto`, and how pixels share its directions. The scenes are that with glass and that without, and
+/// `seen` is what the camera sees of the second.
+pub(super) fn method(
+    [all, gathered]: [&Prepared; 2],
+    (camera, seen): (&Camera, &[GatherPoint]),
+    asked: &Settings,
+) -> (Settings, Interleave) {
     let mut settings = *asked;
+    settings.film.points = chosen_source(&all.scene, camera.lens.is_some(), asked.film.points);
     if asked.gather.pipeline == Pipeline::Auto {
         settings.gather.pipeline = chosen_for_picture(asked, &gathered.scene, &gathered.bvh, seen);
     }

@@ -5,7 +5,7 @@ use glam::Vec2;
 use crate::error::Result;
 use crate::geometry::Geometry;
 use crate::gpu::Gpu;
-use crate::points::{CameraPoints, EyeRays, GBuffer, Ground, PointTextures, Points};
+use crate::points::{CameraPoints, EyeRays, GBuffer, GlossTextures, Ground, PointTextures, Points};
 use crate::prepared::Prepared;
 use crate::scene::Camera;
 use crate::settings::{PointSource, Settings};
@@ -34,6 +34,7 @@ impl PixelSource {
     pub fn new(gpu: &Gpu, settings: &Settings) -> Result<Self> {
         Ok(match settings.film.points {
             PointSource::Camera => Self::Camera(CameraPoints::new(gpu, settings.film.size)?, None),
+            PointSource::Auto => unreachable!("auto is replaced when a job begins"),
             PointSource::Traced => Self::Traced(None),
         })
     }
@@ -45,17 +46,24 @@ impl PixelSource {
     pub fn see(&mut self, view: View, ground: Option<Ground>, offset: Vec2, index: u32) -> Result<GBuffer> {
         let View { gpu, all: Prepared { scene, bvh, .. }, geometry, camera, settings } = view;
         let size = settings.film.size;
-        let upload = |g_buffer: &GBuffer| {
-            let GBuffer { position, normal, count, .. } = g_buffer;
-            PointTextures::upload(gpu, size, position, normal, *count)
+        let upload = |g_buffer: &GBuffer| -> Result<PointTextures> {
+            let GBuffer { position, normal, count, gloss, .. } = g_buffer;
+            let gloss = (!gloss.is_empty()).then(|| GlossTextures::upload(gpu, size, gloss)).transpose()?;
+            Ok(PointTextures::upload(gpu, size, position, normal, *count)?.with_gloss(gloss))
         };
         Ok(match self {
             Self::Camera(points, uploaded) => {
                 let mut g_buffer = points.see(geometry, camera, offset);
                 g_buffer.add_pictures_of_emission(scene);
                 g_buffer.add_environment(scene, camera, size, offset);
+                let shaded = scene.is_glossy() || scene.has_normal_maps();
+                if shaded {
+                    g_buffer.add_gloss(scene, camera.eye);
+                }
                 if let Some(ground) = ground {
                     g_buffer.add_ground(&ground, camera, size, offset);
+                }
+                if shaded || ground.is_some() {
                     *uploaded = Some(upload(&g_buffer)?);
                 }
                 g_buffer

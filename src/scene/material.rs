@@ -52,6 +52,11 @@ impl Material {
     /// from its sky.
     pub const LEAST_GLOW: f32 = 0.1;
 
+    /// Whether shaders read the texture with this index. Gloss and normal maps are read on the CPU.
+    pub fn is_in_shaders(&self, texture: usize) -> bool {
+        [self.albedo_texture, self.emission_texture, self.opacity.texture].contains(&Some(texture))
+    }
+
     pub fn is_emissive(&self) -> bool {
         self.emission != Vec3::ZERO
     }
@@ -74,6 +79,11 @@ impl Material {
     /// Radiance that the front or the back emits, without the texture, which multiplies it.
     pub fn emission_of(&self, front: bool) -> Vec3 {
         if front || self.two_sided { self.emission } else { Vec3::ZERO }
+    }
+
+    /// The gloss, to be changed.
+    pub fn own_gloss(&mut self) -> &mut Gloss {
+        self.gloss.get_or_insert_default()
     }
 
     /// Whether it is a mirror or glass.
@@ -114,6 +124,18 @@ pub struct Gloss {
     pub specular: Vec3,
     /// A picture of linear values.
     pub texture: Option<usize>,
+}
+
+impl Gloss {
+    /// Reflectance straight on of an index of refraction of 1.5.
+    pub const SPECULAR: f32 = 0.04;
+}
+
+/// A rough dielectric.
+impl Default for Gloss {
+    fn default() -> Self {
+        Self { roughness: 1.0, metallic: 0.0, specular: Vec3::splat(Self::SPECULAR), texture: None }
+    }
 }
 
 /// Normals in the frame of a texture, which turn the shading normal.

@@ -9,8 +9,10 @@
 //! | `unit_space.rs` | transforms between world space and unit space |
 //! | `bvh.rs`, `flat_bvh.rs` | CPU ray queries, and a tree for shaders |
 //! | `source_lists.rs` | the lists of vertices in a model's file |
+//! | `smoothing.rs` | shading normals where a file has none |
 //! | `winding.rs`, `reversed_lamps.rs` | which side is the front, and lamps of which it is the wrong one |
 //! | `specular.rs` | paths through mirrors and glass |
+//! | `gloss.rs`, `normal_map.rs` | reflection of glossy surfaces, and maps that turn shading normals |
 //!
 //! Coordinates are right-handed, in any unit of length. Surfaces are Lambertian, mirrors or glass. Both sides reflect with the same albedo. The front
 //! emits: the side from which the triangle winds counter-clockwise. The back emits only if the material is two-sided.
@@ -26,10 +28,13 @@ mod camera;
 mod digest;
 mod flat_bvh;
 mod format;
+mod gloss;
 mod light;
 mod material;
 mod mesh;
+mod normal_map;
 mod reversed_lamps;
+mod smoothing;
 mod source_lists;
 mod specular;
 mod texture;
@@ -42,10 +47,12 @@ pub use camera::{Camera, CameraChange, Lens, WorldCamera};
 pub use flat_bvh::FlatBvh;
 pub(crate) use format::gltf;
 pub use format::{Files, LoadOptions, LoadReport, Loaded};
-pub use light::{Environment, Focus, LightSample, Lights};
+pub use gloss::{Brdf, GlossMeans, LobeShares, LobeWeights, facing};
+pub use light::{Daylight, Environment, Focus, LightSample, Lights, PunctualKind, PunctualLight, Sky, Sun};
 pub use material::{Gloss, Material, NormalMap, Opacity, Surface};
 pub use mesh::{Mesh, Source, Triangle};
 pub use reversed_lamps::reversed_lamps;
+pub use smoothing::FaceNormals;
 pub use source_lists::SourceLists;
 pub use specular::{MOST_SPECULAR, Path, Split, fresnel};
 pub use texture::{ImageTexture, Sampler, WrapMode};
@@ -60,6 +67,8 @@ pub struct Scene {
     pub textures: Vec<ImageTexture>,
     /// Radiance along rays that hit no surface. `None` is black.
     pub environment: Option<Environment>,
+    /// Points, spots and directional lights, in unit space.
+    pub lights: Vec<PunctualLight>,
     /// `None`: [`Scene::camera`] makes a camera that sees the whole scene.
     pub camera: Option<Camera>,
     /// Transform back to world space.
@@ -72,6 +81,8 @@ pub struct Scene {
     pub source_lists: SourceLists,
     /// As in [`World::file`].
     pub file: String,
+    /// Of [`Self::gloss_mean`].
+    pub gloss_means: GlossMeans,
 }
 
 impl Scene {
@@ -95,8 +106,18 @@ impl Scene {
         self.environment.as_ref().map_or(Vec3::ZERO, |environment| environment.gathered_radiance(direction))
     }
 
-    /// Linear reflectance at a point of a triangle, from its barycentric coordinates.
+    /// Linear reflectance at a point of a triangle, from its barycentric coordinates. Of gloss it is what the material reflects of even light.
     pub fn albedo(&self, triangle: usize, barycentric: Vec3) -> Vec3 {
+        let base = self.base_color(triangle, barycentric);
+        if self.material(triangle).gloss.is_none() {
+            return base;
+        }
+        let mean = self.gloss_mean(self.mesh.triangles[triangle].material as usize);
+        mean.map_or(base, |[share, rest]| base * share + rest)
+    }
+
+    /// The colour of a surface there, without its gloss.
+    pub fn base_color(&self, triangle: usize, barycentric: Vec3) -> Vec3 {
         let &Material { albedo, albedo_texture, .. } = self.material(triangle);
         let albedo = albedo * self.mesh.color(triangle, barycentric);
         let Some(texture) = albedo_texture else { return albedo };
@@ -121,14 +142,34 @@ impl Scene {
         self.materials.iter().any(|material| material.emission_texture.is_some() && material.is_emissive())
     }
 
-    /// Whether the albedo varies over a triangle, by textures or vertex colours.
+    /// Whether the reflectance of hits is not that of the material alone: it has textures, vertex colours or gloss.
     pub fn is_textured(&self) -> bool {
-        !self.mesh.colors.is_empty() || self.materials.iter().any(|material| material.albedo_texture.is_some())
+        let varies = |material: &Material| material.albedo_texture.is_some() || material.shaded_gloss().is_some();
+        !self.mesh.colors.is_empty() || self.materials.iter().any(varies)
+    }
+
+    /// Whether a surface is glossy.
+    pub fn is_glossy(&self) -> bool {
+        self.used_materials().any(|material| material.shaded_gloss().is_some())
+    }
+
+    /// Whether light may come to a diffuse surface by mirrors, glass and narrow lobes alone.
+    pub fn has_caustics(&self) -> bool {
+        self.used_materials().any(|material| material.is_specular() || material.may_be_narrow())
+    }
+
+    /// Whether a normal map turns shading normals.
+    pub fn has_normal_maps(&self) -> bool {
+        self.used_materials().any(|material| material.normal_map.is_some())
+    }
+
+    fn used_materials(&self) -> impl Iterator<Item = &Material> {
+        self.mesh.triangles.iter().map(|triangle| &self.materials[triangle.material as usize])
     }
 
     /// Whether any surface is a mirror or glass.
     pub fn is_specular(&self) -> bool {
-        self.mesh.triangles.iter().any(|triangle| self.materials[triangle.material as usize].is_specular())
+        self.used_materials().any(Material::is_specular)
     }
 
     /// The indices of the triangles that are no glass. [`Self::without_glass`] keeps them in this order.

@@ -1,4 +1,4 @@
-//! Light paths through mirrors and glass. Eye rays and photons use them alike.
+//! Light paths through mirrors, glass and lobes. Eye rays and photons use them alike.
 //!
 //! Glass fills a closed surface, behind its fronts. Snell's law is n sin θ = n' sin θ'. The reflectance for unpolarised light (Fresnel) is the mean of
 //! ((n cos θ - n' cos θ') / (n cos θ + n' cos θ'))² and ((n' cos θ - n cos θ') / (n' cos θ + n cos θ'))². It is 1 if no θ' satisfies Snell's law. A
@@ -6,7 +6,7 @@
 
 use glam::Vec3;
 
-use super::{Bvh, RAY_OFFSET, Scene, Surface};
+use super::{Brdf, Bvh, RAY_OFFSET, Scene, Surface, facing};
 
 /// Maximum number of consecutive mirrors and glass faces on a path. A mirror of reflectance 0.9 returns 3 % after this number.
 pub const MOST_SPECULAR: u32 = 32;
@@ -44,6 +44,28 @@ impl Path {
         *choice = if reflects { *choice / reflectance } else { (*choice - reflectance) / (1.0 - reflectance) };
         *self = if reflects { reflected } else { refracted };
         Some(kept[usize::from(!reflects)])
+    }
+
+    /// The reflection of a glossy surface that the path has met, and the unit shading normal there, on its side. `None` on other surfaces.
+    pub fn gloss(&self, scene: &Scene) -> Option<(Brdf, Vec3)> {
+        let triangle = self.triangle?;
+        scene.material(triangle).shaded_gloss()?;
+        let barycentric = scene.mesh.barycentric(triangle, self.origin);
+        let brdf = scene.brdf(triangle, barycentric, scene.base_color(triangle, barycentric))?;
+        let side = scene.mesh.side_met(triangle, self.direction);
+        let normal = scene.mesh.shading_normal(triangle, barycentric, side);
+        Some((brdf, facing(scene.mapped_normal(triangle, barycentric, normal, side), -self.direction)))
+    }
+
+    /// Leaves a glossy surface by its lobe, with a direction by a uniform point of the unit square. Returns the weight: what the lobe reflects, over the
+    /// density. `None` if the lobe reflects nothing there.
+    pub fn leave_by_lobe(&mut self, scene: &Scene, (brdf, normal): (&Brdf, Vec3), square: [f32; 2]) -> Option<Vec3> {
+        let side = scene.mesh.side_met(self.triangle?, self.direction);
+        let (light, weight) = brdf.sample_lobe(normal, -self.direction, square)?;
+        // A shading normal may send light through the face. It goes on above it, as if the face were bent.
+        let above = light.dot(side);
+        self.leave(side, if above < 0.0 { light - 2.0 * above * side } else { light });
+        Some(weight)
     }
 
     /// Both ways from a mirror or glass: reflection and refraction.

@@ -7,7 +7,7 @@ use std::io::{Cursor, ErrorKind};
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 
-use glam::{DVec3, Vec2, Vec3};
+use glam::{DVec3, Vec2, Vec3, Vec4};
 use image::{DynamicImage, ImageDecoder, ImageError, ImageFormat, ImageReader, Limits};
 
 use super::format::{Reader, Unread};
@@ -196,12 +196,22 @@ impl ImageTexture {
     /// Linear reflectance at `uv`. Texels are decoded, then interpolated bilinearly unless the sampler wants the nearest. Equals what OpenGL samples of an
     /// sRGB texture with these rows and this sampler, without mipmaps, at (u, 1 - v).
     pub fn sample_linear(&self, uv: Vec2) -> Vec3 {
+        self.sample(uv, |[r, g, b, _]| Vec3::from([r, g, b].map(|byte| LINEAR[usize::from(byte)])).extend(0.0)).truncate()
+    }
+
+    /// The bytes at `uv` as shares of 255, without the sRGB curve, interpolated as in [`Self::sample_linear`].
+    pub fn sample_data(&self, uv: Vec2) -> Vec4 {
+        self.sample(uv, |texel| Vec4::from(texel.map(f32::from)) / 255.0)
+    }
+
+    fn sample(&self, uv: Vec2, value: impl Fn([u8; 4]) -> Vec4) -> Vec4 {
         let Sampler { wrap: [along_u, along_v], nearest } = self.sampler;
         let (left, right, x) = along_u.neighbours(uv.x, self.width as usize);
         let (above, below, y) = along_v.neighbours(1.0 - uv.y, self.height as usize);
         // The nearest texel is the one of greater weight.
         let [x, y] = [x, y].map(|share| if nearest { (share + 0.5).floor() } else { share });
-        let row = |row| self.texel(left, row).lerp(self.texel(right, row), x);
+        let texel = |x: usize, y: usize| value(self.texels[y * self.width as usize + x]);
+        let row = |row| texel(left, row).lerp(texel(right, row), x);
         row(above).lerp(row(below), y)
     }
 

@@ -19,8 +19,6 @@ const SHARP: f32 = 0.05;
 /// What transmits this much with no more roughness is glass.
 const CLEAR: f32 = 0.5;
 const CLEAR_ROUGHNESS: f32 = 0.1;
-/// What is rougher looks diffuse.
-const DULL: f32 = 0.9;
 
 /// All materials of a file, in its order.
 pub struct FileMaterials {
@@ -55,11 +53,11 @@ impl FileMaterials {
 }
 
 /// A material that is being read.
-struct MaterialReading<'a, 'b, 'c> {
-    json: &'a JsonMaterial,
-    images: &'a mut Images<'b, 'c>,
+pub(super) struct MaterialReading<'a, 'b, 'c> {
+    pub json: &'a JsonMaterial,
+    pub images: &'a mut Images<'b, 'c>,
     /// Those of the textures so far. All textures of a material share them.
-    coordinates: Option<(u32, Affine2)>,
+    pub coordinates: Option<(u32, Affine2)>,
     unshaded: Vec<String>,
 }
 
@@ -82,7 +80,9 @@ impl MaterialReading<'_, '_, '_> {
         }
         let (emission, emission_texture) = self.emission(loader, extensions)?;
         let surface = self.surface(extensions, albedo, texture.is_some());
-        self.note_reflection(extensions, surface);
+        self.note_transmission(extensions, surface);
+        let gloss = if surface == Surface::Diffuse { self.gloss(loader, extensions)? } else { None };
+        let normal_map = self.normal_map(loader)?;
         self.note_rest(extensions, factor[3]);
         if matches!(surface, Surface::Glass { .. }) {
             albedo = Vec3::ONE;
@@ -96,6 +96,8 @@ impl MaterialReading<'_, '_, '_> {
             two_sided,
             albedo_texture,
             emission_texture,
+            gloss,
+            normal_map,
             surface,
             unshaded: self.unshaded,
             ..Material::default()
@@ -147,34 +149,16 @@ impl MaterialReading<'_, '_, '_> {
         self.unshaded.push(what);
     }
 
-    fn note_texture(&mut self, what: &str, info: Option<&Info>) {
+    pub(super) fn note_texture(&mut self, what: &str, info: Option<&Info>) {
         if let Some(info) = info {
             let name = self.images.name(info.index.value());
             self.note(format!("{what} {name}"));
         }
     }
 
-    /// Notes what is not shown of metals and gloss.
-    fn note_reflection(&mut self, extensions: &extension::Material, surface: Surface) {
-        if surface != Surface::Diffuse {
-            return;
-        }
-        if let Some(old) = &extensions.pbr_specular_glossiness {
-            if old.specular_factor.0 != [0.0; 3] && old.glossiness_factor.0 > 1.0 - DULL {
-                let [r, g, b] = old.specular_factor.0;
-                self.note(format!("specular {r} {g} {b}, glossiness {}", old.glossiness_factor.0));
-            }
-            return self.note_texture("specular-glossiness texture", old.specular_glossiness_texture.as_ref());
-        }
-        let json = &self.json.pbr_metallic_roughness;
-        if json.metallic_factor.0 > 0.0 {
-            self.note(format!("metallic {}", json.metallic_factor.0));
-        }
-        if json.roughness_factor.0 < DULL {
-            self.note(format!("roughness {}", json.roughness_factor.0));
-        }
-        self.note_texture("metallic-roughness texture", json.metallic_roughness_texture.as_ref());
-        if let Some(transmission) = &extensions.transmission {
+    /// Notes what is not shown of transmission.
+    fn note_transmission(&mut self, extensions: &extension::Material, surface: Surface) {
+        if let Some(transmission) = extensions.transmission.as_ref().filter(|_| surface == Surface::Diffuse) {
             self.note(format!("transmission {}", transmission.transmission_factor.0));
         }
     }
@@ -189,18 +173,8 @@ impl MaterialReading<'_, '_, '_> {
             Checked::Valid(AlphaMode::Blend) => self.note(format!("alpha mode BLEND, opacity {alpha}")),
             _ => {}
         }
-        if let Some(normal) = &self.json.normal_texture {
-            self.note(format!("normal map {}", self.images.name(normal.index.value())));
-        }
         if extensions.unlit.is_some() {
             self.note("unlit".to_owned());
-        }
-        if let Some(specular) = &extensions.specular {
-            let [r, g, b] = specular.specular_color_factor.0;
-            self.note(format!("specular {} of colour {r} {g} {b}", specular.specular_factor.0));
-        }
-        if let Some(ior) = extensions.ior.as_ref().filter(|_| extensions.transmission.is_none()) {
-            self.note(format!("index of refraction {}", ior.ior.0));
         }
         for name in extensions.others.keys() {
             if let Some(name) = name.strip_prefix("KHR_materials_").or_else(|| name.strip_prefix("KHR_technique_")) {
@@ -234,7 +208,7 @@ fn shares([r, g, b, _]: [f32; 4]) -> Vec3 {
 }
 
 /// The set of coordinates of a texture, and what becomes of them.
-fn coordinates_of(info: &Info) -> (u32, Affine2) {
+pub(super) fn coordinates_of(info: &Info) -> (u32, Affine2) {
     let Some(transform) = info.extensions.as_ref().and_then(|extensions| extensions.texture_transform.as_ref()) else {
         return (info.tex_coord, V_UP);
     };

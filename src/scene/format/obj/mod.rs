@@ -20,6 +20,7 @@ use crate::scene::mesh::has_area;
 use crate::scene::{Instance, Material, Mesh, Source, Triangle, World};
 
 mod faces;
+mod gloss;
 mod materials;
 mod mtl;
 mod number;

@@ -8,6 +8,7 @@ use std::path::Path;
 
 use glam::Vec3;
 
+use super::gloss::GlossStatements;
 use super::number::{Word, read, words};
 pub use super::picture::Placement;
 use super::picture::{PictureName, Pictures};
@@ -63,6 +64,7 @@ struct Statements {
     glow: Option<PictureName>,
     /// The statements about mirrors and glass: keyword, line and arguments.
     optics: Vec<(&'static str, usize, String)>,
+    gloss: GlossStatements,
     unshaded: Unshaded,
 }
 
@@ -87,12 +89,15 @@ impl Statements {
         if let Some(picture) = self.glow.as_ref().filter(|_| emission_texture.is_none()) {
             unshaded.push(format!("emission map {}", picture.base()));
         }
+        let (gloss, normal_map) = self.gloss.finish(pictures, surface, &mut placement, &mut unshaded)?;
         let material = Material {
             name: self.name,
             albedo: reflectance.or(self.diffuse).unwrap_or(unsaid),
             emission,
             albedo_texture: texture,
             emission_texture,
+            gloss,
+            normal_map,
             surface,
             unshaded,
             ..Material::default()
@@ -143,6 +148,7 @@ impl MtlScanner<'_> {
                 let line = self.line;
                 match SHADED.into_iter().find(|known| *known == keyword) {
                     Some(optic) => self.last().optics.push((optic, line, uncomment(rest).to_owned())),
+                    None if self.last().gloss.read(keyword, rest, line) => {}
                     None => self.last().unshaded.note(keyword, rest),
                 }
             }

@@ -12,7 +12,7 @@ use super::text::{names_of, split_word};
 use crate::error::{Error, Result};
 use crate::scene::format::warnings::{Fault, Place};
 use crate::scene::format::{Loader, beside};
-use crate::scene::{Material, Sampler, WrapMode};
+use crate::scene::{ImageTexture, Material, Sampler, WrapMode};
 
 /// A statement that names a picture.
 #[derive(Clone, Debug, Default)]
@@ -151,6 +151,29 @@ impl<'a, 'b> Pictures<'a, 'b> {
         };
         self.loader.warnings.tell(place, "map_Ke", &text);
         Ok((radiance, None))
+    }
+
+    /// A texture that was loaded.
+    pub fn picture(&self, texture: usize) -> &ImageTexture {
+        &self.loader.textures.list[texture]
+    }
+
+    /// The index of a texture that is made of others. `name` tells it from all others.
+    pub fn derived(&mut self, name: &str, from: &[usize], make: impl Fn(&[&ImageTexture]) -> ImageTexture) -> Result<usize> {
+        let list = &self.loader.textures.list;
+        let (name, sampler) = (PathBuf::from(name), list[from[0]].sampler);
+        if let Some(known) = self.loader.textures.known(&name, sampler) {
+            return Ok(known);
+        }
+        let texture = make(&from.iter().map(|&texture| &list[texture]).collect::<Vec<_>>());
+        let library = self.files[0];
+        self.loader.textures.add(name, texture, library, &library.display().to_string())
+    }
+
+    /// Tells what is made of a picture.
+    pub fn tell(&mut self, picture: &PictureName, what: &'static str, text: &str) {
+        let place = Place { path: self.files[0], line: Some(picture.line) };
+        self.loader.warnings.tell(place, what, &|| text.to_owned());
     }
 
     pub fn has_alpha(&mut self, texture: usize) -> bool {

@@ -31,18 +31,12 @@ impl Unshaded {
         match keyword.to_ascii_lowercase().as_str() {
             "d" => self.opacity = number(),
             "tr" => self.transparency = number(),
-            "pr" => unless("roughness", 1.0),
-            "pm" => unless("metalness", 0.0),
             "ps" => unless("sheen", 0.0),
             "pc" => unless("clear coat", 0.0),
             "map_d" | "map_tr" | "map_opacity" => self.picture("opacity map", text),
-            "bump" | "map_bump" => self.picture("bump map", text),
-            "norm" | "map_kn" | "map_norm" => self.picture("normal map", text),
             "disp" | "map_disp" => self.picture("displacement map", text),
             "map_ks" => self.picture("highlight map", text),
             "map_ns" => self.picture("gloss map", text),
-            "map_pr" => self.picture("roughness map", text),
-            "map_pm" => self.picture("metalness map", text),
             "refl" | "map_refl" => self.picture("reflection map", text),
             _ => {}
         }

@@ -3,6 +3,7 @@
 //! ```toml
 //! mesh = "room.obj"            # in this file's folder or below it, as all files named here
 //! flip = false                 # the default; true: fronts of all surfaces become backs
+//! smooth_angle = 40            # smooth normals for vertices without, where faces meet at no more degrees; default: none, flat
 //!
 //! [camera]                     # default: shows the whole model from the front
 //! eye = [278, 273, -800]
@@ -17,6 +18,24 @@
 //! scale = 1                    # the default
 //! turn_degrees = 0             # the default; turns about +y, counter-clockwise from above
 //!
+//! [sun]                        # a light from afar, as directional lights
+//! direction = [1, 2, 1]        # towards the sun; or azimuth_degrees (clockwise from -z, 90 is +x) and height_degrees
+//! illuminance = 1e5            # lux on a surface that faces it; default: of the real sun, through the air of [sky]
+//! angle_degrees = 0.53         # its diameter, the default; 0: sharp shadows
+//!
+//! [sky]                        # the clear sky of [sun], in place of [environment]
+//! turbidity = 3                # the default; from 2, very clear, to 10, haze
+//! scale = 1                    # the default; of the sun too, if it has no illuminance
+//!
+//! [[lights]]                   # beside those of the model
+//! kind = "spot"                # or "point", without direction and angles, or "directional", with direction and illuminance
+//! position = [0, 3, 0]
+//! direction = [0, -1, 0]       # in which it shines
+//! intensity = 800              # cd, one number or red, green and blue
+//! radius = 0.1                 # 0, sharp shadows, by default
+//! inner_degrees = 20           # whole intensity up to this angle from the axis; 0 by default
+//! outer_degrees = 30           # and none beyond this; 45 by default
+//!
 //! [settings]                   # any key of `Settings`
 //! directions = 1000
 //!
@@ -27,11 +46,17 @@
 //! flip = false                 # the default; true: fronts of this material's surfaces become backs
 //! albedo_texture = "tiles.png"
 //! emission_texture = "screen.png"  # multiplies the emission, which is then 1 by default
+//! roughness = 0.3              # with any of these five keys the surface is glossy: metallic-roughness as in glTF 2.0; default: that of the model, or 1
+//! metallic = 0                 # 1 is a metal, which reflects its albedo; default: that of the model, or 0
+//! specular = 0.04              # reflectance of a dielectric straight on, a number or [r, g, b]; default: that of the model, or 0.04
+//! gloss_texture = "worn.png"   # its green multiplies the roughness, its blue the metal
+//! normal_map = "bricks.png"    # turns shading normals
 //! surface = "mirror"           # or "diffuse", or { glass = { index = 1.5, filter = [1, 1, 1] } }; a mirror reflects its albedo
 //! ```
 
 mod fault;
 mod lenient;
+mod lights;
 
 use std::collections::{BTreeMap, HashMap};
 use std::ops::{Range, RangeInclusive};
@@ -43,12 +68,13 @@ use toml::Spanned;
 use toml::de::DeTable;
 
 use fault::SceneText;
+use lights::{LightTable, SkyTable, SunTable};
 
 use super::{Loader, Unread, beside, format_of, names, obj};
 use crate::error::{Error, Result};
 use crate::file::{MOST_BYTES, MOST_WORDS};
-use crate::scene::{Camera, Environment, Lens, Surface, World, WorldCamera};
-use crate::settings::Settings;
+use crate::scene::{Camera, Environment, Lens, NormalMap, Surface, World, WorldCamera};
+use crate::settings::{Exposure, Settings};
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -56,8 +82,13 @@ struct SceneFile {
     mesh: Spanned<String>,
     #[serde(default)]
     flip: bool,
+    smooth_angle: Option<Spanned<f32>>,
     camera: Option<Spanned<CameraTable>>,
     environment: Option<Spanned<EnvironmentTable>>,
+    sun: Option<Spanned<SunTable>>,
+    sky: Option<Spanned<SkyTable>>,
+    #[serde(default)]
+    lights: Vec<Spanned<LightTable>>,
     #[serde(default)]
     settings: Settings,
     #[serde(default)]
@@ -95,6 +126,11 @@ struct MaterialTable {
     flip: bool,
     albedo_texture: Option<Spanned<String>>,
     emission_texture: Option<Spanned<String>>,
+    roughness: Option<Spanned<f32>>,
+    metallic: Option<Spanned<f32>>,
+    specular: Option<Spanned<[f32; 3]>>,
+    gloss_texture: Option<Spanned<String>>,
+    normal_map: Option<Spanned<String>>,
     surface: Option<Spanned<SurfaceTable>>,
 }
 
@@ -121,7 +157,7 @@ pub fn load(loader: &mut Loader, path: &Path) -> Result<(World, Settings)> {
     }
     let replacements = lenient::replacements(table.get_ref());
     let places = lenient::settle(table.get_mut(), &replacements);
-    let file = SceneFile::deserialize(toml::Deserializer::from(table)).map_err(|fault| source.refused(&fault))?;
+    let mut file = SceneFile::deserialize(toml::Deserializer::from(table)).map_err(|fault| source.refused(&fault))?;
 
     file.settings.validate().map_err(|fault| match fault {
         Error::Usage { problem, cure } => {
@@ -181,10 +217,34 @@ pub fn load(loader: &mut Loader, path: &Path) -> Result<(World, Settings)> {
         let turn = factor(table.turn_degrees, "turn_degrees", -360.0..=360.0, 0.0, "give degrees from -360 to 360")?;
         Ok(environment.scaled(scale).turned(turn))
     };
-    // The environment of the options replaces that of the file, which is not read.
-    if loader.environment.is_none() {
+    let refused = |span: Range<usize>| move |(problem, cure): (String, &'static str)| source.error(&span, &problem, cure);
+    // The environment or sky of the options replaces that of the file, which is not read.
+    let mut daylight_at = None;
+    if loader.environment.is_none() && loader.sky.is_none() {
+        if let (Some(_), Some(sky)) = (&file.environment, &file.sky) {
+            return Err(error(sky.span(), "a scene has an environment or a sky".into(), "leave out one of the two tables"));
+        }
         loader.environment = file.environment.map(own_environment).transpose()?;
+        daylight_at = file.sky.as_ref().map(Spanned::span);
+        loader.sky = file.sky.map(|table| table.get_ref().sky().map_err(refused(table.span()))).transpose()?;
     }
+    if let (None, Some(table)) = (loader.sun, file.sun) {
+        loader.sun = Some(table.get_ref().sun().map_err(refused(table.span()))?);
+        daylight_at = daylight_at.or(Some(table.span()));
+    }
+    let sun = loader.daylight().map_err(|(problem, cure)| match daylight_at {
+        Some(span) => source.error(&span, &problem, cure),
+        None => Error::usage(problem, cure),
+    })?;
+    // Daylight is a hundred thousand times as bright as lamps of radiance 1.
+    if loader.has_real_daylight() && !places.contains_key("exposure") {
+        file.settings.display.exposure = Exposure::Auto;
+    }
+    let lights = file.lights.into_iter().enumerate().map(|(index, table)| {
+        let span = table.span();
+        table.into_inner().light(|| format!("light {index}")).map_err(refused(span))
+    });
+    let lights = lights.collect::<Result<Vec<_>>>()?;
 
     // A model of unknown ending is read as OBJ.
     let mesh = beside(path, file.mesh.get_ref());
@@ -195,7 +255,15 @@ pub fn load(loader: &mut Loader, path: &Path) -> Result<(World, Settings)> {
     reader.find(&mesh).map_err(missing)?;
     let mut world = loader.model(format_of(&mesh).unwrap_or(obj::load), &mesh)?;
     loader.flip |= file.flip;
+    if let Some(angle) = file.smooth_angle {
+        let degrees = *angle.get_ref();
+        if !World::SMOOTH_ANGLES.contains(&degrees) {
+            return Err(error(angle.span(), format!("smooth_angle is {degrees}"), World::SMOOTH_ANGLE_CURE));
+        }
+        loader.smooth_angle = loader.smooth_angle.or(Some(degrees));
+    }
     world.cameras.splice(0..0, camera.map(|camera| ("camera".to_owned(), camera)));
+    world.lights.extend(lights.into_iter().chain(sun));
     // A glTF file may have several materials of one name. A table is of all of them.
     let mut indices: HashMap<String, Vec<usize>> = HashMap::new();
     for (index, material) in world.materials.iter().enumerate() {
@@ -245,6 +313,30 @@ pub fn load(loader: &mut Loader, path: &Path) -> Result<(World, Settings)> {
         }
         if table.flip {
             world.meshes.iter_mut().for_each(|mesh| mesh.turn(|triangle| triangle.material as usize == index));
+        }
+        let share = |value: Spanned<f32>, what: &str| match *value.get_ref() {
+            share if (0.0..=1.0).contains(&share) => Ok(share),
+            share => Err(error(value.span(), format!("{what} is {share}"), "give a number from 0 to 1")),
+        };
+        if let Some(roughness) = table.roughness {
+            material.own_gloss().roughness = share(roughness, "roughness")?;
+        }
+        if let Some(metallic) = table.metallic {
+            material.own_gloss().metallic = share(metallic, "metallic")?;
+        }
+        if let Some(specular) = table.specular {
+            let cure = "give a reflectance from 0 to 1, or one for each of red, green and blue";
+            material.own_gloss().specular = color(specular, "specular", 0.0..=1.0, cure)?;
+        }
+        let mut picture = |name: Spanned<String>| {
+            let named_at = format!("{}:{}", path.display(), source.line(&name.span()));
+            loader.textures.load(&beside(path, name.get_ref()), &named_at)
+        };
+        if let Some(texture) = table.gloss_texture {
+            material.own_gloss().texture = Some(picture(texture)?);
+        }
+        if let Some(texture) = table.normal_map {
+            material.normal_map = Some(NormalMap { texture: picture(texture)?, scale: 1.0 });
         }
         if let Some(surface) = table.surface {
             let kind = match *surface.get_ref() {
