@@ -16,6 +16,7 @@ const INCLUDES: &[(&str, &str)] = includes![
     "consumer/harmonics.glsl" "consumer/hemisphere.glsl" "consumer/irradiance.glsl" "consumer/record.glsl"
     "finder/layers.glsl" "finder/rays.glsl" "finder/stored.glsl"
     "include/albedo.glsl" "include/bvh.glsl" "include/gloss.glsl" "include/harmonics.glsl" "include/hits.glsl" "include/layer.glsl" "include/layer_store.glsl"
+    "include/light_tree.glsl"
     "include/octahedral.glsl" "include/packed_surface.glsl" "include/photon_atlas.glsl" "include/photon_grid.glsl" "include/points.glsl" "include/radiance.glsl"
     "include/surface.glsl" "include/vertex_cache.glsl"
 ];
@@ -62,16 +63,20 @@ pub struct DirectVariant {
     pub punctual: bool,
     /// Points may have a lobe.
     pub gloss: bool,
+    /// Points choose lamps by a tree.
+    pub many: bool,
 }
 
 impl DirectVariant {
     fn all() -> impl Iterator<Item = Self> {
-        [false, true].into_iter().flat_map(|punctual| [false, true].map(|gloss| Self { punctual, gloss }))
+        let kinds = [(false, false), (true, false), (false, true)];
+        kinds.into_iter().flat_map(|(punctual, many)| [false, true].map(|gloss| Self { punctual, gloss, many }))
     }
 
     pub fn source(self) -> ShaderSource {
         let mut source = ShaderSource::clone(&DIRECT);
-        let flags = [(self.punctual, "PUNCTUAL"), (self.gloss, "GLOSS")];
+        // Lamps may have pictures.
+        let flags = [(self.punctual, "PUNCTUAL"), (self.gloss, "GLOSS"), (self.many, "MANY_LIGHTS"), (self.many, "TEXTURED")];
         source.defines.extend(flags.into_iter().filter(|(set, _)| *set).map(|(_, name)| name.to_owned()));
         source
     }

@@ -48,7 +48,9 @@ pub use flat_bvh::FlatBvh;
 pub(crate) use format::gltf;
 pub use format::{Files, LoadOptions, LoadReport, Loaded};
 pub use gloss::{Brdf, GlossMeans, LobeShares, LobeWeights, facing};
-pub use light::{Daylight, Environment, Focus, LightSample, Lights, PunctualKind, PunctualLight, Sky, Sun};
+pub use light::{
+    Daylight, Environment, Focus, Lamp, LightChoice, LightSample, LightTree, Lights, PunctualKind, PunctualLight, Sky, Sun,
+};
 pub use material::{Gloss, Material, NormalMap, Opacity, Surface};
 pub use mesh::{Mesh, Source, Triangle};
 pub use reversed_lamps::reversed_lamps;

@@ -7,8 +7,10 @@ use std::f64::consts::PI;
 use glam::{Vec2, Vec3};
 
 use super::super::{ImageTexture, Path, RAY_OFFSET, Scene};
+use super::LIGHT_OFFSET;
 use super::pieces::{Piece, pieces};
-use crate::math::cosine_direction;
+use super::tree::Branch;
+use crate::math::{Aabb, cosine_direction};
 use crate::random::Distribution;
 
 /// All emissive triangles of a scene.
@@ -31,6 +33,8 @@ pub struct Emitter {
     normal: Vec3,
     /// See [`LightPoint::radiance_area`]; a picture multiplies it.
     radiance_area: Vec3,
+    /// Radiance times area; a picture multiplies it.
+    pub flux: Vec3,
     /// Index of the picture of emission, and the coordinates of the corners on it.
     glow: Option<(usize, [Vec2; 3])>,
 }
@@ -47,8 +51,21 @@ pub struct LightPoint {
     pub radiance_area: Vec3,
 }
 
-/// A part of a triangle that emits nearly evenly.
-struct Part {
+/// A side of a triangle or of a piece of it, as shaders sample it.
+pub struct Lamp {
+    /// Index into [`super::super::Mesh::triangles`].
+    pub triangle: usize,
+    /// Where shadow rays end.
+    pub corners: [Vec3; 3],
+    /// Unit normal on the emitting side.
+    pub normal: Vec3,
+    /// Radiance times area; a picture multiplies it.
+    pub flux: Vec3,
+    pub is_pictured: bool,
+}
+
+/// A triangle, or a piece of it that emits nearly evenly.
+struct EvenPart {
     triangle: usize,
     corners: [Vec3; 3],
     glow: Option<(usize, [Vec2; 3])>,
@@ -61,16 +78,17 @@ impl AreaLight {
     pub fn new(scene: &Scene) -> Self {
         let mut glows = Vec::new();
         let parts = parts(scene, &mut glows);
-        let sides = |part: &Part| [1.0, -1.0].into_iter().take(1 + usize::from(scene.material(part.triangle).two_sided));
+        let sides = |part: &EvenPart| [1.0, -1.0].into_iter().take(1 + usize::from(scene.material(part.triangle).two_sided));
         let emissive = || parts.iter().flat_map(|part| sides(part).map(move |side| (part, side)));
         let total: f64 = emissive().map(|(part, _)| part.weight).sum();
-        let emitter = |(part, side): (&Part, f32)| {
+        let emitter = |(part, side): (&EvenPart, f32)| {
             let probability = (part.weight / total) as f32;
             Emitter {
                 triangle: part.triangle,
                 corners: part.corners,
                 normal: side * scene.mesh.geometric_normal(part.triangle),
                 radiance_area: scene.material(part.triangle).emission * (part.area / probability),
+                flux: scene.material(part.triangle).emission * part.area,
                 glow: part.glow,
             }
         };
@@ -82,7 +100,12 @@ impl AreaLight {
     /// power.
     fn point(&self, pick: f32, [u, v]: [f32; 2]) -> LightPoint {
         let (slot, ..) = self.by_power.pick(pick);
-        let &Emitter { triangle, corners: [a, b, c], normal, radiance_area, glow } = &self.sides[slot];
+        self.point_on(slot, self.sides[slot].radiance_area, [u, v])
+    }
+
+    /// A point of a side by a uniform point of the unit square.
+    pub fn point_on(&self, side: usize, radiance_area: Vec3, [u, v]: [f32; 2]) -> LightPoint {
+        let &Emitter { triangle, corners: [a, b, c], normal, glow, .. } = &self.sides[side];
         // Shrinks one side of the square to a corner. Neighbours in the square stay neighbours in the triangle, and no two parts of it overlap there: so
         // 512 even points have a twentieth of the error that they have in a square folded along its diagonal.
         let along = u.sqrt();
@@ -108,6 +131,28 @@ impl AreaLight {
         (path, radiance_area * (consts::PI / probability))
     }
 
+    /// What a tree over the sides needs to know of each.
+    pub fn branches(&self) -> Vec<Branch> {
+        let branch = |(side, weight): (&Emitter, f32)| Branch {
+            bounds: Aabb::from_points(side.corners),
+            axis: side.normal,
+            spread: 0.0,
+            power: f64::from(weight),
+        };
+        self.sides.iter().zip(self.by_power.probabilities()).map(branch).collect()
+    }
+
+    /// The sides as shaders read them.
+    pub fn lamps(&self) -> impl Iterator<Item = Lamp> {
+        self.sides.iter().map(|side| Lamp {
+            triangle: side.triangle,
+            corners: side.corners.map(|corner| corner + LIGHT_OFFSET * side.normal),
+            normal: side.normal,
+            flux: side.flux,
+            is_pictured: side.glow.is_some(),
+        })
+    }
+
     /// Number of sides of whole triangles.
     pub fn triangle_sides(&self) -> usize {
         let mut normals: Vec<_> =
@@ -119,7 +164,7 @@ impl AreaLight {
 }
 
 /// The parts of all emissive triangles, in their order. `glows` gets their pictures.
-fn parts(scene: &Scene, glows: &mut Vec<ImageTexture>) -> Vec<Part> {
+fn parts(scene: &Scene, glows: &mut Vec<ImageTexture>) -> Vec<EvenPart> {
     let mesh = &scene.mesh;
     let power = |triangle: usize| f64::from(scene.material(triangle).emission.element_sum()) * f64::from(mesh.area(triangle));
     let emissive: Vec<usize> = (0..mesh.triangles.len()).filter(|&triangle| power(triangle) > 0.0).collect();
@@ -131,7 +176,7 @@ fn parts(scene: &Scene, glows: &mut Vec<ImageTexture>) -> Vec<Part> {
     for triangle in emissive {
         let (corners, area) = (mesh.corners(triangle), mesh.area(triangle));
         let Some(picture) = picture_of(&triangle) else {
-            parts.push(Part { triangle, corners, glow: None, area, weight: power(triangle) });
+            parts.push(EvenPart { triangle, corners, glow: None, area, weight: power(triangle) });
             continue;
         };
         let copy = *copies.entry(picture).or_insert_with(|| {
@@ -141,7 +186,7 @@ fn parts(scene: &Scene, glows: &mut Vec<ImageTexture>) -> Vec<Part> {
         while let Some(Piece { corners: within, radiance, share, .. }) = pieces.next_if(|piece| piece.triangle == triangle) {
             let [a, b, c] = corners;
             let area = share * area;
-            parts.push(Part {
+            parts.push(EvenPart {
                 triangle,
                 corners: within.map(|at| a * at.x + b * at.y + c * at.z),
                 glow: Some((copy, within.map(|at| mesh.uv(triangle, at)))),
