@@ -1,7 +1,7 @@
 #version 330 core
 // Irradiance from a batch of samples on the lights, with exact shadow rays (additive blending). With PUNCTUAL some samples may lie on no surface. With
-// GLOSS, irradiance is what passes a point's lobe, and what the lobe reflects is a sum of its own. Mirrors src/direct.rs, and `LightSample` in
-// src/scene/light/mod.rs.
+// GLOSS, irradiance is what passes a point's lobe, and what the lobe reflects is a sum of its own. With MANY_LIGHTS each point chooses lamps by a tree.
+// Mirrors src/direct.rs, and `LightSample` in src/scene/light/mod.rs.
 
 #include "include/points.glsl"
 #include "include/bvh.glsl"
@@ -9,10 +9,15 @@
 #define LIGHTS 32
 
 uniform ivec2 first_texel;          // of the subset in the sums
+#ifdef MANY_LIGHTS
+#include "include/light_tree.glsl"
+uniform vec4 lamp_numbers[LIGHTS];  // of a sample by the tree: xy: uniform; z: its factor
+#else
 uniform vec4 light_places[LIGHTS];  // w 0: unit vector towards a light outside the scene; 1: position; 2: of a cone; 3: centre of a sphere
 uniform vec4 light_normals[LIGHTS]; // unit normal of the emitting side; outside the scene the vector towards it, turned round; of a cone its axis,
                                     // w: its scale; of a sphere a point of the unit disc and the radius
 uniform vec4 light_weights[LIGHTS]; // radiance over the density of the sample, per area or per solid angle; w: offset of a cone
+#endif
 uniform int sample_count;
 uniform int ray_samples;            // samples that share a ray; the last ray may have fewer
 uniform float choice;               // in [0, 1): to which of its samples the first ray goes; each point shifts it
@@ -73,6 +78,10 @@ void main()
         vec4 chosen = vec4(0.0, 0.0, 1.0, NOWHERE);         // xyz: direction; w: reach
         int end = min(i + ray_samples, sample_count);
         do {
+#ifdef MANY_LIGHTS
+            vec4 ray;
+            vec3 light = lamp_light(point, origin, lamp_numbers[i].xyz, ray);
+#else
             bool near = light_places[i].w > 0.0;
             vec3 place = light_places[i].xyz;
 #ifdef PUNCTUAL
@@ -97,9 +106,11 @@ void main()
 #endif
             // At a distance of 0 it is no number.
             vec3 light = received > 0.0 ? received * light_weights[i].rgb : vec3(0.0);
+            vec4 ray = vec4(direction, near ? distance : FARTHEST);
+#endif
 #ifdef GLOSS
-            LobeWeights weights = lobe_weights(point.gloss, point.normal, direction);
-            vec3 lobe = received > 0.0 ? light * weights.lobe : vec3(0.0);
+            LobeWeights weights = lobe_weights(point.gloss, point.normal, ray.xyz);
+            vec3 lobe = light != vec3(0.0) ? light * weights.lobe : vec3(0.0);
             light *= weights.base;
             lobe_sum += lobe;
             // In this measure a white base and the lobe count alike.
@@ -111,7 +122,7 @@ void main()
             total += power;
             float share = power > 0.0 ? power / total : 0.0;
             bool takes = left < share;
-            chosen = takes ? vec4(direction, near ? distance : FARTHEST) : chosen;
+            chosen = takes ? ray : chosen;
             left = takes ? left / share : (left - share) / max(1.0 - share, 1e-7);
         } while (++i < end);
         BvhHit hit = nearest_hit(origin, chosen.xyz, chosen.w);

@@ -22,7 +22,7 @@ uniform float near;
 layout(location = 0) out vec4 position_out;
 layout(location = 1) out vec4 normal_out;
 layout(location = 2) out vec4 albedo_out;       // w: entry of the table of triangles
-layout(location = 3) out vec4 emission_out;     // w: distance along the view axis
+layout(location = 3) out vec4 emission_out;     // without its texture; w: distance along the view axis
 
 void main()
 {
@@ -49,5 +49,5 @@ void main()
     // 1 at the near plane, falling with distance: a float is then as precise at the far end of a terrain as in a room within it. At the outline of a
     // closed body a front and a back are equally far, and rounding must not show the back, which lies inside.
     gl_FragDepth = near * gl_FragCoord.w * (front ? 1.0 : 1.0 - 4e-6);
-    emission_out = vec4(emission(surface, front), -dot(forward, to_eye));
+    emission_out = vec4(plain_emission(surface, front), -dot(forward, to_eye));
 }

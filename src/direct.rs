@@ -7,6 +7,9 @@
 //! that it would bring, and what the ray finds counts for all. The mean is the same (Talbot, Cline and Egbert 2005, "Importance resampling for global
 //! illumination").
 //!
+//! Of very many lamps few samples by power matter at a point. So each point chooses its samples itself, by a [tree](crate::scene::LightTree) over the
+//! lamps, and fewer of them share a ray.
+//!
 //! Samples are points of one Sobol' sequence, of which each pixel of a square of 4 × 4 takes a run of its own. So neighbours have different samples,
 //! a soft shadow has fine grain and no bands, and a square together has sixteen times the samples of a point.
 
@@ -21,7 +24,7 @@ use crate::geometry::Geometry;
 use crate::gpu::{Gpu, Program, Uniform};
 use crate::points::{Accumulator, Interleave, Points, Subset};
 use crate::random::{shuffled, sobol};
-use crate::scene::{LightSample, Lights};
+use crate::scene::{LightChoice, LightSample, Lights};
 use crate::shaders::DirectVariant;
 
 /// Side in pixels of the squares whose pixels have different samples.
@@ -33,6 +36,8 @@ const LIGHTS: usize = 32;
 const DRAWS: usize = 2;
 /// Emitting triangles for each sample that shares a ray. One lamp of two triangles needs no choice.
 const EMITTERS: usize = 4;
+/// Samples by the tree that share a ray.
+const TREE_SAMPLES: usize = 4;
 
 /// Computes the irradiance from the lights at gather points.
 pub struct Direct {
@@ -115,45 +120,66 @@ impl Direct {
         }
         let share = if lights.are_one_point() { SampleShare { samples: share.parts, ..share } } else { share };
         let tables = geometry.ray_tables()?;
-        let variant = DirectVariant {
-            punctual: lights.have_points(),
-            gloss: points.gloss.is_some(),
-            cut_outs: geometry.cut_outs().is_some(),
-        };
-        let program = self.program(variant)?;
-        let of_ray = lights.count().div_ceil(EMITTERS).clamp(1, LIGHTS);
+        let (gloss, cut_outs) = (points.gloss.is_some(), geometry.cut_outs().is_some());
+        let program = self.program(DirectVariant { punctual: lights.have_points(), gloss, cut_outs, many: false })?;
+        let light_tables = geometry.light_tables(lights)?;
+        let many = light_tables.as_ref().map(|tables| -> Result<_> {
+            let program = self.program(DirectVariant { punctual: false, gloss, cut_outs, many: true })?;
+            Ok((program, tables.uniforms()))
+        });
+        let many = many.transpose()?;
+        let of_ray = if many.is_some() { TREE_SAMPLES } else { lights.pieces().div_ceil(EMITTERS).clamp(1, LIGHTS) };
         let in_draw = LIGHTS / of_ray * of_ray;
         let squares = Interleave::new(STRIDE, points.size(), self.seed);
         let sums = Accumulator::several(&self.gpu, squares.sums_size(), outputs)?;
         sums.clear();
         let mut draws = 0;
-        for y in 0..STRIDE {
-            for x in 0..STRIDE {
-                let samples = share.places(rank([x, y]), of_ray as u32).map(|place| self.sample(lights, place));
-                // Lamps and environment share no ray: indoors nearly all rays would go to a sun that walls hide.
-                let (lamps, sky): (Vec<LightSample>, Vec<LightSample>) = samples.partition(|sample| sample.place.w > 0.0);
-                for (index, batch) in lamps.chunks(in_draw).chain(sky.chunks(in_draw)).enumerate() {
-                    let each = |value: fn(&LightSample) -> Vec4| batch.iter().map(value).collect::<Vec<_>>();
-                    let places = each(|sample| sample.place);
-                    let normals = each(|sample| sample.normal.extend(sample.cone[0]));
-                    let weights = each(|sample| sample.weight.extend(sample.cone[1]));
-                    let own = [
-                        ("light_places", Uniform::Vec4s(&places)),
-                        ("light_normals", Uniform::Vec4s(&normals)),
-                        ("light_weights", Uniform::Vec4s(&weights)),
-                        ("sample_count", Uniform::Int(batch.len() as i32)),
-                        ("ray_samples", Uniform::Int(of_ray as i32)),
-                        // A point's choices are spread evenly over its rays, by multiples of the golden ratio.
-                        ("choice", Uniform::Float((0.618_034 * (index * in_draw / of_ray) as f32).fract())),
-                    ];
-                    let subset = points.only(Subset { stride: STRIDE, offset: [x, y] });
-                    sums.add(subset, &program, &[&own[..], &tables.uniforms(), &geometry.uniforms()].concat());
-                    // Draws of few points are not measured, but their rays take long on slow devices.
-                    draws += 1;
-                    if draws % DRAWS == 0 {
-                        self.gpu.finish();
-                    }
+        let mut draw = |program: &Program, offset: [u32; 2], uniforms: &[(&'static str, Uniform)]| {
+            sums.add(
+                points.only(Subset { stride: STRIDE, offset }),
+                program,
+                &[uniforms, &tables.uniforms(), &geometry.uniforms()].concat(),
+            );
+            // Draws of few points are not measured, but their rays take long on slow devices.
+            draws += 1;
+            if draws % DRAWS == 0 {
+                self.gpu.finish();
+            }
+        };
+        for (x, y) in (0..STRIDE).flat_map(|y| (0..STRIDE).map(move |x| (x, y))) {
+            // Lamps and environment share no ray: indoors nearly all rays would go to a sun that walls hide.
+            let (mut numbers, mut lamps, mut sky) = (Vec::new(), Vec::new(), Vec::new());
+            for place in share.places(rank([x, y]), of_ray as u32) {
+                match self.choose(lights, place) {
+                    LightChoice::Tree { numbers: [u, v], share } => numbers.push(Vec4::new(u, v, 1.0 / share, 0.0)),
+                    LightChoice::Sample(sample) if sample.place.w > 0.0 => lamps.push(sample),
+                    LightChoice::Sample(sample) => sky.push(sample),
                 }
+            }
+            let common = |index: usize, count: usize| {
+                [
+                    ("sample_count", Uniform::Int(count as i32)),
+                    ("ray_samples", Uniform::Int(of_ray as i32)),
+                    // A point's choices are spread evenly over its rays, by multiples of the golden ratio.
+                    ("choice", Uniform::Float((0.618_034 * (index * in_draw / of_ray) as f32).fract())),
+                ]
+            };
+            for (index, batch) in numbers.chunks(in_draw).enumerate() {
+                let (program, uniforms) = many.as_ref().expect("a tree has its tables");
+                let own = [("lamp_numbers", Uniform::Vec4s(batch))];
+                draw(program, [x, y], &[&own[..], &common(index, batch.len()), uniforms].concat());
+            }
+            for (index, batch) in lamps.chunks(in_draw).chain(sky.chunks(in_draw)).enumerate() {
+                let each = |value: fn(&LightSample) -> Vec4| batch.iter().map(value).collect::<Vec<_>>();
+                let places = each(|sample| sample.place);
+                let normals = each(|sample| sample.normal.extend(sample.cone[0]));
+                let weights = each(|sample| sample.weight.extend(sample.cone[1]));
+                let own = [
+                    ("light_places", Uniform::Vec4s(&places)),
+                    ("light_normals", Uniform::Vec4s(&normals)),
+                    ("light_weights", Uniform::Vec4s(&weights)),
+                ];
+                draw(&program, [x, y], &[&own[..], &common(index, batch.len())].concat());
             }
         }
         let mean = 1.0 / (share.rays() * of_ray as u32) as f32;
@@ -161,10 +187,10 @@ impl Direct {
         Ok([all.next().unwrap_or_default(), all.next().unwrap_or_default()])
     }
 
-    fn sample(&self, lights: &Lights, place: u32) -> LightSample {
+    fn choose(&self, lights: &Lights, place: u32) -> LightChoice {
         // The sub-pixel offsets of blocks use the same sequence. Without the shuffle, blocks of one light sample each would always pair the same part
         // of the pixel with the same part of the light.
-        lights.sample(sobol(shuffled(place, self.seed), self.seed))
+        lights.choose(sobol(shuffled(place, self.seed), self.seed))
     }
 }
 

@@ -2,6 +2,7 @@
 //! Mirrors `glsl/surface.vert`, `glsl/include/surface.glsl` and `glsl/include/radiance.glsl`.
 
 mod cut_outs;
+mod light_tables;
 mod ray_tables;
 
 use std::cell::OnceCell;
@@ -14,9 +15,10 @@ use glam::{DVec3, DVec4, Mat4, Vec3};
 use crate::error::{Error, Result};
 use crate::gpu::{Blend, DepthTest, Draw, Filter, Format, Gpu, Program, Shape, Target, Texture, Uniform, VertexArray, Wrap};
 use crate::math::dominant_axis;
-use crate::scene::{ImageTexture, Material, Mesh, Sampler, Scene, WrapMode};
+use crate::scene::{ImageTexture, Lights, Material, Mesh, Sampler, Scene, WrapMode};
 
 pub use cut_outs::CutOuts;
+pub use light_tables::LightTables;
 pub use ray_tables::RayTables;
 
 /// All data of the scene's surfaces that shaders read, in unit space.
@@ -42,6 +44,8 @@ pub struct Geometry {
     corners: Vec<[u32; 3]>,
     /// Made when the first ray needs them.
     ray_tables: OnceCell<Rc<RayTables>>,
+    /// Made when the first sample of many lamps needs them.
+    light_tables: OnceCell<Option<Rc<LightTables>>>,
 }
 
 /// Triangles that share an albedo texture, and are all opaque or all cut out.
@@ -107,7 +111,7 @@ impl Geometry {
                 rest,
                 texture_entry(material.opacity.texture),
                 [material.opacity.share, material.opacity.cutoff.unwrap_or(-1.0), 0.0, 0.0],
-                [0.0; 4],
+                texture_entry(material.emission_texture),
                 share,
             ]
         };
@@ -141,6 +145,7 @@ impl Geometry {
             positions: mesh.positions.clone(),
             corners: order.iter().map(|&triangle| mesh.triangles[triangle].vertices).collect(),
             ray_tables: OnceCell::new(),
+            light_tables: OnceCell::new(),
             order,
         })
     }
@@ -156,6 +161,20 @@ impl Geometry {
         let corners: Vec<_> = self.corners.iter().map(|corners| corners.map(|vertex| self.positions[vertex as usize])).collect();
         let tables = Rc::new(RayTables::new(&self.gpu, &corners)?);
         Ok(Rc::clone(self.ray_tables.get_or_init(|| tables)))
+    }
+
+    /// The tables by which points choose one of many lamps. `None` if `lights`, which are those of the scene, are few.
+    ///
+    /// # Errors
+    /// As [`Self::ray_tables`].
+    pub fn light_tables(&self, lights: &Lights) -> Result<Option<Rc<LightTables>>> {
+        if let Some(tables) = self.light_tables.get() {
+            return Ok(tables.clone());
+        }
+        let mut places = vec![0; self.order.len()];
+        self.order.iter().enumerate().for_each(|(place, &triangle)| places[triangle] = place);
+        let tables = LightTables::new(&self.gpu, lights, |triangle| places[triangle])?.map(Rc::new);
+        Ok(self.light_tables.get_or_init(|| tables).clone())
     }
 
     /// Bytes that it takes: per triangle the vertices, a table entry and the tables for rays; per texel the mipmaps and the copy in the joint texture.

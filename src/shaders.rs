@@ -16,9 +16,9 @@ const INCLUDES: &[(&str, &str)] = includes![
     "consumer/harmonics.glsl" "consumer/hemisphere.glsl" "consumer/irradiance.glsl" "consumer/record.glsl"
     "finder/layers.glsl" "finder/rays.glsl" "finder/stored.glsl"
     "include/albedo.glsl" "include/bvh.glsl" "include/cut_fragment.glsl" "include/gloss.glsl" "include/harmonics.glsl" "include/hits.glsl"
-    "include/layer.glsl" "include/layer_store.glsl" "include/octahedral.glsl" "include/opacity.glsl" "include/packed_surface.glsl"
-    "include/photon_atlas.glsl" "include/photon_grid.glsl" "include/points.glsl" "include/radiance.glsl" "include/surface.glsl" "include/texture.glsl"
-    "include/vertex_cache.glsl"
+    "include/layer.glsl" "include/layer_store.glsl" "include/light_tree.glsl" "include/octahedral.glsl" "include/opacity.glsl"
+    "include/packed_surface.glsl" "include/photon_atlas.glsl" "include/photon_grid.glsl" "include/points.glsl" "include/radiance.glsl"
+    "include/surface.glsl" "include/texture.glsl" "include/vertex_cache.glsl"
 ];
 
 macro_rules! shaders {
@@ -70,16 +70,28 @@ pub struct DirectVariant {
     pub gloss: bool,
     /// Light passes parts of surfaces.
     pub cut_outs: bool,
+    /// Points choose lamps by a tree.
+    pub many: bool,
 }
 
 impl DirectVariant {
     fn all() -> impl Iterator<Item = Self> {
-        (0..8).map(|bits| Self { punctual: bits & 1 > 0, gloss: bits & 2 > 0, cut_outs: bits & 4 > 0 })
+        let kinds = [(false, false), (true, false), (false, true)];
+        kinds.into_iter().flat_map(|(punctual, many)| {
+            (0..4).map(move |bits| Self { punctual, many, gloss: bits & 1 > 0, cut_outs: bits & 2 > 0 })
+        })
     }
 
     pub fn source(self) -> ShaderSource {
         let mut source = ShaderSource::clone(&DIRECT);
-        let flags = [(self.punctual, "PUNCTUAL"), (self.gloss, "GLOSS"), (self.cut_outs, "CUT_OUTS")];
+        // Lamps may have pictures.
+        let flags = [
+            (self.punctual, "PUNCTUAL"),
+            (self.gloss, "GLOSS"),
+            (self.cut_outs, "CUT_OUTS"),
+            (self.many, "MANY_LIGHTS"),
+            (self.many, "TEXTURED"),
+        ];
         source.defines.extend(flags.into_iter().filter(|(set, _)| *set).map(|(_, name)| name.to_owned()));
         source
     }
@@ -113,7 +125,7 @@ pub enum Consumer {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct HitRadiance {
     pub source: RadianceSource,
-    /// As [`Scene::is_textured`](crate::scene::Scene::is_textured).
+    /// Whether textures, vertex colours or gloss vary the reflectance, or textures the emission that spherical harmonics hold.
     pub textured: bool,
 }
 

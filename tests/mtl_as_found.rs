@@ -183,22 +183,39 @@ fn what_is_not_shaded_yet_is_told() {
 }
 
 #[test]
-fn lamps_with_pictures_have_the_mean() {
+fn lamps_with_pictures() {
     let mut texels = image::RgbImage::new(2, 1);
     texels.put_pixel(0, 0, image::Rgb([255, 255, 0]));
     let half = encoded(texels.into());
-    for (statements, emission, fragment) in [
-        ("Ke 4 2 1\nmap_Ke half.png", vec3(2.0, 1.0, 0.0), "m.mtl:4: map_Ke: the lamp shines with the mean colour"),
-        ("map_Ke half.png", vec3(0.5, 0.5, 0.0), "m.mtl:3: map_Ke: the lamp"),
-        ("Ke 0 0 0\nmap_Ke half.png", Vec3::ZERO, "m.mtl:4: map_Ke has no effect"),
-        ("Ke 4 2 1\nmap_Ke gone.png", vec3(4.0, 2.0, 1.0), "m.mtl:4: cannot read this texture"),
+    let black = encoded(image::RgbImage::new(2, 1).into());
+    let other = "m.mtl:5: map_Ke has other -s or -o than map_Kd: its mean colour shines";
+    for (statements, emission, texture, fragment) in [
+        ("Ke 4 2 1\nmap_Ke half.png", vec3(4.0, 2.0, 1.0), Some(0), ""),
+        ("map_Ke half.png", Vec3::ONE, Some(0), ""),
+        ("map_Ke -s 2 2 half.png", Vec3::ONE, Some(0), ""),
+        ("Ke 0 0 0\nmap_Ke half.png", Vec3::ZERO, None, "m.mtl:4: map_Ke has no effect"),
+        ("map_Ke black.png", Vec3::ZERO, None, "m.mtl:3: map_Ke has no effect"),
+        ("Ke 4 2 1\nmap_Ke gone.png", vec3(4.0, 2.0, 1.0), None, "m.mtl:4: cannot read this texture"),
+        ("map_Kd half.png\nKe 4 2 1\nmap_Ke half.png", vec3(4.0, 2.0, 1.0), Some(0), ""),
+        ("map_Kd half.png\nKe 4 2 1\nmap_Ke -s 2 2 half.png", vec3(2.0, 1.0, 0.0), None, other),
     ] {
         let mtl = format!("{WALL}{statements}\n");
-        let loaded = open(&[("m.obj", QUAD.as_bytes()), ("m.mtl", mtl.as_bytes()), ("half.png", &half)]);
-        assert_eq!(loaded.world.materials[0].emission, emission, "{statements}");
-        assert!(loaded.world.textures.is_empty());
+        let files: [(&str, &[u8]); 4] =
+            [("m.obj", QUAD.as_bytes()), ("m.mtl", mtl.as_bytes()), ("half.png", &half), ("black.png", &black)];
+        let loaded = open(&files);
+        let material = &loaded.world.materials[0];
+        assert_eq!((material.emission, material.emission_texture), (emission, texture), "{statements}");
+        assert_eq!(material.unshaded.iter().any(|note| note.contains("emission map")), texture.is_none(), "{statements}");
         let warnings = loaded.report.warnings.join("\n");
-        let (place, fragment) = fragment.split_once(' ').unwrap();
-        assert!(warnings.contains(place) && warnings.contains(fragment), "{warnings}");
+        match fragment.split_once(' ') {
+            None => assert!(warnings.is_empty(), "{statements}: {warnings}"),
+            Some((place, told)) => assert!(warnings.contains(place) && warnings.contains(told), "{statements}: {warnings}"),
+        }
     }
+    // Where it is doubled, so are its coordinates.
+    let doubled =
+        open(&[("m.obj", QUAD.as_bytes()), ("m.mtl", format!("{WALL}map_Ke -s 2 2 half.png\n").as_bytes()), ("half.png", &half)]);
+    let once = open(&[("m.obj", QUAD.as_bytes()), ("m.mtl", format!("{WALL}map_Ke half.png\n").as_bytes()), ("half.png", &half)]);
+    let uvs = |loaded: &Loaded| loaded.world.meshes[0].uvs.clone();
+    assert!(uvs(&doubled).iter().zip(uvs(&once)).all(|(doubled, once)| *doubled == 2.0 * once));
 }

@@ -54,7 +54,7 @@ void consume(GatherPoint point, PointHit hit, int i)
     } else if (hit.triangle > 0) {
         Surface surface = fetch_surface(hit.triangle - 1);
         incident = hit_radiance(hit.triangle - 1, hit.position, hit.direction);
-        incident += emission(surface, dot(surface.normal, hit.direction) < 0.0);
+        incident += emission(surface, dot(surface.normal, hit.direction) < 0.0, hit.position);
     }
     EACH(ADD);
 #endif

@@ -1,4 +1,4 @@
-// The albedo of a hit. Mirrors `Geometry` in src/geometry.rs.
+// The albedo and the emission of a hit. Mirrors `Geometry` in src/geometry.rs.
 
 #include "include/surface.glsl"
 
@@ -22,7 +22,28 @@ vec3 albedo(int triangle, Surface surface, vec3 position)
     return color;
 }
 
+// What the picture of emission of a surface, if it has one, makes of `emitted` at a position.
+vec3 pictured_emission(vec3 emitted, Surface surface, vec3 position)
+{
+    vec4 entry = texelFetch(materials, material_texel(surface) + ivec2(6, 0), 0);
+    // Software drivers skip loops, not branches.
+    for (bool left = entry.x > 0.0 && emitted != vec3(0.0); left; left = false)
+        emitted *= albedo_texture_color(entry, texture_coordinates(surface, position));
+    return emitted;
+}
+
+// The radiance that the front or the back emits at a position. The twin of `Scene::emission` in src/scene/mod.rs.
+vec3 emission(Surface surface, bool front, vec3 position)
+{
+    return pictured_emission(plain_emission(surface, front), surface, position);
+}
+
 #else
+
+vec3 emission(Surface surface, bool front, vec3 position)
+{
+    return plain_emission(surface, front);
+}
 
 vec3 albedo(int triangle, Surface surface, vec3 position)
 {

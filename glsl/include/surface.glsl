@@ -36,7 +36,7 @@ Surface fetch_surface(int triangle)
 // 3: added to the albedo of hits, with gloss
 // 4: texture whose alpha is opacity; 0 if it has none
 // 5: opacity, which that alpha multiplies; least opacity of what is there, -1 if it lets a share of the light pass
-// 6: not used
+// 6: emission texture; zero without one
 // 7: multiplies the albedo of hits, with gloss
 ivec2 material_texel(Surface surface)
 {
@@ -60,8 +60,8 @@ vec3 vertex_color(int triangle, vec3 position)
     return clamp(color, 0.0, 1.0);
 }
 
-// The radiance that the front or the back emits.
-vec3 emission(Surface surface, bool front)
+// The radiance that the front or the back emits, without its texture, which multiplies it.
+vec3 plain_emission(Surface surface, bool front)
 {
     vec4 emitted = texelFetch(materials, material_texel(surface) + ivec2(1, 0), 0);
     return front || emitted.a > 0.0 ? emitted.rgb : vec3(0.0);

@@ -111,7 +111,7 @@ pub struct Values {
 }
 
 impl Integrals {
-    /// `source`: where radiance comes from. `textured`: the scene has albedo textures. `transfer`: hits have transfer.
+    /// `source`: where radiance comes from. `textured`: the scene has textures that the passes read. `transfer`: hits have transfer.
     pub fn new(gpu: &Gpu, wanted: Wanted, textured: bool, source: RadianceSource, transfer: bool) -> Result<Self> {
         let radiance = HitRadiance { source, textured };
         let pass =

@@ -315,7 +315,9 @@ impl Bake {
         // Without photons, surfaces are black until the first stage is complete.
         wanted.radiance &= radiance || self.photons.is_some();
         let source = if radiance { RadianceSource::VertexCache } else { self.settings.photons.map.into() };
-        let integrals = Integrals::new(&self.gpu, wanted, self.prepared.scene.is_textured(), source, transfer)?;
+        let scene = &self.prepared.scene;
+        let textured = scene.is_textured() || wanted.sh && scene.has_pictures_of_emission();
+        let integrals = Integrals::new(&self.gpu, wanted, textured, source, transfer)?;
         let points = if round.set == PointSet::Vertices { self.cache.points() } else { &self.points };
         let block = BlockSums::new(&self.gpu, number, integrals, &points[round.points.clone()])?;
         let direct = self.direct_light(round, &block)?;

@@ -67,11 +67,11 @@ pub fn write_values(path: &Path, values: &PointValues, options: &WriteOptions) -
             file.primitives.push(json!({"attributes": attributes, "mode": POINTS, "material": 0}));
         }
         Some(surface) => {
-            let is_textured = surface.materials.iter().any(|material| material.albedo_texture.is_some());
-            if is_textured {
+            let is_textured = |material: &Material| material.albedo_texture.or(material.emission_texture).is_some();
+            if surface.materials.iter().any(is_textured) {
                 attributes.insert("TEXCOORD_0".into(), file.uvs(&surface.mesh.uvs).into());
             }
-            let textures = file.albedo_textures(&surface)?;
+            let textures = file.model_textures(&surface)?;
             for (index, indices) in surface.indices_by_material() {
                 let material = &surface.materials[index];
                 let mut material_json = shaded(material, &textures);
@@ -79,7 +79,9 @@ pub fn write_values(path: &Path, values: &PointValues, options: &WriteOptions) -
                 if !values.shows_light() {
                     // Colours and textures would mix with the data.
                     material_json["pbrMetallicRoughness"] = json!({});
-                    material_json.as_object_mut().into_iter().for_each(|material| drop(material.remove("emissiveFactor")));
+                    for key in ["emissiveFactor", "emissiveTexture"] {
+                        material_json.as_object_mut().into_iter().for_each(|material| drop(material.remove(key)));
+                    }
                 }
                 file.materials.push(material_json);
                 let indices = file.indices(&indices);
@@ -135,7 +137,7 @@ pub fn write_lightmap(path: &Path, lightmap: &Lightmap, options: &WriteOptions) 
             Some((shown, map(&mut file, "irradiance", &linear), intensity))
         }
     };
-    let textures = file.albedo_textures(surface)?;
+    let textures = file.model_textures(surface)?;
     for (index, indices) in surface.indices_by_material() {
         let material = &surface.materials[index];
         let indices = file.indices(&indices);
@@ -173,7 +175,7 @@ pub fn map_sampler() -> Value {
 /// texture.
 pub fn shown_surface(surface: &ExportMesh, material: &Material, (shown, set): (usize, usize), exposure: f32) -> Value {
     if material.is_emissive() {
-        let [r, g, b] = (material.emission * exposure.exp2()).map(tone).to_array();
+        let [r, g, b] = (material.mean_emission(&surface.textures) * exposure.exp2()).map(tone).to_array();
         return json!({"baseColorFactor": [r, g, b, 1.0]});
     }
     let [r, g, b] = surface.mean_albedo(material).to_array();
@@ -203,6 +205,9 @@ fn shaded(material: &Material, textures: &[usize]) -> Value {
     let mut json = json!({"name": material.name, "doubleSided": true, "pbrMetallicRoughness": surface});
     if material.is_emissive() {
         json["emissiveFactor"] = json!(material.emission.min(Vec3::ONE).to_array());
+        if let Some(texture) = material.emission_texture {
+            json["emissiveTexture"] = json!({"index": textures[texture]});
+        }
     }
     json
 }
@@ -367,11 +372,13 @@ impl Builder {
         Some(texture)
     }
 
-    fn albedo_textures(&mut self, surface: &ExportMesh) -> Result<Vec<usize>> {
+    fn model_textures(&mut self, surface: &ExportMesh) -> Result<Vec<usize>> {
         let mut indices = Vec::new();
-        for texture in surface.textures {
+        for (index, texture) in surface.textures.iter().enumerate() {
+            let is_albedo = surface.materials.iter().any(|material| material.albedo_texture == Some(index));
+            let name = if is_albedo { "albedo" } else { "emission" };
             let rgb: Vec<u8> = texture.texels.iter().flat_map(|&[r, g, b, _]| [r, g, b]).collect();
-            indices.push(self.texture("albedo", &encode_png(texture.width as usize, texture.height as usize, &rgb)?));
+            indices.push(self.texture(name, &encode_png(texture.width as usize, texture.height as usize, &rgb)?));
         }
         Ok(indices)
     }

@@ -7,7 +7,7 @@ use crate::math::cosine_direction;
 use crate::points::GatherPoint;
 use crate::quantity::Quantity;
 use crate::random::Random;
-use crate::scene::{Bvh, Environment, RAY_OFFSET, Scene};
+use crate::scene::{Bvh, Environment, Material, RAY_OFFSET, Scene};
 
 /// Points that are examined, and rays to each side of them.
 const POINTS: usize = 256;
@@ -35,7 +35,8 @@ pub fn inside_out(name: &str, points: &[GatherPoint], scene: &Scene, bvh: &Bvh, 
         Quantity::Sky | Quantity::Prt => true,
         _ => false,
     };
-    let has_lamps = (0..scene.mesh.triangles.len()).any(|triangle| scene.material(triangle).is_emissive())
+    let lamps = Material::are_lamps(&scene.materials, &scene.textures);
+    let has_lamps = scene.mesh.triangles.iter().any(|triangle| lamps[triangle.material as usize])
         || scene.lights.iter().any(|light| !light.is_directional());
     let sky_alone = !has_lamps && scene.environment.as_ref().is_some_and(|environment| !Environment::is_black(environment));
     let matters = sky_alone || plan.what.iter().any(is_open);

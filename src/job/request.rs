@@ -290,7 +290,7 @@ fn warning_of_ground(world: &World) -> Option<&'static str> {
             "warning: --ground has no effect: it catches the shadow of the environment's light, and there is none; give --env",
         );
     }
-    (world.surfaces().any(Material::is_emissive) || world.lights.iter().any(PunctualLight::shines)).then_some(
+    (world.has_lamps() || world.lights.iter().any(PunctualLight::shines)).then_some(
         "warning: lamps light the ground too, so its shadow is too light: it is that of the environment alone; --ground off leaves it out",
     )
 }

@@ -112,6 +112,22 @@ impl GBuffer {
         self.emission.par_iter_mut().zip(&self.normal).enumerate().for_each(look);
     }
 
+    /// Multiplies emission by its pictures. The device has added the emission of the materials.
+    pub fn add_pictures_of_emission(&mut self, scene: &Scene) {
+        if !scene.has_pictures_of_emission() {
+            return;
+        }
+        let look = |((emission, albedo), position): ((&mut Vec4, &Vec4), &Vec4)| {
+            if albedo.w > 0.0 && emission.truncate() != Vec3::ZERO {
+                let triangle = albedo.w as usize - 1;
+                let barycentric = scene.mesh.barycentric(triangle, position.truncate());
+                // Where the device sees emission, it sees the side that emits.
+                *emission = scene.emission(triangle, barycentric, true).extend(emission.w);
+            }
+        };
+        self.emission.par_iter_mut().zip(&self.albedo).zip(&self.position).for_each(look);
+    }
+
     /// Adds points of the ground to pixels that see no surface, with the same `offset`.
     pub fn add_ground(&mut self, ground: &Ground, camera: &Camera, size: [u32; 2], offset: Vec2) {
         let Self { position, normal, emission, .. } = self;

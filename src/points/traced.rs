@@ -183,7 +183,7 @@ impl EyeRays<'_> {
     fn emitted(&self, path: &Path, throughput: Vec3, surfaces: u32, lobes: &mut LobeNumbers) -> Vec3 {
         let Some(triangle) = path.triangle else { return Vec3::ZERO };
         let front = self.scene.mesh.meets_front(triangle, path.direction);
-        let own = throughput * self.scene.material(triangle).emission_of(front);
+        let own = throughput * self.scene.emission(triangle, self.scene.mesh.barycentric(triangle, path.origin), front);
         let Some(Split { reflectance, reflected, refracted, kept }) = path.split(self.scene) else {
             return own + self.emitted_by_lobe(path, throughput, surfaces, lobes);
         };

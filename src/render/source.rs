@@ -54,6 +54,7 @@ impl PixelSource {
         Ok(match self {
             Self::Camera(points, uploaded) => {
                 let mut g_buffer = points.see(geometry, camera, offset, index);
+                g_buffer.add_pictures_of_emission(scene);
                 g_buffer.add_environment(scene, camera, size, offset);
                 let shaded = scene.is_glossy() || scene.has_normal_maps();
                 if shaded {

@@ -2,12 +2,14 @@
 
 use glam::Vec3;
 
+use super::ImageTexture;
+
 #[derive(Clone, Debug, PartialEq)]
 pub struct Material {
     pub name: String,
     /// Linear reflectance in [0, 1], RGB; a texture multiplies it.
     pub albedo: Vec3,
-    /// Radiance emitted from the front, RGB, W/(m² sr) in each channel.
+    /// Radiance emitted from the front, RGB, W/(m² sr) in each channel; a texture multiplies it.
     pub emission: Vec3,
     /// Whether the back emits as the front does.
     pub two_sided: bool,
@@ -46,8 +48,8 @@ impl Material {
     /// Reflectance where a file gives none.
     pub const GREY: Vec3 = Vec3::splat(0.5);
 
-    /// A surface whose picture of emission brings a mean radiance below this is no lamp: it has a few lights on black. Spread over the surface they would
-    /// light nothing, and keep a scene from its sky.
+    /// A surface whose picture of emission brings a mean radiance below this is no lamp. A few lights on black show, but light too little to keep a scene
+    /// from its sky.
     pub const LEAST_GLOW: f32 = 0.1;
 
     /// Whether shaders read the texture with this index. Gloss and normal maps are read on the CPU.
@@ -59,7 +61,22 @@ impl Material {
         self.emission != Vec3::ZERO
     }
 
-    /// Radiance that the front or the back emits.
+    /// The mean of the emission over the picture that multiplies it, one of `textures`.
+    pub fn mean_emission(&self, textures: &[ImageTexture]) -> Vec3 {
+        self.emission * self.emission_texture.map_or(Vec3::ONE, |texture| textures[texture].mean_linear())
+    }
+
+    /// Whether it lights a scene, rather than being a surface with a few lights on it.
+    fn is_lamp(&self, textures: &[ImageTexture]) -> bool {
+        self.is_emissive() && (self.emission_texture.is_none() || self.mean_emission(textures).max_element() >= Self::LEAST_GLOW)
+    }
+
+    /// The same of each of these materials.
+    pub fn are_lamps(materials: &[Self], textures: &[ImageTexture]) -> Vec<bool> {
+        materials.iter().map(|material| material.is_lamp(textures)).collect()
+    }
+
+    /// Radiance that the front or the back emits, without the texture, which multiplies it.
     pub fn emission_of(&self, front: bool) -> Vec3 {
         if front || self.two_sided { self.emission } else { Vec3::ZERO }
     }

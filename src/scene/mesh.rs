@@ -10,8 +10,8 @@ pub struct Mesh {
     pub positions: Vec<Vec3>,
     /// Unit shading normals, one for each vertex. Zero means flat shading, by the normal of the face.
     pub normals: Vec<Vec3>,
-    /// Coordinates on the albedo texture, one for each vertex, v up. Zero if the file has none. Loaders choose the set of the material, and apply its
-    /// transform.
+    /// Coordinates on the textures of the material, one for each vertex, v up. Zero if the file has none. Loaders choose the set of the material, and
+    /// apply its transform.
     pub uvs: Vec<Vec2>,
     /// Coordinates on a light map, one for each vertex, v up. Empty if there are none.
     pub lightmap_uvs: Vec<Vec2>,
@@ -77,9 +77,14 @@ impl Mesh {
         a * barycentric.x + b * barycentric.y + c * barycentric.z
     }
 
-    /// The texture coordinates at a point of a triangle, from its barycentric coordinates.
+    /// The coordinates on textures of the three corners.
+    pub fn uvs_of(&self, triangle: usize) -> [Vec2; 3] {
+        self.triangles[triangle].vertices.map(|vertex| self.uvs[vertex as usize])
+    }
+
+    /// The coordinates on textures at a point of a triangle, from its barycentric coordinates.
     pub fn uv(&self, triangle: usize, barycentric: Vec3) -> Vec2 {
-        let [a, b, c] = self.triangles[triangle].vertices.map(|vertex| self.uvs[vertex as usize]);
+        let [a, b, c] = self.uvs_of(triangle);
         a * barycentric.x + b * barycentric.y + c * barycentric.z
     }
 

@@ -50,7 +50,9 @@ pub use flat_bvh::FlatBvh;
 pub(crate) use format::gltf;
 pub use format::{Files, LoadOptions, LoadReport, Loaded};
 pub use gloss::{Brdf, GlossMeans, LobeShares, LobeWeights, facing};
-pub use light::{Daylight, Environment, Focus, LightSample, Lights, PunctualKind, PunctualLight, Sky, Sun};
+pub use light::{
+    Daylight, Environment, Focus, Lamp, LightChoice, LightSample, LightTree, Lights, PunctualKind, PunctualLight, Sky, Sun,
+};
 pub use material::{Gloss, Material, NormalMap, Opacity, Surface};
 pub use mesh::{Mesh, Source, Triangle};
 pub use opacity::{Chance, Rays};
@@ -125,6 +127,24 @@ impl Scene {
         let albedo = albedo * self.mesh.color(triangle, barycentric);
         let Some(texture) = albedo_texture else { return albedo };
         albedo * self.textures[texture].sample_linear(self.mesh.uv(triangle, barycentric))
+    }
+
+    /// Radiance that the front or the back emits at a point of a triangle, from its barycentric coordinates. The twin of `emission` in
+    /// `glsl/include/albedo.glsl`.
+    pub fn emission(&self, triangle: usize, barycentric: Vec3, front: bool) -> Vec3 {
+        let material = self.material(triangle);
+        let emission = material.emission_of(front);
+        match material.emission_texture {
+            Some(texture) if emission != Vec3::ZERO => {
+                emission * self.textures[texture].sample_linear(self.mesh.uv(triangle, barycentric))
+            }
+            _ => emission,
+        }
+    }
+
+    /// Whether the emission varies over a triangle, by textures.
+    pub fn has_pictures_of_emission(&self) -> bool {
+        self.materials.iter().any(|material| material.emission_texture.is_some() && material.is_emissive())
     }
 
     /// Whether the reflectance of hits is not that of the material alone: it has textures, vertex colours or gloss.

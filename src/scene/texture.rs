@@ -116,6 +116,11 @@ impl<'a> Textures<'a> {
         Ok(mean)
     }
 
+    /// Whether a texture has a colour that is not black.
+    pub fn shines(&self, texture: usize) -> bool {
+        self.list[texture].texels.iter().any(|texel| texel[..3] != [0; 3])
+    }
+
     fn find(&self, path: &Path, named_at: &str) -> Result<PathBuf> {
         self.reader.find(path).map_err(|reason| unread(reason, path, named_at))
     }
@@ -262,7 +267,8 @@ impl ImageTexture {
         (texels.sum::<DVec3>() / self.texels.len() as f64).as_vec3()
     }
 
-    fn texel(&self, x: usize, y: usize) -> Vec3 {
+    /// The linear colour of a texel, from the left and from the top.
+    pub(super) fn texel(&self, x: usize, y: usize) -> Vec3 {
         let [r, g, b, _] = self.texels[y * self.width as usize + x];
         Vec3::from([r, g, b].map(|byte| LINEAR[usize::from(byte)]))
     }

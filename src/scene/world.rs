@@ -83,7 +83,15 @@ impl World {
 
     /// Whether it gets the soft sky when it is to have light. A scene file's own environment stays, even if it is black.
     pub fn gets_sky(&self, strict: bool, no_default_light: bool) -> bool {
-        self.is_dark() && self.environment.is_none() && !strict && !no_default_light
+        let is_lit = || self.has_lamps() || self.lights.iter().any(PunctualLight::shines);
+        self.environment.is_none() && !strict && !no_default_light && !is_lit()
+    }
+
+    /// Whether a material in use is more than a surface with a few lights on it.
+    pub fn has_lamps(&self) -> bool {
+        let lamps = Material::are_lamps(&self.materials, &self.textures);
+        let triangles = self.instances.iter().flat_map(|instance| &self.meshes[instance.mesh].triangles);
+        { triangles }.any(|triangle| lamps[triangle.material as usize])
     }
 
     /// The first camera, or else one that sees the whole world in a picture of `size`.

@@ -110,9 +110,26 @@ fn emission() {
     model.json["materials"][0]["emissiveTexture"] = json!({ "index": 0 });
     model.json["images"][0]["name"] = json!("glow");
     let world = model.world();
-    assert_eq!(world.materials[0].emission, vec3(4.0, 2.0, 1.0));
-    assert!(world.textures.is_empty(), "a texture that shines is no albedo");
-    assert!(world.materials[0].unshaded.contains(&"emission texture glow, of which the mean colour shines".to_owned()));
+    let shines = |world: &World| (world.materials[0].emission, world.materials[0].emission_texture);
+    assert_eq!(shines(&world), (vec3(8.0, 4.0, 2.0), Some(0)));
+    assert_eq!((world.textures.len(), world.materials[0].albedo_texture), (1, None), "a texture that shines is no albedo");
+    assert!(world.has_lamps() && !world.materials[0].unshaded.iter().any(|note| note.contains("emission")));
+    // Under the base colour's coordinates it stays; beside others it shines with its mean.
+    model.json["materials"][0]["pbrMetallicRoughness"] = json!({ "baseColorTexture": { "index": 0 }, "metallicFactor": 0.0 });
+    assert_eq!(shines(&model.world()), (vec3(8.0, 4.0, 2.0), Some(0)));
+    let scaled = json!({ "index": 0, "extensions": { "KHR_texture_transform": { "scale": [2.0, 2.0] } } });
+    model.json["materials"][0]["emissiveTexture"] = scaled;
+    let world = model.world();
+    assert_eq!(shines(&world), (vec3(4.0, 2.0, 1.0), None));
+    let note = "emission texture glow, with other coordinates than the base colour: the mean colour shines";
+    assert!(world.materials[0].unshaded.contains(&note.to_owned()));
+    // A few lights on black show, and are no lamp.
+    model.json["materials"][0]["emissiveTexture"] = json!({ "index": 0 });
+    model.json["materials"][0]["emissiveFactor"] = json!([0.01, 0.01, 0.01]);
+    let world = model.world();
+    assert!(shines(&world).1.is_some() && !world.has_lamps() && !world.is_dark());
+    assert!(world.gets_sky(false, false) && !world.gets_sky(true, false));
+    model.json["materials"][0]["emissiveFactor"] = json!([1.0, 0.5, 0.25]);
     // A back that shines not is a lamp of one side; a material that does not shine has none.
     model.json["materials"][0]["doubleSided"] = json!(false);
     assert!(!model.world().materials[0].two_sided);

@@ -69,7 +69,7 @@ fn about(world: &World, prepared: &Prepared, estimate: &Estimate) -> Value {
         "cameras": world.cameras.iter().map(|(name, one)| camera(name, one)).collect::<Vec<_>>(),
         "lights": prepared.lights.count() - world.lights.iter().filter(|light| light.shines()).count(),
         "punctual_lights": world.lights.iter().map(punctual).collect::<Vec<_>>(),
-        "emitted_power": world.materials.iter().zip(&areas).map(|(one, &(_, area))| emitted(one, area)).sum::<Vec3>().to_array(),
+        "emitted_power": world.materials.iter().zip(&areas).map(|(one, &(_, area))| emitted(world, one, area)).sum::<Vec3>().to_array(),
         "environment": world.environment.as_ref().map(mean_radiance),
         "light_map": {
             "side": LIGHT_MAP_SIDE,
@@ -109,6 +109,7 @@ fn material(one: &Material, (triangles, area): (usize, f64)) -> Value {
         "name": one.name,
         "albedo": one.albedo.to_array(),
         "emission": one.emission.to_array(),
+        "emission_texture": one.emission_texture,
         "two_sided": one.two_sided,
         "texture": one.albedo_texture,
         "surface": surface,
@@ -146,9 +147,9 @@ fn camera(name: &str, one: &WorldCamera) -> Value {
 }
 
 /// Flux in W of each channel.
-fn emitted(one: &Material, area: f64) -> Vec3 {
+fn emitted(world: &World, one: &Material, area: f64) -> Vec3 {
     let sides = if one.two_sided { 2.0 } else { 1.0 };
-    one.emission * (std::f64::consts::PI * area * sides) as f32
+    one.mean_emission(&world.textures) * (std::f64::consts::PI * area * sides) as f32
 }
 
 /// Mean of the radiance over directions and channels.
@@ -220,7 +221,8 @@ fn line_of_material(one: &Value, textures: &[Value]) -> String {
     }
     if vector(&one["emission"]) != DVec3::ZERO {
         let sides = if one["two_sided"] == true { " from both sides" } else { "" };
-        parts.push(format!("emits {}{sides}", rgb(&one["emission"])));
+        let picture = if one["emission_texture"].is_null() { "" } else { " times a picture" };
+        parts.push(format!("emits {}{picture}{sides}", rgb(&one["emission"])));
     }
     if one["surface"] != "diffuse" {
         parts.push(text(&one["surface"]));

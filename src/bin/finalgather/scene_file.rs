@@ -99,7 +99,9 @@ impl SceneView<'_> {
         named(&mut scene, ["environment", "file", ""])?;
         let materials = scene.get("materials").and_then(Item::as_table_like);
         let materials: Vec<_> = materials.into_iter().flat_map(TableLike::iter).map(|(name, _)| name.to_owned()).collect();
-        materials.iter().try_for_each(|name| named(&mut scene, ["materials", name, "albedo_texture"]))?;
+        for key in ["albedo_texture", "emission_texture"] {
+            materials.iter().try_for_each(|name| named(&mut scene, ["materials", name, key]))?;
+        }
         Ok(scene.to_string())
     }
 }

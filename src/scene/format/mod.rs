@@ -174,11 +174,9 @@ impl World {
             scene,
         };
         let loaded = loader.load(path, &options);
-        let Loader { textures, warnings, .. } = loader;
-        let warnings = warnings.finish();
+        let warnings = loader.warnings.finish();
         match loaded {
             Ok((mut world, settings)) => {
-                world.textures = textures.list;
                 if options.bytes.is_some() {
                     // It cannot be read again to add results.
                     world.gltf = None;
@@ -198,7 +196,7 @@ impl<'a> Loader<'a> {
         reader.read_named(path, MOST_BYTES).map_err(|unread| unread.error(path, None, "this model", cure))
     }
 
-    /// Reads a scene file or a model. The world has no textures yet.
+    /// Reads a scene file or a model.
     fn load(&mut self, path: &Path, options: &LoadOptions) -> Result<(World, Settings)> {
         let ending = path.extension().unwrap_or_default();
         let is_bare = !ending.eq_ignore_ascii_case("toml");
@@ -228,8 +226,9 @@ impl<'a> Loader<'a> {
             world.clay();
         }
         world.environment = self.environment.take();
+        world.textures = std::mem::take(&mut self.textures.list);
         self.check(&world);
-        if !options.unlit && world.is_dark() {
+        if !options.unlit && (world.is_dark() || world.gets_sky(options.strict, options.no_default_light)) {
             self.light(&mut world, path, options)?;
             // Nobody has said how a bare model should look.
             if is_bare {

@@ -14,14 +14,18 @@ mod area;
 mod daylight;
 mod environment;
 mod focus;
+mod pieces;
 mod punctual;
+mod tree;
 
+pub use area::Lamp;
 use area::{AreaLight, LightPoint};
 pub use daylight::{Daylight, Sky, Sun};
 pub use environment::Environment;
 pub use focus::Focus;
 use punctual::{DistantLights, NearLights};
 pub use punctual::{PunctualKind, PunctualLight};
+pub use tree::LightTree;
 
 /// Height above its surface at which a shadow ray towards a lamp ends, in unit space. A lamp that is flush with a ceiling has neighbours in its own
 /// plane. A ray of length 2 has an error of some 1e-7 at its end, and so has its hit with a plane. A ray towards a lamp without a surface ends so far
@@ -30,6 +34,9 @@ const LIGHT_OFFSET: f32 = 2.0 * RAY_OFFSET;
 
 /// The least share of the samples for a light. The sun has more power than all lamps of a room that it hardly reaches.
 const LEAST_SHARE: f32 = 0.25;
+
+/// The most emitting sides of triangles of which each sample is one by power. Of more, points choose by a tree.
+const FEW: usize = 2048;
 
 /// A light of a scene in unit space.
 enum Light {
@@ -64,6 +71,11 @@ impl LightSample {
         Self { place, normal, weight, cone: [0.0; 2] }
     }
 
+    /// At a point of a lamp that is sampled with this probability.
+    fn on_lamp(LightPoint { position, normal, radiance_area, .. }: LightPoint, probability: f32) -> Self {
+        Self::of_side((position + LIGHT_OFFSET * normal).extend(1.0), normal, radiance_area / probability)
+    }
+
     /// For a receiver at `origin`: the unit vector towards the sample, the length of the shadow ray, and the irradiance on a surface that faces it. The
     /// twin of `glsl/direct.frag`.
     pub fn seen_from(&self, origin: Vec3) -> (Vec3, f32, Vec3) {
@@ -92,10 +104,24 @@ impl LightSample {
     }
 }
 
+/// How a sample of direct light is made.
+pub enum LightChoice {
+    Sample(LightSample),
+    /// Each point chooses a lamp by [`Lights::tree`].
+    Tree {
+        /// Uniform: for the descent and, with what remains of the first, the point on the lamp.
+        numbers: [f32; 2],
+        /// The share of such samples among all.
+        share: f32,
+    },
+}
+
 /// All lights of a scene, chosen by power.
 pub struct Lights {
     /// Each light with power, and its share of the summed power of itself and all later lights.
     lights: Vec<(Light, f32)>,
+    /// Over the lamps with surfaces, if they are many.
+    tree: Option<LightTree>,
 }
 
 impl Light {
@@ -138,11 +164,7 @@ impl Light {
             }
             Self::Distant(distant) => distant.sample(probability, square),
             Self::Near(near) => near.sample(probability, square),
-            Self::Area(area) => {
-                let LightPoint { position, normal, radiance_area, .. } = area.point_of_square(square);
-                let place = (position + LIGHT_OFFSET * normal).extend(1.0);
-                LightSample::of_side(place, normal, radiance_area / probability)
-            }
+            Self::Area(area) => LightSample::on_lamp(area.point_of_square(square), probability),
         }
     }
 }
@@ -168,7 +190,9 @@ impl Lights {
             rest += light.power();
             *share = (light.power() / rest) as f32;
         }
-        Self { lights }
+        let mut all = Self { lights, tree: None };
+        all.tree = all.area().filter(|area| area.triangle_sides() > FEW).map(|area| LightTree::new(&area.branches()));
+        all
     }
 
     /// Whether the scene has no light.
@@ -205,11 +229,24 @@ impl Lights {
 
     /// Number of sides of triangles that emit, and of lights without a surface.
     pub fn count(&self) -> usize {
+        self.counted(AreaLight::triangle_sides)
+    }
+
+    /// The same, in which each piece of a triangle with a picture of emission counts.
+    pub fn pieces(&self) -> usize {
+        self.counted(|area| area.sides.len())
+    }
+
+    fn area(&self) -> Option<&AreaLight> {
+        self.lights.iter().find_map(|(light, _)| if let Light::Area(area) = light { Some(area) } else { None })
+    }
+
+    fn counted(&self, sides: impl Fn(&AreaLight) -> usize) -> usize {
         let count = |(light, _): &(Light, f32)| match light {
             Light::Environment(_) => 0,
             Light::Distant(distant) => distant.count(),
             Light::Near(near) => near.count(),
-            Light::Area(area) => area.sides.len(),
+            Light::Area(area) => sides(area),
         };
         self.lights.iter().map(count).sum()
     }
@@ -238,22 +275,57 @@ impl Lights {
         self.lights.iter().map(|(light, _)| light).filter(|light| light.sampled_power() > 0.0)
     }
 
+    /// The tree by which points choose lamps, if these are many.
+    pub fn tree(&self) -> Option<&LightTree> {
+        self.tree.as_ref()
+    }
+
+    /// The lamps of the tree, in its order.
+    pub fn lamps(&self) -> impl Iterator<Item = Lamp> {
+        self.area().into_iter().flat_map(AreaLight::lamps)
+    }
+
     /// Maps a uniform point of the unit square to a sample of direct light. `u` selects the light, its remainder the point on it: an even
     /// distribution in the square is even on the lights.
     ///
     /// # Panics
     /// When there is no direct light.
-    pub fn sample(&self, [u, v]: [f32; 2]) -> LightSample {
+    pub fn sample(&self, square: [f32; 2]) -> LightSample {
+        let (light, share, square) = self.light_of(square);
+        light.sample(share, square)
+    }
+
+    /// The same, where points choose lamps by the tree if there is one.
+    ///
+    /// # Panics
+    /// When there is no direct light.
+    pub fn choose(&self, square: [f32; 2]) -> LightChoice {
+        match self.light_of(square) {
+            (Light::Area(_), share, numbers) if self.tree.is_some() => LightChoice::Tree { numbers, share },
+            (light, share, square) => LightChoice::Sample(light.sample(share, square)),
+        }
+    }
+
+    /// A sample of the tree for a receiver at `position` with the unit normal `normal`, as [`LightChoice::Tree`]. `None`: it brings nothing. The twin of
+    /// `lamp_light` in `glsl/include/light_tree.glsl`.
+    pub fn sample_tree(&self, position: Vec3, normal: Vec3, [u, v]: [f32; 2]) -> Option<LightSample> {
+        let (area, tree) = self.area().zip(self.tree.as_ref())?;
+        let (lamp, probability, rest) = tree.descend(position, normal, u)?;
+        Some(LightSample::on_lamp(area.point_on(lamp, area.sides[lamp].flux, [rest, v]), probability))
+    }
+
+    /// Selects a light by `u`. Returns it, its share of the samples, and the square with the remainder of `u`.
+    fn light_of(&self, [u, v]: [f32; 2]) -> (&Light, f32, [f32; 2]) {
         let count = self.sampled().count();
         let all: f64 = self.sampled().map(Light::sampled_power).sum();
         let (mut u, mut left) = (u, 1.0);
         for (index, light) in (1..).zip(self.sampled()) {
             let share = LEAST_SHARE + (1.0 - LEAST_SHARE * count as f32) * (light.sampled_power() / all) as f32;
             if index == count {
-                return light.sample(left, [u / left, v]);
+                return (light, left, [u / left, v]);
             }
             if u < share {
-                return light.sample(share, [u / share, v]);
+                return (light, share, [u / share, v]);
             }
             (u, left) = (u - share, left - share);
         }

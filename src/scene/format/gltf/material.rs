@@ -78,7 +78,7 @@ impl MaterialReading<'_, '_, '_> {
             albedo_texture = self.images.texture(loader, info.index.value())?;
             self.coordinates = albedo_texture.map(|_| coordinates_of(info));
         }
-        let emission = self.emission(loader, extensions)?;
+        let (emission, emission_texture) = self.emission(loader, extensions)?;
         let surface = self.surface(extensions, albedo, texture.is_some());
         self.note_transmission(extensions, surface);
         let gloss = if surface == Surface::Diffuse { self.gloss(loader, extensions)? } else { None };
@@ -100,6 +100,7 @@ impl MaterialReading<'_, '_, '_> {
             two_sided,
             albedo_texture,
             opacity,
+            emission_texture,
             gloss,
             normal_map,
             surface,
@@ -121,19 +122,31 @@ impl MaterialReading<'_, '_, '_> {
         if opacity.is_partial() { opacity } else { Opacity::default() }
     }
 
-    fn emission(&mut self, loader: &mut Loader, extensions: &extension::Material) -> Result<Vec3> {
+    /// The emission, and the texture that multiplies it.
+    fn emission(&mut self, loader: &mut Loader, extensions: &extension::Material) -> Result<(Vec3, Option<usize>)> {
         let strength = extensions.emissive_strength.as_ref().map_or(1.0, |strength| strength.emissive_strength.0);
         let radiance = |factor: f32| if factor > 0.0 { (factor * strength).clamp(0.0, f32::MAX) } else { 0.0 };
         let emission = Vec3::from(self.json.emissive_factor.0.map(radiance));
-        let Some(info) = self.json.emissive_texture.as_ref().filter(|_| emission != Vec3::ZERO) else { return Ok(emission) };
-        let mean = self.images.mean(loader, info.index.value())?.unwrap_or(Vec3::ONE);
-        let name = self.images.name(info.index.value());
-        if (emission * mean).max_element() < Material::LEAST_GLOW {
-            self.note(format!("emission texture {name}, which is too dark for a lamp"));
-            return Ok(Vec3::ZERO);
+        let Some(info) = self.json.emissive_texture.as_ref().filter(|_| emission != Vec3::ZERO) else {
+            return Ok((emission, None));
+        };
+        let (texture, coordinates) = (info.index.value(), coordinates_of(info));
+        if self.coordinates.is_none_or(|others| others == coordinates) {
+            let Some(texture) = self.images.texture(loader, texture)? else { return Ok((emission, None)) };
+            if !loader.textures.shines(texture) {
+                return Ok((Vec3::ZERO, None));
+            }
+            self.coordinates = Some(coordinates);
+            return Ok((emission, Some(texture)));
         }
-        self.note(format!("emission texture {name}, of which the mean colour shines"));
-        Ok(emission * mean)
+        let mean = self.images.mean(loader, texture)?.unwrap_or(Vec3::ONE);
+        let name = self.images.name(texture);
+        if (emission * mean).max_element() < Material::LEAST_GLOW {
+            self.note(format!("emission texture {name}, with other coordinates than the base colour and too dark for a lamp"));
+            return Ok((Vec3::ZERO, None));
+        }
+        self.note(format!("emission texture {name}, with other coordinates than the base colour: the mean colour shines"));
+        Ok((emission * mean, None))
     }
 
     fn surface(&self, extensions: &extension::Material, base: Vec3, textured: bool) -> Surface {

@@ -1,6 +1,6 @@
 //! Reads materials from material libraries (MTL). [`load`] is the entry point.
 //!
-//! Shaded statements: `Kd`, `Ke`, `map_Kd`, `d`, `Tr`, `map_d`, and of `map_Ke` its mean. `illum` 3 or 5 is a mirror, 4, 6 or 7 glass. Only these use `Ks` (mirror
+//! Shaded statements: `Kd`, `Ke`, `map_Kd`, `map_Ke`, `d`, `Tr`, `map_d`. `illum` 3 or 5 is a mirror, 4, 6 or 7 glass. Only these use `Ks` (mirror
 //! reflectance), `Ni` (index of refraction), `Tf` (filter) and `Ns` (sharp or glossy). Only glass has a Fresnel term, not `illum` 5.
 //! `unshaded.rs` notes what is read and not shaded, and `picture.rs` reads the statements that name pictures.
 
@@ -84,9 +84,10 @@ impl Statements {
         let open = |picture| pictures.texture(picture, "the material has its Kd alone");
         let texture = self.texture.as_ref().map(open).transpose()?.flatten();
         let mut placement = self.texture.as_ref().filter(|_| texture.is_some()).map(|picture| picture.placement);
-        let mut emission = self.emission.unwrap_or(Vec3::ZERO);
+        let (mut emission, mut emission_texture) = (self.emission.unwrap_or(Vec3::ZERO), None);
         if let Some(picture) = &self.glow {
-            emission = pictures.glow(picture, self.emission)?.unwrap_or(emission);
+            (emission, emission_texture) = pictures.glow(picture, self.emission, placement)?;
+            placement = placement.or(emission_texture.map(|_| picture.placement));
         }
         // A texture without `Kd` shows its own colours.
         let unsaid = if texture.is_some() { Vec3::ONE } else { Material::GREY };
@@ -96,7 +97,7 @@ impl Statements {
             Surface::Glass { .. } => Opacity::default(),
             _ => self.opacity(pictures, texture, &mut placement, &mut unshaded)?,
         };
-        if let Some(picture) = &self.glow {
+        if let Some(picture) = self.glow.as_ref().filter(|_| emission_texture.is_none()) {
             unshaded.push(format!("emission map {}", picture.base()));
         }
         let (gloss, normal_map) = self.gloss.finish(pictures, surface, &mut placement, &mut unshaded)?;
@@ -106,6 +107,7 @@ impl Statements {
             emission,
             albedo_texture: texture,
             opacity,
+            emission_texture,
             gloss,
             normal_map,
             surface,

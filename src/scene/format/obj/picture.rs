@@ -116,22 +116,41 @@ impl<'a, 'b> Pictures<'a, 'b> {
         self.open(picture, mend, |loader, path, named_at| loader.textures.load_with(path, named_at, picture.sampler))
     }
 
-    /// The radiance of a lamp with a picture, which has its mean colour until lamps are textured. `None`, with a warning, if it cannot be read.
-    pub fn glow(&mut self, picture: &PictureName, emission: Option<Vec3>) -> Result<Option<Vec3>> {
-        let mean =
-            self.open(picture, "the material has its Ke alone", |loader, path, named_at| loader.textures.mean(path, named_at))?;
-        let Some(mean) = mean else { return Ok(None) };
-        let radiance = emission.unwrap_or(Vec3::ONE) * mean;
-        let radiance = if radiance.max_element() < Material::LEAST_GLOW { Vec3::ZERO } else { radiance };
+    /// The radiance of a lamp with a picture, and the texture that multiplies it. `placement` is that of the material's other textures. A picture that is
+    /// placed in another way has its mean colour in the radiance. Without `Ke` the picture shines as it is.
+    pub fn glow(
+        &mut self,
+        picture: &PictureName,
+        emission: Option<Vec3>,
+        placement: Option<Placement>,
+    ) -> Result<(Vec3, Option<usize>)> {
+        const MEND: &str = "the material has its Ke alone";
+        let (unread, radiance) = (emission.unwrap_or(Vec3::ZERO), emission.unwrap_or(Vec3::ONE));
         let place = Place { path: self.files[0], line: Some(picture.line) };
+        if placement.is_none_or(|placement| placement == picture.placement) {
+            if radiance != Vec3::ZERO {
+                let Some(texture) = self.texture(picture, MEND)? else { return Ok((unread, None)) };
+                if self.loader.textures.shines(texture) {
+                    return Ok((radiance, Some(texture)));
+                }
+            }
+            self.loader.warnings.tell(place, "map_Ke", &|| "map_Ke has no effect: it or Ke is black".to_owned());
+            return Ok((Vec3::ZERO, None));
+        }
+        let mean = self.open(picture, MEND, |loader, path, named_at| loader.textures.mean(path, named_at))?;
+        let Some(mean) = mean else { return Ok((unread, None)) };
+        let radiance = radiance * mean;
+        let radiance = if radiance.max_element() < Material::LEAST_GLOW { Vec3::ZERO } else { radiance };
         let text = || match radiance {
-            Vec3::ZERO => "map_Ke has no effect: its mean radiance is too small for a lamp".to_owned(),
+            Vec3::ZERO => {
+                "map_Ke has no effect: it has other -s or -o than map_Kd, and its mean is too dark for a lamp".to_owned()
+            }
             Vec3 { x, y, z } => {
-                format!("map_Ke: the lamp shines with the mean colour of its picture, radiance {x:.3} {y:.3} {z:.3}")
+                format!("map_Ke has other -s or -o than map_Kd: its mean colour shines, radiance {x:.3} {y:.3} {z:.3}")
             }
         };
         self.loader.warnings.tell(place, "map_Ke", &text);
-        Ok(Some(radiance))
+        Ok((radiance, None))
     }
 
     /// The index of a texture whose alpha is the opacity that a picture says. `None` if it is opaque everywhere, or, with a warning, if it cannot be read.

@@ -48,6 +48,7 @@
 //! opacity = 1                  # share of the light that it stops; 1 by default
 //! opacity_texture = "leaf.png" # its alpha, or its grey if it has none, multiplies the opacity
 //! cutoff = 0.5                 # what is less opaque is not there, and all else is opaque; default: a share of the light passes
+//! emission_texture = "screen.png"  # multiplies the emission, which is then 1 by default
 //! roughness = 0.3              # with any of these five keys the surface is glossy: metallic-roughness as in glTF 2.0; default: that of the model, or 1
 //! metallic = 0                 # 1 is a metal, which reflects its albedo; default: that of the model, or 0
 //! specular = 0.04              # reflectance of a dielectric straight on, a number or [r, g, b]; default: that of the model, or 0.04
@@ -130,6 +131,7 @@ struct MaterialTable {
     opacity: Option<Spanned<f32>>,
     opacity_texture: Option<Spanned<String>>,
     cutoff: Option<Spanned<f32>>,
+    emission_texture: Option<Spanned<String>>,
     roughness: Option<Spanned<f32>>,
     metallic: Option<Spanned<f32>>,
     specular: Option<Spanned<[f32; 3]>>,
@@ -288,13 +290,25 @@ pub fn load(loader: &mut Loader, path: &Path) -> Result<(World, Settings)> {
             let sound = value.get_ref().iter().all(|value| accepted.contains(value));
             sound.then_some(color).ok_or_else(|| error(value.span(), format!("{what} is {color}"), cure))
         };
+        let emission_is_pictured = table.emission_texture.is_some();
         if let Some(albedo) = table.albedo {
             let cure = "give a reflectance from 0 to 1 for each of red, green and blue";
             material.albedo = color(albedo, "albedo", 0.0..=1.0, cure)?;
         }
+        let mut texture = |name: Spanned<String>| {
+            let named_at = format!("{}:{}", path.display(), source.line(&name.span()));
+            loader.textures.load(&beside(path, name.get_ref()), &named_at)
+        };
+        material.albedo_texture = table.albedo_texture.map(&mut texture).transpose()?.or(material.albedo_texture);
+        material.emission_texture = table.emission_texture.map(&mut texture).transpose()?.or(material.emission_texture);
         if let Some(emission) = table.emission {
             let cure = "give a finite radiance of 0 or more for each of red, green and blue";
             material.emission = color(emission, "emission", 0.0..=f32::MAX, cure)?;
+        } else if emission_is_pictured && !material.is_emissive() {
+            material.emission = Vec3::ONE;
+        }
+        if material.emission_texture.is_some_and(|texture| !loader.textures.shines(texture)) {
+            (material.emission, material.emission_texture) = (Vec3::ZERO, None);
         }
         if let Some(two_sided) = table.two_sided {
             material.two_sided = *two_sided.get_ref();
@@ -305,10 +319,6 @@ pub fn load(loader: &mut Loader, path: &Path) -> Result<(World, Settings)> {
         }
         if table.flip {
             world.meshes.iter_mut().for_each(|mesh| mesh.turn(|triangle| triangle.material as usize == index));
-        }
-        if let Some(texture) = table.albedo_texture {
-            let named_at = format!("{}:{}", path.display(), source.line(&texture.span()));
-            material.albedo_texture = Some(loader.textures.load(&beside(path, texture.get_ref()), &named_at)?);
         }
         let share = |value: Spanned<f32>, what: &str| match *value.get_ref() {
             share if (0.0..=1.0).contains(&share) => Ok(share),
