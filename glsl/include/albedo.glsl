@@ -28,7 +28,7 @@ vec3 pictured_emission(vec3 emitted, Surface surface, vec3 position)
     vec4 entry = texelFetch(materials, material_texel(surface) + ivec2(6, 0), 0);
     // Software drivers skip loops, not branches.
     for (bool left = entry.x > 0.0 && emitted != vec3(0.0); left; left = false)
-        emitted *= albedo_texture_color(entry, texture_coordinates(surface, position));
+        emitted *= texture_color(entry, texture_coordinates(surface, position)).rgb;
     return emitted;
 }
 
