@@ -9,9 +9,7 @@ use crate::film::{Film, FilmSum};
 use crate::gather::LayerStore;
 use crate::geometry::Geometry;
 use crate::photon::{PhotonAtlas, PhotonGrid, PhotonTexture};
-use crate::points::{
-    Accumulator, CameraPoints, GBuffer, GatherPoint, GlossTextures, PointGloss, PointTextures, chosen_source,
-};
+use crate::points::{Accumulator, CameraPoints, GBuffer, GatherPoint, GlossTextures, PointGloss, PointTextures, chosen_source};
 use crate::scene::{Environment, Scene, Triangle};
 use crate::settings::{PhotonMapKind, Pipeline, PointSource, Settings};
 

@@ -7,7 +7,6 @@ use std::rc::Rc;
 use common::{Model, gpu, sized};
 use finalgather::Environment;
 use finalgather::direct::{Direct, SampleShare};
-use finalgather::direction::Directions;
 use finalgather::gather::{GatherInputs, IrradianceGather};
 use finalgather::geometry::Geometry;
 use finalgather::gpu::Gpu;
@@ -107,10 +106,13 @@ fn bundles_and_traced_paths_agree() {
     for metallic in [1.0, 0.0] {
         // Below the limit, so that paths follow the lobe.
         let world = still_life(0.42, metallic);
-        let images = [PointSource::Camera, PointSource::Traced].map(|points| render(&gpu, &world, &settings(size, directions, points)));
+        let images = [PointSource::Camera, PointSource::Traced].map(|points| {
+            render(&gpu, &world, &settings(size, directions, points).with(|settings| settings.photons.count = 500_000))
+        });
         // The points of paths lie on what the floor reflects, so the first picture tells where it is.
         let [normal, height] = ["N.Y", "P.Y"].map(|name| channel(&images[0], name));
-        let floor: Vec<usize> = (0..(size * size) as usize).filter(|&pixel| normal[pixel] > 0.99 && height[pixel] < -0.49).collect();
+        let floor: Vec<usize> =
+            (0..(size * size) as usize).filter(|&pixel| normal[pixel] > 0.99 && height[pixel] < -0.49).collect();
         assert!(floor.len() > 20, "the floor is seen");
         let [bundles, paths] = [0, 1].map(|image| {
             let mean = |name: &str| {
@@ -209,7 +211,6 @@ fn pipelines_weigh_lobes_alike() {
         let bases = gather.read();
         [bases, lobes, weights].map(|sums| pixels.iter().map(|&pixel| sums[pixel]).sum::<glam::Vec4>())
     };
-    let _ = Directions::new(Sequence::R2, 0);
     let [oracle, rays, fused, kill] = [Pipeline::Raycast, Pipeline::RaycastGl, Pipeline::Fused, Pipeline::Kill].map(sums);
     for (name, found, limit) in [("rays", rays, 1e-3), ("fused", fused, 0.02), ("kill", kill, 0.02)] {
         for (part, (found, oracle)) in found.iter().zip(oracle).enumerate() {

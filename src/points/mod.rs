@@ -26,9 +26,9 @@ use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 
 use crate::error::Result;
+use crate::gpu::{Blend, DepthTest, Draw, Filter, Format, Gpu, Program, Shape, Target, Texture, Uniform, Wrap};
 use crate::scene::Scene;
 use crate::settings::PointSource;
-use crate::gpu::{Blend, DepthTest, Draw, Filter, Format, Gpu, Program, Shape, Target, Texture, Uniform, Wrap};
 
 /// A point lies inside something if more than this fraction of its hits are back faces. Inside, all hits are, except for leaks. Outside none are,
 /// except on surfaces without thickness, such as leaves, of which about half show their backs.
