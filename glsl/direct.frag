@@ -1,6 +1,7 @@
 #version 330 core
-// Irradiance from a batch of samples on the lights, with exact shadow rays (additive blending). With GLOSS, irradiance is what passes a point's lobe, and
-// what the lobe reflects is a sum of its own. Mirrors src/direct.rs.
+// Irradiance from a batch of samples on the lights, with exact shadow rays (additive blending). With PUNCTUAL some samples may lie on no surface. With GLOSS
+// irradiance is what passes a point's lobe, and what the lobe reflects is a sum of its own.
+// Mirrors src/direct.rs, and `LightSample` in src/scene/light/mod.rs.
 
 #include "include/points.glsl"
 #include "include/bvh.glsl"
@@ -8,14 +9,17 @@
 #define LIGHTS 32
 
 uniform ivec2 first_texel;          // of the subset in the sums
-uniform vec4 light_places[LIGHTS];  // w 1: position; w 0: unit vector towards a light outside the scene
-uniform vec4 light_normals[LIGHTS]; // unit normal of the emitting side; outside the scene the vector towards it, turned round
-uniform vec4 light_weights[LIGHTS]; // radiance over the density of the sample, per area or per solid angle
+uniform vec4 light_places[LIGHTS];  // w 1: position; 2: without a surface; w 0: unit vector towards a light outside the scene
+uniform vec4 light_normals[LIGHTS]; // unit normal of the emitting side; outside the scene the vector towards it, turned round; w: scale of a cone
+uniform vec4 light_weights[LIGHTS]; // radiance over the density of the sample, per area or per solid angle; w: offset of a cone
 uniform int sample_count;
 uniform int ray_samples;            // samples that share a ray; the last ray may have fewer
 uniform float choice;               // in [0, 1): to which of its samples the first ray goes; each point shifts it
 
 const float GOLDEN = 0.618034;      // its multiples fill the unit interval evenly
+#ifdef PUNCTUAL
+const float LIGHT_OFFSET = 2e-6;    // before a light without a surface a shadow ray ends so early, as in src/scene/light/mod.rs
+#endif
 
 layout(location = 0) out vec4 irradiance;
 #ifdef GLOSS
@@ -59,12 +63,21 @@ void main()
             vec3 way = light_places[i].xyz - (near ? origin : vec3(0.0));
             float distance = length(way);
             vec3 direction = way / distance;
-            float received =
-                cosine(point, direction) * max(-dot(light_normals[i].xyz, direction), 0.0) / (near ? distance * distance : 1.0);
+            float emitted = max(-dot(light_normals[i].xyz, direction), 0.0);
+#ifdef PUNCTUAL
+            float cone = clamp(light_weights[i].w - light_normals[i].w * dot(light_normals[i].xyz, direction), 0.0, 1.0);
+            emitted = light_places[i].w > 1.0 ? cone * cone : emitted;
+#endif
+            float received = cosine(point, direction) * emitted / (near ? distance * distance : 1.0);
+#ifdef PUNCTUAL
+            distance -= light_places[i].w > 1.0 ? LIGHT_OFFSET : 0.0;
+#endif
             // At a distance of 0 it is no number.
             vec3 light = received > 0.0 ? received * light_weights[i].rgb : vec3(0.0);
 #ifdef GLOSS
-            LobeWeights weights = lobe_weights(point.gloss, point.normal, direction);
+            // Eye rays that follow a lobe meet all other lights.
+            bool unseen = light_places[i].w > 1.0 || light_weights[i].w > 0.0;
+            LobeWeights weights = lobe_weights(point.gloss, point.normal, direction, point.gloss.counts > 0.0 || unseen);
             vec3 lobe = received > 0.0 ? light * weights.lobe : vec3(0.0);
             light *= weights.base;
             lobe_sum += lobe;

@@ -35,7 +35,8 @@ void main()
     vec4 plain = texelFetch(materials, material_texel(surface), 0);
     vec3 color = (int(plain.a) & 2) != 0 ? vertex_color(surface_triangle, surface_position) : vec3(1.0);
     albedo_out = vec4(plain.rgb * texel * color, float(surface_triangle));
-    // 1 at the near plane, falling with distance: a float is then as precise at the far end of a terrain as in a room within it.
-    gl_FragDepth = near * gl_FragCoord.w;
+    // 1 at the near plane, falling with distance: a float is then as precise at the far end of a terrain as in a room within it. At the outline of a
+    // closed body a front and a back are equally far, and rounding must not show the back, which lies inside.
+    gl_FragDepth = near * gl_FragCoord.w * (front ? 1.0 : 1.0 - 4e-6);
     emission_out = vec4(emission(surface, front), -dot(forward, to_eye));
 }

@@ -1,7 +1,7 @@
 //! Direct light: irradiance from samples on the lights, with exact shadow rays. Mirrors `glsl/direct.frag`.
 //!
 //! E(x) = 1/S Σ L A/p cos θ cos θ' / r² V over S samples of the area lights. A bright part of the environment has no distance: there the term is
-//! L Ω/p cos θ V.
+//! L Ω/p cos θ V. A point or spot has an intensity I and no area: I/p cos θ c / r² V, where c is the share of it in this direction.
 //!
 //! Of many lamps most are far, and rays to them would be wasted. So several samples share a ray: a point casts it to one of them, chosen by the light
 //! that it would bring, and what the ray finds counts for all. The mean is the same (Talbot, Cline and Egbert 2005, "Importance resampling for global
@@ -9,6 +9,8 @@
 //!
 //! Samples are points of one Sobol' sequence, of which each pixel of a square of 4 × 4 takes a run of its own. So neighbours have different samples,
 //! a soft shadow has fine grain and no bands, and a square together has sixteen times the samples of a point.
+
+use std::cell::OnceCell;
 
 use glam::{Vec3, Vec4};
 
@@ -34,6 +36,10 @@ const EMITTERS: usize = 4;
 pub struct Direct {
     gpu: Gpu,
     program: Program,
+    /// Whether the program serves points with gloss.
+    glossy: bool,
+    /// For scenes with points and spots.
+    punctual: OnceCell<Program>,
     seed: u64,
 }
 
@@ -79,14 +85,26 @@ impl Direct {
     /// # Errors
     /// As [`Self::new`].
     pub fn with(gpu: &Gpu, seed: u64, glossy: bool) -> Result<Self> {
-        let source = if glossy { &shaders::DIRECT_GLOSS } else { &shaders::DIRECT };
-        Ok(Self { gpu: gpu.clone(), program: Program::new(gpu, source)?, seed: seed ^ 0xd1ec7 })
+        let program = Program::new(gpu, if glossy { &shaders::DIRECT_GLOSS } else { &shaders::DIRECT })?;
+        Ok(Self { gpu: gpu.clone(), program, glossy, punctual: OnceCell::new(), seed: seed ^ 0xd1ec7 })
+    }
+
+    /// The program that these lights need. That for gloss serves all lights.
+    fn program(&self, lights: &Lights) -> Result<&Program> {
+        if self.glossy || !lights.have_cones() {
+            return Ok(&self.program);
+        }
+        if let Some(program) = self.punctual.get() {
+            return Ok(program);
+        }
+        let program = Program::new(&self.gpu, &shaders::DIRECT_PUNCTUAL)?;
+        Ok(self.punctual.get_or_init(|| program))
     }
 
     /// The mean irradiance of a share of the samples at each of `points`, row by row.
     ///
     /// # Errors
-    /// When the device has no memory left or the scene exceeds its limits.
+    /// When the device has no memory left, the scene exceeds its limits, or the program for points and spots does not compile.
     pub fn irradiance(&self, geometry: &Geometry, lights: &Lights, share: SampleShare, points: Points) -> Result<Vec<Vec3>> {
         let [irradiance, _] = self.light(geometry, lights, share, points)?;
         Ok(irradiance)
@@ -103,7 +121,8 @@ impl Direct {
             let dark = |output: usize| vec![Vec3::ZERO; if output < outputs { (width * height) as usize } else { 0 }];
             return Ok([dark(0), dark(1)]);
         }
-        let tables = geometry.ray_tables()?;
+        let share = if lights.are_one_point() { SampleShare { samples: share.parts, ..share } } else { share };
+        let (tables, program) = (geometry.ray_tables()?, self.program(lights)?);
         let of_ray = lights.count().div_ceil(EMITTERS).clamp(1, LIGHTS);
         let in_draw = LIGHTS / of_ray * of_ray;
         let squares = Interleave::new(STRIDE, points.size(), self.seed);
@@ -118,8 +137,8 @@ impl Direct {
                 for (index, batch) in lamps.chunks(in_draw).chain(sky.chunks(in_draw)).enumerate() {
                     let each = |value: fn(&LightSample) -> Vec4| batch.iter().map(value).collect::<Vec<_>>();
                     let places = each(|sample| sample.place);
-                    let normals = each(|sample| sample.normal.extend(0.0));
-                    let weights = each(|sample| sample.weight.extend(0.0));
+                    let normals = each(|sample| sample.normal.extend(sample.cone[0]));
+                    let weights = each(|sample| sample.weight.extend(sample.cone[1]));
                     let own = [
                         ("light_places", Uniform::Vec4s(&places)),
                         ("light_normals", Uniform::Vec4s(&normals)),
@@ -130,7 +149,7 @@ impl Direct {
                         ("choice", Uniform::Float((0.618_034 * (index * in_draw / of_ray) as f32).fract())),
                     ];
                     let subset = points.only(Subset { stride: STRIDE, offset: [x, y] });
-                    sums.add(subset, &self.program, &[&own[..], &tables.uniforms()].concat());
+                    sums.add(subset, program, &[&own[..], &tables.uniforms()].concat());
                     // Draws of few points are not measured, but their rays take long on slow devices.
                     draws += 1;
                     if draws % DRAWS == 0 {

@@ -37,7 +37,8 @@ macro_rules! shaders {
 shaders! {
     VISIBLE_POINTS: "surface", "visible_points";
     DIRECT: "fullscreen", "direct", "BATCH 8", "ANY_HIT";
-    DIRECT_GLOSS: "fullscreen", "direct", "BATCH 8", "ANY_HIT", "GLOSS";
+    DIRECT_PUNCTUAL: "fullscreen", "direct", "BATCH 8", "ANY_HIT", "PUNCTUAL";
+    DIRECT_GLOSS: "fullscreen", "direct", "BATCH 8", "ANY_HIT", "PUNCTUAL", "GLOSS";
     PHOTON_MAP: "fullscreen", "photon_map";
     PEEL: "surface", "peel";
     KILL: "fullscreen", "kill";

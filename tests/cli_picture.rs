@@ -303,3 +303,60 @@ fn merged_pictures_have_exposure_background_and_shadow() {
     merge(&["--exposure", "0", "--background", "#ffffff", "-o", "white.png"]);
     assert_eq!(rgba(&folder, "white.png").into_rgba8().get_pixel(0, 0).0, [255; 4]);
 }
+
+/// A bare model in the light of a day: the sun and its sky are in the picture and in `info`, and `init` has a place for them.
+#[test]
+fn a_sun_and_its_sky_light_a_bare_model() {
+    let folder = folder();
+    model(&folder);
+    let render = |args: &[&str]| {
+        let mut command = tool(&folder);
+        command.args(["render", "model.obj", "-o", "m.exr", "--size", "16", "--directions", "16", "--photons", "1e4"]).args(args);
+        command
+    };
+    assert!(refusal(&mut render(&["--sky"]), 64).contains("a sky needs a sun"));
+    assert!(refusal(&mut render(&["--sky=1", "--sun", "0,30"]), 64).contains("turbidity"));
+    assert!(refusal(&mut render(&["--sun", "0,100"]), 64).contains("height"));
+    let lit = |args: &[&str]| {
+        success(&mut render(args));
+        let image = Image::read(&folder.path().join("m.exr")).unwrap();
+        let mean = |name: &str| image.channel(name).map(|samples| samples.iter().sum::<f32>() / samples.len() as f32);
+        [mean("Direct.R").unwrap(), mean("Environment.R").unwrap_or_default()]
+    };
+    // Lux in place of 1e5 of the real sun, and the sky's nits.
+    let [direct, sky] = lit(&["--sun", "20,30,7"]);
+    assert!((0.05..3.0).contains(&direct) && sky == 0.0, "{direct} {sky}");
+    let [direct, sky] = lit(&["--sun=-160,30", "--sky=2.5"]);
+    assert!((500.0..5e4).contains(&direct) && (500.0..5e4).contains(&sky), "{direct} {sky}");
+    fs::write(
+        folder.path().join("s.toml"),
+        "mesh = \"model.obj\"\n[sun]\ndirection = [0, 1, 1]\nilluminance = 3\n[[lights]]\nkind = \"spot\"\nposition = [0, 9, 0]\n\
+         direction = [0, -1, 0]\nintensity = 50\n",
+    )
+    .unwrap();
+    let info = tool::json(&success(tool(&folder).args(["info", "s.toml", "--json"])));
+    let lights = info["punctual_lights"].as_array().unwrap();
+    assert_eq!((&info["lights"], lights.len(), &lights[0]["kind"]), (&json!(0), 2, &json!("spot")));
+    assert_eq!((&lights[1]["kind"], &lights[1]["illuminance"]), (&json!("directional"), &json!([3.0, 3.0, 3.0])));
+    let text = success(tool(&folder).args(["info", "s.toml"])).stdout;
+    let text = String::from_utf8(text).unwrap();
+    assert!(text.contains("light 0: spot at 0 9 0 towards 0 -1 0, 50 50 50 cd, 0 to 45 degrees from its axis"), "{text}");
+    assert!(text.contains("lights: 2 lights without a surface"), "{text}");
+    success(tool(&folder).args(["init", "model.obj", "-o", "i.toml"]));
+    let written = fs::read_to_string(folder.path().join("i.toml")).unwrap();
+    assert!(written.contains("# [sun]") && written.contains("# [sky]") && written.contains("# [[lights]]"), "{written}");
+    // With the marks taken away it is a scene in that light.
+    let day: String = written
+        .lines()
+        .map(|line| format!("{}\n", line.strip_prefix("# ").filter(|rest| is_daylight(rest)).unwrap_or(line)))
+        .collect();
+    fs::write(folder.path().join("i.toml"), day).unwrap();
+    let info = tool::json(&success(tool(&folder).args(["info", "i.toml", "--json"])));
+    assert_eq!(info["punctual_lights"].as_array().unwrap().len(), 2, "{info}");
+}
+
+fn is_daylight(line: &str) -> bool {
+    ["[sun]", "azimuth", "height", "illuminance", "[[lights]]", "kind = \"point", "position", "intensity", "radius"]
+        .iter()
+        .any(|start| line.starts_with(start))
+}

@@ -1,4 +1,4 @@
-//! Merges the parts of a bake's shards from their files. It needs no GL, no photons and no scene.
+//! Merges the parts of a bake's shards from their files. It needs no GL and no photons.
 
 use std::path::Path;
 
@@ -11,6 +11,7 @@ use crate::blocks::{Blocks, Node, PairwiseSum, Part};
 use crate::error::{Error, Result};
 use crate::image::Channel;
 use crate::points::GatherPoint;
+use crate::prepared::Prepared;
 use crate::scene::Scene;
 use crate::settings::Settings;
 
@@ -88,13 +89,14 @@ impl Merge {
         Part::new(self.job.clone(), Value::Null).check(path, &job)
     }
 
-    /// A value for each of `points`, the points of all receivers in order, as [`super::Bake::columns`].
+    /// A value for each of `points`, the points of all receivers of `prepared` in order, as [`super::Bake::columns`].
     ///
     /// # Errors
     /// As [`Self::check_whole`].
-    pub fn columns(&self, points: &[GatherPoint]) -> Result<(Vec<Channel>, Vec<f32>)> {
+    pub fn columns(&self, prepared: &Prepared, points: &[GatherPoint]) -> Result<(Vec<Channel>, Vec<f32>)> {
         self.check_whole()?;
-        Ok(self.plan.columns(&self.sums.values.total().unwrap_or_default(), &self.sums.direct, points))
+        let values = self.sums.values.total().unwrap_or_default();
+        Ok(self.plan.columns(&values, &self.sums.direct, points, prepared, &self.settings))
     }
 
     /// As [`super::Bake::job`]. It contains `settings` and `plan`.

@@ -9,6 +9,7 @@
 mod accumulation;
 mod hits;
 mod integrals;
+mod lights;
 mod memory;
 mod merge;
 mod plan;
@@ -434,7 +435,7 @@ impl Bake {
     pub fn columns(&self) -> Option<(Vec<Channel>, Vec<f32>)> {
         let columns = || {
             let (values, direct) = self.sums.total(self.schedule.last());
-            self.plan.columns(&values, &direct, &self.points)
+            self.plan.columns(&values, &direct, &self.points, &self.prepared, &self.settings)
         };
         self.has_values().then(columns)
     }

@@ -6,11 +6,13 @@ use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
 use super::integrals::{Values, Wanted};
+use super::lights::add_lights;
 use crate::blocks::{Blocks, Part};
 use crate::error::{Error, Result};
 use crate::harmonics::MAX_ORDER;
 use crate::image::Channel;
 use crate::points::GatherPoint;
+use crate::prepared::Prepared;
 use crate::quantity::Quantity;
 use crate::settings::{DirectionSettings, Pipeline, Settings};
 use crate::shaders::BATCH;
@@ -102,9 +104,20 @@ impl Plan {
     }
 
     /// The columns of all quantities, from sums of points and their direct light. Also [`Values::inside`].
-    pub(super) fn columns(&self, values: &Values, direct: &[Vec3], points: &[GatherPoint]) -> (Vec<Channel>, Vec<f32>) {
+    pub(super) fn columns(
+        &self,
+        values: &Values,
+        direct: &[Vec3],
+        points: &[GatherPoint],
+        prepared: &Prepared,
+        settings: &Settings,
+    ) -> (Vec<Channel>, Vec<f32>) {
         let columns = |&quantity: &Quantity| values.columns(quantity, self.order, points, direct);
-        (self.what.iter().flat_map(columns).collect(), values.inside())
+        let mut columns: Vec<_> = self.what.iter().flat_map(columns).collect();
+        if self.wants(Quantity::Sh) && !prepared.scene.lights.is_empty() {
+            add_lights(&mut columns, self.order, prepared, points, settings.direct.light_samples);
+        }
+        (columns, values.inside())
     }
 
     /// Sums of the last stage, or of an earlier one.

@@ -35,7 +35,8 @@ pub fn inside_out(name: &str, points: &[GatherPoint], scene: &Scene, bvh: &Bvh, 
         Quantity::Sky | Quantity::Prt => true,
         _ => false,
     };
-    let has_lamps = (0..scene.mesh.triangles.len()).any(|triangle| scene.material(triangle).is_emissive());
+    let has_lamps = (0..scene.mesh.triangles.len()).any(|triangle| scene.material(triangle).is_emissive())
+        || scene.lights.iter().any(|light| !light.is_directional());
     let sky_alone = !has_lamps && scene.environment.as_ref().is_some_and(|environment| !Environment::is_black(environment));
     let matters = sky_alone || plan.what.iter().any(is_open);
     (matters && front.nothing < 0.01 && back.nothing > 0.5).then(|| {

@@ -56,15 +56,16 @@ pub fn merge(parts: &[PathBuf], outputs: &[String], change: impl Fn(&mut Display
             let loaded = request.scene.load(request.needs_light())?;
             check_kept(&request.outputs.concat(), loaded.report.files.iter().map(PathBuf::as_path))?;
             loaded.report.warnings.iter().for_each(|warning| watch.say(&format!("warning: {warning}")));
-            let scene = Prepared::without_glass(&loaded.world)?.scene;
+            let prepared = Prepared::without_glass(&loaded.world)?;
+            let scene = &prepared.scene;
             watch.stage("placing points");
             let settings = *merge.settings();
             let camera = || Receiver::of_part(path, &first, settings.film.size);
-            let (receivers, points) = place(&bake, &scene, &settings, &camera, watch)?;
-            merge.check_scene(path, &scene, &points)?;
+            let (receivers, points) = place(&bake, scene, &settings, &camera, watch)?;
+            merge.check_scene(path, scene, &points)?;
             watch.stage("merging");
             each(&mut |path, part| merge.add(path, part))?;
-            let values = Results::Values(&receivers, merge.columns(&points)?, &scene);
+            let values = Results::Values(&receivers, merge.columns(&prepared, &points)?, scene);
             values.write(&request, merge.job(), &changed(&settings, own)?, (settings.directions.count, true))
         }
         _ => return Err(unknown(path)),

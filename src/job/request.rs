@@ -19,7 +19,7 @@ use crate::image::check_writable;
 use crate::points::LightMapOptions;
 use crate::quantity::Quantity;
 use crate::render::{blocks_of, memory_of};
-use crate::scene::{CameraChange, Environment, Files, LoadOptions, Loaded, Material, World};
+use crate::scene::{CameraChange, Environment, Files, LoadOptions, Loaded, Material, PunctualLight, Sky, Sun, World};
 use crate::settings::{DisplaySettings, Exposure, PointSource, Settings, Squares};
 
 /// A job. Parts of a bake contain it, because a merge makes the receivers again.
@@ -69,10 +69,18 @@ pub struct SceneRequest {
     pub bytes: Option<Vec<u8>>,
     /// A lat-long picture that replaces the scene's environment.
     pub environment: Option<PathBuf>,
+    /// See [`LoadOptions`], as the next.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sun: Option<Sun>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sky: Option<Sky>,
     /// The scene may name files outside its folder.
     pub allow_outside: bool,
     /// All surfaces are turned, see [`LoadOptions::flip`].
     pub flip: bool,
+    /// See [`LoadOptions::smooth_angle`].
+    #[serde(default)]
+    pub smooth_angle: Option<f32>,
     /// See [`LoadOptions`], as the next three.
     #[serde(default)]
     pub strict: bool,
@@ -105,17 +113,20 @@ impl SceneRequest {
     pub fn load(&self, needs_light: bool) -> Result<Loaded> {
         let environment = self.environment.as_deref().map(Environment::load).transpose()?;
         let files = if self.allow_outside { Files::Anywhere } else { Files::Folder };
-        let &Self { strict, no_default_light, flip, clay, .. } = self;
+        let &Self { strict, no_default_light, flip, smooth_angle, clay, sun, sky, .. } = self;
         let (camera, scene) = (self.camera.clone(), self.scene.clone());
         let mut loaded = World::load_with(
             &self.path,
             LoadOptions {
                 environment,
+                sun,
+                sky,
                 files,
                 unlit: !needs_light,
                 no_default_light,
                 strict,
                 flip,
+                smooth_angle,
                 clay,
                 camera,
                 scene,
@@ -279,7 +290,7 @@ fn warning_of_ground(world: &World) -> Option<&'static str> {
             "warning: --ground has no effect: it catches the shadow of the environment's light, and there is none; give --env",
         );
     }
-    world.surfaces().any(Material::is_emissive).then_some(
+    (world.surfaces().any(Material::is_emissive) || world.lights.iter().any(PunctualLight::shines)).then_some(
         "warning: lamps light the ground too, so its shadow is too light: it is that of the environment alone; --ground off leaves it out",
     )
 }

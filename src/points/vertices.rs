@@ -11,10 +11,10 @@ use serde::Serialize;
 
 use super::{GatherPoint, INSIDE};
 use crate::image::Channel;
-use crate::scene::{Mesh, Triangle};
+use crate::scene::{FaceNormals, Mesh, Triangle};
 
-/// An edge between faces is a crease if the cosine of the angle between their normals is less than this, 40 degrees.
-const CREASE: f32 = 0.766;
+/// An edge between faces is a crease if the angle between their normals is more than this, in degrees.
+const CREASE: f32 = 40.0;
 
 /// The vertices of a mesh, split at creases.
 pub struct Vertices {
@@ -39,18 +39,9 @@ pub struct VertexCounts {
 impl Vertices {
     /// `mesh` is in unit space. Points lie `inset` from their vertex or a third of the way to the centre of their face, whichever is less.
     pub fn new(mesh: &Mesh, inset: f32) -> Self {
-        let faces: Vec<Vec3> = (0..mesh.triangles.len()).map(|triangle| mesh.geometric_normal(triangle)).collect();
+        let around = FaceNormals::new(mesh);
+        let faces = &around.faces;
         let corners = (0..faces.len()).flat_map(|triangle| (0..3).map(move |corner| (triangle, corner)));
-        let place = |vertex: u32| mesh.positions[vertex as usize].to_array().map(f32::to_bits);
-        let mut around: HashMap<[u32; 3], Vec<(usize, f32)>> = HashMap::new();
-        for (triangle, corner) in corners.clone() {
-            let vertex = mesh.triangles[triangle].vertices[corner];
-            around.entry(place(vertex)).or_default().push((triangle, mesh.angle(triangle, corner)));
-        }
-        let normal_at = |vertex: u32, face: Vec3| {
-            let near = around[&place(vertex)].iter().filter(|(other, _)| faces[*other].dot(face) > CREASE);
-            near.map(|&(other, angle)| faces[other].as_dvec3() * f64::from(angle)).sum::<glam::DVec3>().normalize().as_vec3()
-        };
 
         let mut new = Self { mesh: Mesh::default(), points: Vec::new(), turned: 0 };
         let mut triangles = mesh.triangles.clone();
@@ -60,7 +51,7 @@ impl Vertices {
             let vertex = mesh.triangles[triangle].vertices[corner];
             let own = mesh.normals[vertex as usize];
             let turned = own != Vec3::ZERO && own.dot(faces[triangle]) <= 0.0;
-            let normal = if own == Vec3::ZERO || turned { normal_at(vertex, faces[triangle]) } else { own };
+            let normal = if own == Vec3::ZERO || turned { around.mean(mesh, vertex, triangle, CREASE) } else { own };
             let index = *shared.entry((vertex, normal.to_array().map(f32::to_bits))).or_insert_with(|| {
                 new.turned += usize::from(turned);
                 widest.push((0.0, 0));

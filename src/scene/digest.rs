@@ -24,12 +24,16 @@ impl Scene {
             textures.extend(texture.texels.as_flattened());
             textures.extend(format!("{:?}", texture.sampler).bytes());
         }
-        json!({
+        let mut digest = json!({
             "mesh": sha256(&mesh),
             // Debug prints different text for floats with different bits.
             "materials": sha256(format!("{:?}", self.materials).as_bytes()),
             "textures": sha256(&textures),
             "environment": self.environment.as_ref().map(|environment| environment.digest()),
-        })
+        });
+        if !self.lights.is_empty() {
+            digest["lights"] = sha256(format!("{:?}", self.lights).as_bytes()).into();
+        }
+        digest
     }
 }

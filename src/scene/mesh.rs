@@ -54,6 +54,20 @@ impl Mesh {
         self.positions.len() as u32 - 1
     }
 
+    /// Adds a copy of a vertex, and returns its index.
+    pub fn copy_vertex(&mut self, vertex: u32) -> u32 {
+        fn again<T: Copy>(list: &mut Vec<T>, vertex: u32) {
+            list.extend(list.get(vertex as usize).copied());
+        }
+        again(&mut self.positions, vertex);
+        again(&mut self.normals, vertex);
+        again(&mut self.uvs, vertex);
+        again(&mut self.lightmap_uvs, vertex);
+        again(&mut self.colors, vertex);
+        again(&mut self.sources, vertex);
+        self.positions.len() as u32 - 1
+    }
+
     /// The colour at a point of a triangle, from its barycentric coordinates.
     pub fn color(&self, triangle: usize, barycentric: Vec3) -> Vec3 {
         if self.colors.is_empty() {

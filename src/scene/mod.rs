@@ -9,6 +9,7 @@
 //! | `unit_space.rs` | transforms between world space and unit space |
 //! | `bvh.rs`, `flat_bvh.rs` | CPU ray queries, and a tree for shaders |
 //! | `source_lists.rs` | the lists of vertices in a model's file |
+//! | `smoothing.rs` | shading normals where a file has none |
 //! | `winding.rs`, `reversed_lamps.rs` | which side is the front, and lamps of which it is the wrong one |
 //! | `specular.rs` | paths through mirrors and glass |
 //! | `gloss.rs`, `normal_map.rs` | reflection of glossy surfaces, and maps that turn shading normals |
@@ -33,6 +34,7 @@ mod material;
 mod mesh;
 mod normal_map;
 mod reversed_lamps;
+mod smoothing;
 mod source_lists;
 mod specular;
 mod texture;
@@ -46,10 +48,11 @@ pub use flat_bvh::FlatBvh;
 pub(crate) use format::gltf;
 pub use format::{Files, LoadOptions, LoadReport, Loaded};
 pub use gloss::{Brdf, GlossMeans, LobeShares, LobeWeights, facing};
-pub use light::{Environment, Focus, LightSample, Lights};
+pub use light::{Daylight, Environment, Focus, LightSample, Lights, PunctualKind, PunctualLight, Sky, Sun};
 pub use material::{Gloss, Material, NormalMap, Opacity, Surface};
 pub use mesh::{Mesh, Source, Triangle};
 pub use reversed_lamps::reversed_lamps;
+pub use smoothing::FaceNormals;
 pub use source_lists::SourceLists;
 pub use specular::{MOST_SPECULAR, Path, Split, fresnel};
 pub use texture::{ImageTexture, Sampler, WrapMode};
@@ -64,6 +67,8 @@ pub struct Scene {
     pub textures: Vec<ImageTexture>,
     /// Radiance along rays that hit no surface. `None` is black.
     pub environment: Option<Environment>,
+    /// Points, spots and directional lights, in unit space.
+    pub lights: Vec<PunctualLight>,
     /// `None`: [`Scene::camera`] makes a camera that sees the whole scene.
     pub camera: Option<Camera>,
     /// Transform back to world space.

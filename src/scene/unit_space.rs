@@ -64,6 +64,11 @@ impl UnitSpace {
         (f64::from(length) / self.scale) as f32
     }
 
+    /// Converts a luminous intensity, which over a squared length is an illuminance, from world space to unit space.
+    pub fn intensity_to_unit(self, intensity: Vec3) -> Vec3 {
+        (intensity.as_dvec3() / (self.scale * self.scale)).as_vec3()
+    }
+
     /// Converts a length in unit space to world space.
     pub fn length_to_world(self, length: f32) -> f32 {
         (f64::from(length) * self.scale) as f32

@@ -8,15 +8,13 @@ use glam::{DAffine3, DMat3, DVec3, Vec3};
 
 use super::mesh::has_area;
 use super::{
-    CameraChange, Environment, Files, GlossMeans, ImageTexture, Material, Mesh, Scene, Source, SourceLists, Surface, Triangle,
-    UnitSpace, WorldCamera,
+    CameraChange, Environment, Files, GlossMeans, ImageTexture, Material, Mesh, PunctualLight, Scene, Source, SourceLists,
+    Surface, Triangle, UnitSpace, WorldCamera,
 };
 
 /// A world of meshes. Each mesh can be placed several times.
 ///
-/// There is no list of lights. Only emissive materials and the environment emit, and [`Lights::new`](super::Lights::new) collects them from the flat
-/// scene. Point, spot and directional lights will be a list here and in [`Scene`]: [`World::flatten`] will move them to unit space, [`World::is_dark`]
-/// will count them, and the enum in `light/mod.rs` will get a variant.
+/// Emissive materials, the environment and the lights without a surface emit. [`Lights::new`](super::Lights::new) collects them from the flat scene.
 #[derive(Clone, Debug, Default)]
 pub struct World {
     pub meshes: Vec<Mesh>,
@@ -28,6 +26,8 @@ pub struct World {
     pub cameras: Vec<(String, WorldCamera)>,
     /// Radiance from outside the scene. `None` is black.
     pub environment: Option<Environment>,
+    /// Points, spots and directional lights, in world space.
+    pub lights: Vec<PunctualLight>,
     /// Name of the model's file, without its folder. Empty if there is none.
     pub file: String,
     /// Whether all instances refer to one list of vertices, as the objects of an OBJ do. Otherwise each has its own.
@@ -76,7 +76,9 @@ impl World {
 
     /// Whether nothing emits light.
     pub fn is_dark(&self) -> bool {
-        self.environment.as_ref().is_none_or(Environment::is_black) && !self.surfaces().any(Material::is_emissive)
+        self.environment.as_ref().is_none_or(Environment::is_black)
+            && !self.lights.iter().any(PunctualLight::shines)
+            && !self.surfaces().any(Material::is_emissive)
     }
 
     /// Whether it gets the soft sky when it is to have light. A scene file's own environment stays, even if it is black.
@@ -162,6 +164,7 @@ impl World {
             materials: self.materials.clone(),
             textures: self.textures.clone(),
             environment: self.environment.clone(),
+            lights: self.lights.iter().map(|light| light.in_space(space)).collect(),
             camera: self.cameras.first().map(|(_, camera)| space.enter_camera(*camera)),
             space,
             instances: self.instances.clone(),

@@ -1,6 +1,7 @@
 //! Shared by several tests: scenes built in code, a gather on the GL side, and the difference between two gathers.
 #![allow(dead_code, reason = "each test uses a part")]
 
+pub mod blocks;
 pub mod khronos;
 pub mod need;
 pub mod tool;
@@ -96,6 +97,7 @@ impl Model {
             materials: Vec::new(),
             textures: Vec::new(),
             environment: None,
+            lights: Vec::new(),
             camera: Some(camera),
             space: UnitSpace::around([DVec3::NEG_ONE, DVec3::ONE]),
             instances: Vec::new(),
@@ -219,7 +221,7 @@ fn in_world(Camera { eye, target, up, fov_y_degrees, lens }: Camera) -> WorldCam
 
 /// A world with the coordinates of `scene`.
 pub fn world_of(scene: Scene) -> World {
-    let Scene { mesh, materials, textures, environment, camera, .. } = scene;
+    let Scene { mesh, materials, textures, environment, lights, camera, .. } = scene;
     World {
         meshes: vec![mesh],
         instances: vec![Instance::default()],
@@ -227,6 +229,7 @@ pub fn world_of(scene: Scene) -> World {
         textures,
         cameras: camera.map(|camera| ("camera".into(), in_world(camera))).into_iter().collect(),
         environment,
+        lights,
         ..World::default()
     }
 }

@@ -2,7 +2,7 @@
 
 use std::f64::consts::FRAC_1_SQRT_2;
 
-use finalgather::scene::{GltfPart, LoadOptions, WorldCamera};
+use finalgather::scene::{GltfPart, LoadOptions, PunctualKind, WorldCamera};
 use glam::{DAffine3, DVec3, Vec3, dvec3, vec3};
 use serde_json::json;
 
@@ -179,18 +179,47 @@ fn cameras_of_nodes() {
     assert_eq!(chosen.world.cameras[0].0, "up");
 }
 
-/// As the sample `LightsPunctualLamp`: a later version shades these lights.
+/// As the sample `LightsPunctualLamp`: the three kinds, along the -z of nodes that are turned, scaled and below others.
 #[test]
-fn punctual_lights_are_told() {
+fn punctual_lights_of_nodes() {
     let mut model = Model::triangle();
     model.json["extensionsRequired"] = json!(["KHR_lights_punctual"]);
-    let lights = json!([{ "type": "point", "name": "bulb" }, { "type": "directional" }]);
+    let spot = json!({ "innerConeAngle": 0.25, "outerConeAngle": 0.5 });
+    let lights = json!([
+        { "type": "point", "name": "bulb", "color": [1, 0.5, 0.25], "intensity": 8, "range": 3 },
+        { "type": "directional" },
+        { "type": "spot", "name": "lamp", "intensity": 40, "spot": spot },
+        { "type": "spot", "spot": { "outerConeAngle": 2 } },
+    ]);
     model.json["extensions"] = json!({ "KHR_lights_punctual": { "lights": lights } });
     let light = |light: u32| json!({ "KHR_lights_punctual": { "light": light } });
-    model.push("nodes", json!({ "extensions": light(0) }));
+    let s = FRAC_1_SQRT_2;
+    // A quarter about x looks up; below it, a quarter about y turns -z to -x.
+    let child = model.push("nodes", json!({ "extensions": light(2), "translation": [0, 0, -1], "rotation": [0, s, 0, s] }));
+    model.push("nodes", json!({ "extensions": light(0), "translation": [1, 2, 3], "rotation": [s, 0, 0, s], "scale": [5, 5, 5], "children": [child] }));
     model.push("nodes", json!({ "extensions": light(1), "name": "sun" }));
-    let (_, warnings) = model.load();
-    assert_eq!(warnings, ["2 punctual lights are not shown yet: bulb, sun"]);
+    let (world, warnings) = model.load();
+    let [bulb, lamp, sun] = &world.lights[..] else { panic!("{:?}", world.lights) };
+    assert_eq!((bulb.name.as_str(), bulb.kind), ("bulb", PunctualKind::Point { radius: 0.0 }));
+    assert_eq!((bulb.position, bulb.strength), (dvec3(1.0, 2.0, 3.0), vec3(8.0, 4.0, 2.0)));
+    assert_eq!((lamp.name.as_str(), lamp.kind), ("lamp", PunctualKind::Spot { radius: 0.0, inner: 0.25, outer: 0.5 }));
+    assert!(lamp.position.distance(dvec3(1.0, 7.0, 3.0)) < 1e-6, "{lamp:?}");
+    assert!(lamp.direction.distance(Vec3::NEG_X) < 1e-6 && lamp.strength == Vec3::splat(40.0), "{lamp:?}");
+    assert_eq!((sun.name.as_str(), sun.kind), ("sun", PunctualKind::Directional { angle: 0.0 }));
+    assert_eq!((sun.direction, sun.strength), (Vec3::NEG_Z, Vec3::ONE));
+    assert_eq!(
+        warnings,
+        ["m.glb: light bulb reaches beyond its range of 3: its light falls by the square of the distance alone"]
+    );
+    // Lights that cannot be are left out.
+    model.push("nodes", json!({ "extensions": light(3), "name": "wide" }));
+    model.push("nodes", json!({ "extensions": light(4) }));
+    let (world, warnings) = model.load();
+    assert_eq!(world.lights.len(), 3);
+    assert!(
+        warnings[1].contains("light wide: the cone reaches from 0 to 114.59") && warnings[1].contains("and 1 more like it"),
+        "{warnings:?}"
+    );
 }
 
 /// As the sample `SimpleSkin`: joints stand where their nodes do, and the node of the mesh has no say.

@@ -7,15 +7,17 @@
         --blocks tests/reference/buildings/office_a.exr
 
 Reads the scene file, OBJ and MTL by itself, so that it shares no code with the renderer: Lambertian two-sided
-surfaces, mirrors (illum 3) and glass (illum 7) of the MTL, emission from the side that the winding faces, an environment as the scene file's, box
-pixel filter, unlimited path length. Writes half-float linear RGB, and where surfaces emit beside it NAME_mask.png: black where a pixel shows a light
+surfaces, mirrors (illum 3), glass (illum 7), cut-outs (map_d) and gloss (Pr, Pm) of the MTL, emission from the side that the winding faces, textured
+by map_Ke, an environment, a sun and lights as the scene file's, box pixel filter, unlimited path length. Writes half-float linear RGB, and where surfaces emit beside it NAME_mask.png: black where a pixel shows a light
 or lies within two pixels of one, white elsewhere. Prints the image's mean and the standard error of a pixel, as a share of the mean, from
 independent passes.
 
 For scenes of buildings.py:
-- `--blocks` writes means over 8 x 8 pixels too, and prints their standard error. Their mask is black where a block has a pixel brighter than 2.5,
-  which is a lamp or a window in these scenes. The whole picture has 32 bits then, and no mask.
+- `--blocks` writes means over 8 x 8 pixels too, and prints their standard error. Their mask is black where a block has a pixel brighter than
+  `--brightest`, which is a lamp or a window in these scenes. The whole picture has 32 bits then, and no mask.
 - `--many-lamps` is for many lamps in many rooms, without an environment (near_lamps.py).
+- `--lights-alone` leaves the lamps black, so that lights without a surface alone shine. `--add FILE` adds the whole picture of an earlier run: the hall
+  is the sum of one with `--many-lamps`, which has no other lights, and one with `--lights-alone`.
 - `--depth 2` stops paths after the first surface that the camera sees: emission and direct light alone.
 """
 import argparse
@@ -34,13 +36,15 @@ def read_mtl(path):
         if not words:
             continue
         if words[0] == "newmtl":
-            current = materials.setdefault(words[1], {"Kd": [0, 0, 0], "Ke": [0, 0, 0], "map_Kd": None, "illum": "2"})
+            current = materials.setdefault(words[1], {"Kd": [0, 0, 0], "Ke": [0, 0, 0], "illum": "2"})
         elif words[0] == "illum":
             current["illum"] = words[1]
         elif words[0] in ("Kd", "Ke", "Ks", "Ni", "Tf"):
             current[words[0]] = [float(x) for x in words[1:4]]
-        elif words[0] == "map_Kd":
-            current["map_Kd"] = path.parent / words[1]
+        elif words[0] in ("Pr", "Pm"):
+            current[words[0]] = float(words[1])
+        elif words[0] in ("map_Kd", "map_Ke", "map_d"):
+            current[words[0]] = path.parent / words[1]
     return materials
 
 
@@ -74,7 +78,7 @@ def read_obj(path):
 def mesh(name, triangles, material):
     corners = [corner for triangle in triangles for corner in triangle]
     properties = mi.Properties()
-    if material["map_Kd"]:
+    if "map_Kd" in material:
         albedo = {"type": "bitmap", "filename": str(material["map_Kd"])}
     else:
         albedo = {"type": "rgb", "value": material["Kd"]}
@@ -85,11 +89,19 @@ def mesh(name, triangles, material):
     elif material["illum"] == "3":
         mirror = {"type": "conductor", "material": "none", "specular_reflectance": {"type": "rgb", "value": material["Ks"]}}
         bsdf = {"type": "twosided", "bsdf": mirror}
+    elif "Pr" in material:
+        bsdf = {"type": "twosided", "bsdf": gltf_bsdf(material["Kd"], material.get("Pm", 0), material["Pr"])}
     else:
         bsdf = {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": albedo}}
+    if "map_d" in material:
+        bsdf = {"type": "mask", "opacity": {"type": "bitmap", "filename": str(material["map_d"]), "raw": True}, "bsdf": bsdf}
     properties["bsdf"] = mi.load_dict(bsdf)
     if any(material["Ke"]):
-        properties["emitter"] = mi.load_dict({"type": "area", "radiance": {"type": "rgb", "value": material["Ke"]}})
+        radiance = {"type": "rgb", "value": material["Ke"]}
+        if "map_Ke" in material:
+            colors = mi.Bitmap(str(material["map_Ke"])).convert(mi.Bitmap.PixelFormat.RGB, mi.Struct.Type.Float32, srgb_gamma=False)
+            radiance = {"type": "bitmap", "bitmap": mi.Bitmap(np.array(colors) * np.float32(material["Ke"])), "raw": True}
+        properties["emitter"] = mi.load_dict({"type": "area", "radiance": radiance})
     smooth = all(corner[2] for corner in corners)
     out = mi.Mesh(name, len(corners), len(triangles), properties, has_vertex_texcoords=True, has_vertex_normals=smooth)
     parameters = mi.traverse(out)
@@ -114,6 +126,19 @@ def connected(triangles):
     return [body[1] for body in bodies]
 
 
+def groups(bodies):
+    """Joins lamps whose middles are within 60 cm: one choice of the path tracer is enough for them."""
+    joined = []
+    for body in bodies:
+        middle = np.mean([corner[0] for triangle in body for corner in triangle], axis=0)
+        near = [group for group in joined if np.linalg.norm(group[0] - middle) < 0.6]
+        if near:
+            near[0][1].extend(body)
+        else:
+            joined.append((middle, list(body)))
+    return [group[1] for group in joined]
+
+
 def environment(table, folder):
     """Of a finalgather picture's texels, whose centres lie within its borders; Mitsuba's first and last rows lie on the poles, and its middle
     column is along +z. So it gets one of its own kind, fine enough that its bilinear look-up adds nothing."""
@@ -134,6 +159,28 @@ def environment(table, folder):
     return {"type": "envmap", "bitmap": mi.Bitmap(picture.astype(np.float32)), "to_world": turn}
 
 
+def three(value):
+    return value if isinstance(value, list) else [value] * 3
+
+
+def lights(scene_file):
+    """The sun and the lights without a surface. A spot's cone has a hard edge here: Mitsuba's own edge has another profile."""
+    found = {}
+    if "sun" in scene_file:
+        sun = scene_file["sun"]
+        irradiance = {"type": "rgb", "value": three(sun["illuminance"])}
+        found["sun"] = {"type": "directional", "direction": [-c for c in sun["direction"]], "irradiance": irradiance}
+    for number, light in enumerate(scene_file.get("lights", [])):
+        intensity = {"type": "rgb", "value": three(light["intensity"])}
+        if light["kind"] == "point":
+            found[f"light_{number}"] = {"type": "point", "position": light["position"], "intensity": intensity}
+        else:
+            place = mi.ScalarTransform4f().look_at(light["position"], np.add(light["position"], light["direction"]), [0.1, 0, 1])
+            edge = light["outer_degrees"]
+            found[f"light_{number}"] = {"type": "spot", "to_world": place, "intensity": intensity, "cutoff_angle": edge, "beam_width": edge - 0.01}
+    return found
+
+
 def blocks(image):
     """Means over 8 x 8 pixels."""
     height, width = image.shape[:2]
@@ -149,7 +196,10 @@ def main():
     parser.add_argument("--depth", type=int, default=-1, help="most segments of a path; without it, any number")
     parser.add_argument("--seed", type=int, default=0, help="of the first pass; those of the others follow")
     parser.add_argument("--many-lamps", action="store_true")
+    parser.add_argument("--lights-alone", action="store_true")
+    parser.add_argument("--add", type=pathlib.Path)
     parser.add_argument("--blocks", type=pathlib.Path, help="picture of means over 8 x 8 pixels")
+    parser.add_argument("--brightest", type=float, default=2.5)
     parser.add_argument("--spp-per-pass", type=int, default=64)
     parser.add_argument("--variant", default="llvm_ad_rgb")
     arguments = parser.parse_args()
@@ -157,6 +207,8 @@ def main():
     if arguments.many_lamps:
         from near_lamps import NearLamps
         mi.register_integrator("near_lamps", NearLamps)
+    global gltf_bsdf
+    from gltf_bsdf import gltf_bsdf
     width, height = map(int, (arguments.size.split("x") * 2)[:2])
 
     scene_file = tomllib.loads(arguments.scene.read_text())
@@ -164,7 +216,8 @@ def main():
     faces, materials = read_obj(arguments.scene.parent / scene_file["mesh"])
     scene = {
         "type": "scene",
-        "integrator": {"type": "path", "max_depth": arguments.depth, "rr_depth": 4},
+        # Shadow rays of `path` take a cut-out for a wall.
+        "integrator": {"type": "volpath" if any("map_d" in m for m in materials.values()) else "path", "max_depth": arguments.depth, "rr_depth": 4},
         "sensor": {
             "type": "perspective",
             "fov_axis": "y",
@@ -177,12 +230,18 @@ def main():
             "sampler": {"type": "multijitter", "sample_count": arguments.spp_per_pass},
         },
     }
+    if arguments.lights_alone:
+        for material in materials.values():
+            material["Ke"] = [0, 0, 0]
     for name, triangles in faces.items():
-        bodies = connected(triangles) if arguments.many_lamps and any(materials[name]["Ke"]) else [triangles]
+        bodies = groups(connected(triangles)) if arguments.many_lamps and any(materials[name]["Ke"]) else [triangles]
         for number, body in enumerate(bodies):
             scene[f"{name}_{number}"] = mesh(f"{name}_{number}", body, materials[name])
     if "environment" in scene_file:
         scene["environment"] = environment(scene_file["environment"], arguments.scene.parent)
+    without_surface = lights(scene_file)
+    if not arguments.many_lamps:
+        scene |= without_surface
     scene = mi.load_dict(scene)
     integrator = scene.integrator()
     if arguments.many_lamps:
@@ -200,11 +259,13 @@ def main():
         if i in (0, 9) or i == passes - 1:
             print(f"pass {i + 1} of {passes}: {time.time() - start:.0f} s", flush=True)
     mean = total / passes
+    if arguments.add:
+        mean = mean + np.array(mi.Bitmap(str(arguments.add)))
     error = np.sqrt(np.maximum(squares / passes - mean * mean, 0) / (passes - 1))
     print("mean", mean.mean(axis=(0, 1)), "root mean square standard error / mean", np.sqrt((error**2).mean()) / mean.mean())
     if arguments.blocks:
         means = blocks(mean)
-        counted = mean.max(axis=2).reshape(height // 8, 8, width // 8, 8).max(axis=(1, 3)) <= 2.5
+        counted = mean.max(axis=2).reshape(height // 8, 8, width // 8, 8).max(axis=(1, 3)) <= arguments.brightest
         error = np.sqrt(np.maximum(block_squares / passes - means * means, 0) / (passes - 1))[counted]
         print("of 8 x 8 pixels: root mean square standard error / mean", np.sqrt((error**2).mean()) / means[counted].mean())
         mi.Bitmap(means.astype(np.float32)).convert(component_format=mi.Struct.Type.Float16).write(str(arguments.blocks))

@@ -2,6 +2,7 @@
 
 mod banding;
 pub mod bench;
+mod beside_paths;
 mod causes;
 pub mod comparison;
 mod convergence;
@@ -19,10 +20,11 @@ pub mod times;
 use crate::figure::Kind;
 use crate::lab::Slice;
 
-pub const KINDS: [Kind; 14] = [
+pub const KINDS: [Kind; 15] = [
     Kind::of::<Slice>("layers_of_a_slice"),
     Kind::of::<four_steps::FourSteps>("four_steps"),
     Kind::of::<comparison::PictureComparison>("comparison"),
+    Kind::of::<beside_paths::BesidePaths>("beside_paths"),
     Kind::of::<times::Times>("times"),
     Kind::of::<convergence::Convergence>("convergence"),
     Kind::of::<photon_grid::PhotonGridErrors>("photon_grid"),

@@ -1,5 +1,6 @@
 //! Everything that calls the `finalgather` library: scenes, renders, exact gathers, and the names of its types.
 
+mod blocks;
 mod cornell;
 mod library;
 mod machine;
@@ -10,6 +11,7 @@ mod pictures;
 mod procedural;
 mod slice;
 
+pub use blocks::Blocks;
 pub use cornell::{Cornell, PhotonGrid, cornell, directions, look_up};
 pub use library::*;
 pub use machine::{Machine, today};

@@ -6,7 +6,7 @@ use finalgather::error::Result;
 use finalgather::job::{Estimate, SceneRequest, estimate};
 use finalgather::points::Vertices;
 use finalgather::prepared::Prepared;
-use finalgather::scene::{Environment, Gloss, Loaded, Material, Mesh, Surface, World, WorldCamera};
+use finalgather::scene::{Environment, Gloss, Loaded, Material, Mesh, PunctualKind, PunctualLight, Surface, World, WorldCamera};
 use glam::{DVec3, Vec3};
 use serde_json::{Value, json};
 
@@ -67,7 +67,8 @@ fn about(world: &World, prepared: &Prepared, estimate: &Estimate) -> Value {
         "materials": world.materials.iter().zip(&areas).map(|(one, &of)| material(one, of)).collect::<Vec<_>>(),
         "textures": world.textures.iter().map(|texture| json!([texture.width, texture.height])).collect::<Vec<_>>(),
         "cameras": world.cameras.iter().map(|(name, one)| camera(name, one)).collect::<Vec<_>>(),
-        "lights": prepared.lights.count(),
+        "lights": prepared.lights.count() - world.lights.iter().filter(|light| light.shines()).count(),
+        "punctual_lights": world.lights.iter().map(punctual).collect::<Vec<_>>(),
         "emitted_power": world.materials.iter().zip(&areas).map(|(one, &(_, area))| emitted(one, area)).sum::<Vec3>().to_array(),
         "environment": world.environment.as_ref().map(mean_radiance),
         "light_map": {
@@ -121,6 +122,25 @@ fn material(one: &Material, (triangles, area): (usize, f64)) -> Value {
     })
 }
 
+/// Intensity in cd, illuminance in lx, flux in lm.
+pub fn punctual(one: &PunctualLight) -> Value {
+    let PunctualLight { name, position, direction, strength, .. } = one;
+    let (position, direction, strength) = (position.to_array(), direction.to_array(), strength.to_array());
+    let flux = one.output().to_array();
+    match one.kind {
+        PunctualKind::Point { radius } => {
+            json!({ "name": name, "kind": "point", "position": position, "intensity": strength, "flux": flux, "radius": radius })
+        }
+        PunctualKind::Spot { radius, inner, outer } => json!({
+            "name": name, "kind": "spot", "position": position, "direction": direction, "intensity": strength, "flux": flux, "radius": radius,
+            "inner_degrees": inner.to_degrees(), "outer_degrees": outer.to_degrees(),
+        }),
+        PunctualKind::Directional { angle } => json!({
+            "name": name, "kind": "directional", "direction": direction, "illuminance": strength, "angle_degrees": angle.to_degrees(),
+        }),
+    }
+}
+
 fn camera(name: &str, one: &WorldCamera) -> Value {
     json!({ "name": name, "eye": one.eye.to_array(), "target": one.target.to_array(), "fov_y_degrees": one.fov_y_degrees })
 }
@@ -167,6 +187,7 @@ fn lines(about: &Value) -> Vec<String> {
         let [eye, target] = [&one["eye"], &one["target"]].map(|at| place(vector(at)));
         format!("{}: at {eye}, looks at {target}, {} degrees high", text(&one["name"]), number(&one["fov_y_degrees"]))
     });
+    section(&mut lines, "lights without a surface", list("punctual_lights"), line_of_punctual);
     lines.push(line_of_lights(about));
     let map = &about["light_map"];
     lines.push(format!(
@@ -217,11 +238,35 @@ fn line_of_material(one: &Value, textures: &[Value]) -> String {
     format!("{}: {}{unshaded}", text(&one["name"]), parts.join(", "))
 }
 
+/// A light of [`punctual`] as a line.
+pub fn line_of_punctual(one: &Value) -> String {
+    let [position, direction] = ["position", "direction"].map(|key| place(vector(&one[key])));
+    let radius = if number(&one["radius"]) == "0" { String::new() } else { format!(", radius {}", number(&one["radius"])) };
+    let what = match one["kind"].as_str() {
+        Some("point") => format!("point at {position}, {} cd{radius}", rgb(&one["intensity"])),
+        Some("spot") => format!(
+            "spot at {position} towards {direction}, {} cd, {} to {} degrees from its axis{radius}",
+            rgb(&one["intensity"]),
+            number(&one["inner_degrees"]),
+            number(&one["outer_degrees"]),
+        ),
+        _ => format!(
+            "directional towards {direction}, {} lx, {} degrees wide",
+            rgb(&one["illuminance"]),
+            number(&one["angle_degrees"])
+        ),
+    };
+    format!("{}: {what}", text(&one["name"]))
+}
+
 fn line_of_lights(about: &Value) -> String {
     let mut parts = Vec::new();
     if about["lights"] != 0 {
         let sides = counted(whole(&about["lights"]), "side");
         parts.push(format!("{sides} of triangles emit {} W", rgb(&about["emitted_power"])));
+    }
+    if let Some(count) = about["punctual_lights"].as_array().map(Vec::len).filter(|&count| count > 0) {
+        parts.push(format!("{} without a surface", counted(count, "light")));
     }
     if !about["environment"].is_null() {
         parts.push(format!("an environment of the mean radiance {}", number(&about["environment"])));

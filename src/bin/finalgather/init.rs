@@ -66,7 +66,7 @@ pub fn run(args: &InitArgs) -> Result<u8> {
     load.warnings.iter().for_each(|warning| report::say(&format!("warning: {warning}")));
     let view = SceneView { source, world: &world, camera: world.camera(settings.film.size), settings };
     // The folder of the stream is the current one.
-    let text = view.text(folder_of(&output), request.flip)?;
+    let text = view.text(folder_of(&output), request.flip, request.smooth_angle)?;
     if to_stdout {
         return report::print(text.trim_end()).map(|()| 0);
     }

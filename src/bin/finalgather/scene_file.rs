@@ -6,9 +6,11 @@ use std::path::{Component, Path, PathBuf};
 
 use finalgather::error::{Error, Result};
 use finalgather::file::folder_of;
-use finalgather::scene::{Gloss, Material, World, WorldCamera};
+use finalgather::scene::{Gloss, Material, PunctualLight, World, WorldCamera};
 use finalgather::settings::Settings;
 use toml_edit::{DocumentMut, Item, Key, Table, TableLike, Value};
+
+use crate::about_scene::{line_of_punctual, punctual};
 
 /// The view that a written scene file is to show.
 pub struct SceneView<'a> {
@@ -20,20 +22,22 @@ pub struct SceneView<'a> {
 }
 
 impl SceneView<'_> {
-    /// The text of a scene file in `folder` for a model, whose surfaces it turns if `flip`. It renders as the model, with this camera and these settings.
+    /// The text of a scene file in `folder` for a model, with these keys about its surfaces: `flip`, `smooth_angle`. It renders as the model, with this
+    /// camera and these settings.
     ///
     /// # Errors
     /// [`Error::Usage`] when the model lies outside `folder`, because a scene file reads only files in its folder.
-    pub fn text(&self, folder: &Path, flip: bool) -> Result<String> {
-        Ok(self.of_model(&quoted(&rebased(self.source, folder)?), flip))
+    pub fn text(&self, folder: &Path, flip: bool, smooth_angle: Option<f32>) -> Result<String> {
+        let flip = if flip { "flip = true\n" } else { "" };
+        let smooth = smooth_angle.map(|degrees| format!("smooth_angle = {degrees}\n")).unwrap_or_default();
+        Ok(self.of_model(&quoted(&rebased(self.source, folder)?), &format!("{flip}{smooth}")))
     }
 
-    fn of_model(&self, mesh: &str, flip: bool) -> String {
+    fn of_model(&self, mesh: &str, surfaces: &str) -> String {
         let Self { world, camera, settings, .. } = self;
         let mut text =
             String::from("# Take away a # to change what stands behind it. docs/scene-format.md explains every key.\n");
-        let flip = if flip { "flip = true\n" } else { "" };
-        text += &format!("mesh = {mesh}\n{flip}\n[camera]");
+        text += &format!("mesh = {mesh}\n{surfaces}\n[camera]");
         if let [(name, _), rest @ ..] = &world.cameras[..] {
             text += &format!(" # {name:?} of the file");
             if !rest.is_empty() {
@@ -44,11 +48,14 @@ impl SceneView<'_> {
         text += "\n";
         camera_keys(camera).iter().for_each(|(key, value)| text += &format!("{key} = {value}\n"));
         text += match &world.environment {
-            Some(_) => "\n# Without this table a soft sky lights the scene, for no material emits.\n",
-            None => "\n# Light from outside, beside that of materials that emit.\n",
+            Some(_) => "\n# Without this table, a sun or a lamp, a soft sky lights the scene, for no material emits.\n",
+            None => "\n# Light from outside, beside that of lamps and materials that emit.\n",
         };
         text += "# [environment]\n# radiance = 1          # the same from all directions\n";
         text += "# file = \"sky.hdr\"      # or a lat-long picture, .hdr or .exr\n# scale = 1\n# turn_degrees = 0\n";
+        text += "\n# The sun, and a clear sky in place of [environment].\n# [sun]\n# azimuth_degrees = 120    # clockwise from -z as seen from above\n";
+        text += "# height_degrees = 40\n# illuminance = 1e5      # lux; without it the real sun's\n# [sky]\n# turbidity = 3\n";
+        text += &lights(&world.lights);
         text += "\n[settings]\n";
         for ((key, value), (_, default)) in setting_keys(settings).into_iter().zip(setting_keys(&Settings::default())) {
             let mark = if value != default || ["size", "directions"].contains(&key.as_str()) { "" } else { "# " };
@@ -134,6 +141,22 @@ pub fn camera_keys(camera: &WorldCamera) -> Vec<(&'static str, String)> {
 pub fn setting_keys(settings: &Settings) -> Vec<(String, String)> {
     let text = toml::to_string(settings).unwrap_or_default();
     text.lines().filter_map(|line| line.split_once(" = ")).map(|(key, value)| (key.to_owned(), value.to_owned())).collect()
+}
+
+/// Comments on the lights of a model, and a table of one more.
+fn lights(lights: &[PunctualLight]) -> String {
+    /// A model may have thousands.
+    const MOST: usize = 20;
+    let mut text = String::from("\n# Lamps without a surface");
+    text += if lights.is_empty() { ".\n" } else { ", beside those of the model:\n" };
+    for light in lights.iter().take(MOST) {
+        text += &format!("#   {}\n", line_of_punctual(&punctual(light)).replace(char::is_control, " "));
+    }
+    if lights.len() > MOST {
+        text += &format!("#   and {} more\n", lights.len() - MOST);
+    }
+    text += "# [[lights]]\n# kind = \"point\"         # or \"spot\", \"directional\"\n# position = [0, 1, 0]\n# intensity = 100        # cd\n# radius = 0\n";
+    text
 }
 
 fn material_table(material: &Material) -> String {

@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use glam::{DVec3, Vec2};
 
 use super::texture::Textures;
-use super::{Environment, Material, Mesh, UnitSpace, World};
+use super::{Environment, Material, Mesh, PunctualLight, Sky, Sun, UnitSpace, World};
 use crate::error::{Error, Result};
 use crate::file::{MOST_BYTES, explained};
 use crate::settings::{Background, DisplaySettings, Exposure, Settings};
@@ -64,6 +64,10 @@ pub struct LoadReport {
 pub struct LoadOptions {
     /// Replaces the environment of the scene file.
     pub environment: Option<Environment>,
+    /// Replaces the sun of the scene file.
+    pub sun: Option<Sun>,
+    /// Replaces the environment or sky of the scene file by the sky of its sun.
+    pub sky: Option<Sky>,
     /// Accepts a world without light. Openness, for example, needs none.
     pub unlit: bool,
     /// Refuses a world without light. Otherwise it gets a sky, unless its scene file gives one.
@@ -76,6 +80,9 @@ pub struct LoadOptions {
     pub scene: Option<String>,
     /// Swaps the fronts and backs of all surfaces, as [`Mesh::turn`](super::Mesh::turn) does. A scene file can ask for it too.
     pub flip: bool,
+    /// Gives vertices without normals smooth ones, where faces meet at no more than so many degrees, see [`Mesh::smooth`](super::Mesh::smooth). A scene file
+    /// can ask for it too.
+    pub smooth_angle: Option<f32>,
     /// Gives all surfaces the same grey, see [`World::clay`].
     pub clay: bool,
     pub files: Files,
@@ -91,10 +98,15 @@ struct Loader<'a> {
     warnings: Warnings,
     /// The environment of the options, or else of the scene file.
     environment: Option<Environment>,
+    /// As the environment.
+    sun: Option<Sun>,
+    sky: Option<Sky>,
     /// As in [`LoadOptions`].
     scene: Option<String>,
     /// Whether all surfaces are to be turned, by the options or the scene file.
     flip: bool,
+    /// That of the options, or else of the scene file.
+    smooth_angle: Option<f32>,
 }
 
 impl World {
@@ -149,7 +161,18 @@ impl World {
         let reader = Reader::new(path, &options.files).with_bytes(options.bytes.as_deref());
         let textures = Textures::new(&reader);
         let warnings = Warnings::new(options.strict);
-        let mut loader = Loader { reader: &reader, textures, warnings, environment, flip: options.flip, scene };
+        let (sun, sky) = (options.sun, options.sky);
+        let mut loader = Loader {
+            reader: &reader,
+            textures,
+            warnings,
+            environment,
+            sun,
+            sky,
+            flip: options.flip,
+            smooth_angle: options.smooth_angle,
+            scene,
+        };
         let loaded = loader.load(path, &options);
         let Loader { textures, warnings, .. } = loader;
         let warnings = warnings.finish();
@@ -178,9 +201,14 @@ impl<'a> Loader<'a> {
     /// Reads a scene file or a model. The world has no textures yet.
     fn load(&mut self, path: &Path, options: &LoadOptions) -> Result<(World, Settings)> {
         let ending = path.extension().unwrap_or_default();
+        let is_bare = !ending.eq_ignore_ascii_case("toml");
         let (mut world, mut settings) = match format_of(path) {
-            _ if ending.eq_ignore_ascii_case("toml") => toml::load(self, path)?,
-            Some(load) => (self.model(load, path)?, Settings::default()),
+            _ if !is_bare => toml::load(self, path)?,
+            Some(load) => {
+                let mut world = self.model(load, path)?;
+                world.lights.extend(self.daylight().map_err(|(problem, cure)| Error::usage(problem, cure))?);
+                (world, Settings::default())
+            }
             None => return Err(Error::input(path, None, "not a kind of scene that can be read", "give it the ending of one")),
         };
         if let (Some(name), None) = (&self.scene, &world.gltf) {
@@ -193,6 +221,9 @@ impl<'a> Loader<'a> {
         if self.flip {
             world.flip();
         }
+        if let Some(degrees) = self.smooth_angle {
+            world.smooth(degrees);
+        }
         if options.clay {
             world.clay();
         }
@@ -200,13 +231,37 @@ impl<'a> Loader<'a> {
         self.check(&world);
         if !options.unlit && world.is_dark() {
             self.light(&mut world, path, options)?;
-            if !ending.eq_ignore_ascii_case("toml") {
-                // Nobody has said how the model should look.
+            // Nobody has said how a bare model should look.
+            if is_bare {
                 settings.display = DisplaySettings { exposure: Exposure::Auto, background: Background::Transparent };
                 settings.film.ground = true;
             }
+        } else if is_bare && !world.lights.is_empty() {
+            // Lamps in candela or lux do not say how bright their picture is to be.
+            settings.display.exposure = Exposure::Auto;
         }
         Ok((world, settings))
+    }
+
+    /// The sun as a light. The sky, if there is one, becomes the environment.
+    ///
+    /// # Errors
+    /// A problem and its cure, when the sun's place or light is unusable, or a sky has no sun.
+    fn daylight(&mut self) -> Result<Option<PunctualLight>, (String, &'static str)> {
+        let Some(sun) = self.sun else {
+            let cure = "give [sun] in a scene file, or --sun AZIMUTH,HEIGHT";
+            return if self.sky.is_some() { Err(("a sky needs a sun".to_owned(), cure)) } else { Ok(None) };
+        };
+        let sky = self.sky.unwrap_or_default().check()?;
+        if self.sky.is_some() {
+            self.environment = Some(sky.environment(&sun)?);
+        }
+        sky.light(&sun).map(Some)
+    }
+
+    /// Whether the light of a sky or sun is that of a real day.
+    fn has_real_daylight(&self) -> bool {
+        self.sky.is_some() || self.sun.is_some_and(|sun| sun.illuminance.is_none())
     }
 
     /// Reads a model.
@@ -217,10 +272,10 @@ impl<'a> Loader<'a> {
 
     /// Gives a world without light a sky, or refuses it.
     fn light(&mut self, world: &mut World, path: &Path, options: &LoadOptions) -> Result<()> {
-        let problem = "no light: no material in use emits, and there is no environment that is not black";
+        let problem = "no light: no material in use emits, there is no lamp, and no environment that is not black";
         if !world.gets_sky(options.strict, options.no_default_light) {
             let cure = "give a material that the model uses Ke in the MTL file, or emission under [materials.NAME] in a scene file; or an \
-                        environment, as [environment] in a scene file or by --env";
+                        environment, as [environment] in a scene file or by --env; or a sun, as [sun] or by --sun";
             return Err(Error::input(path, None, problem, cure));
         }
         world.environment = Some(Environment::soft_sky());

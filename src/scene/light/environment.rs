@@ -14,7 +14,7 @@ use std::io::Cursor;
 use std::path::Path;
 use std::sync::Arc;
 
-use glam::{Vec3, vec3};
+use glam::Vec3;
 use image::codecs::hdr::HdrDecoder;
 use image::{DynamicImage, ImageDecoder, ImageError};
 use rayon::prelude::*;
@@ -25,7 +25,7 @@ use crate::blocks::sha256;
 use crate::error::{Error, Result};
 use crate::file::{MOST_BYTES, can_hold, read_file};
 use crate::image::Image;
-use crate::math::{frame, neighbours};
+use crate::math::neighbours;
 use crate::random::Distribution;
 
 /// Maximum width. The texels then take 400 MB, and are a thousand times as many as the directions of most renders.
@@ -220,17 +220,11 @@ impl Environment {
         Vec3::new(sin * azimuth.sin(), cos, -sin * azimuth.cos())
     }
 
-    /// A photon from a direction chosen by radiance, through a random point of the perpendicular disc that covers a sphere of `focus`; as
-    /// [`super::Lights::emit_at`]. The first number selects the sphere.
+    /// A photon from a direction chosen by radiance, through a sphere of `focus`; as [`super::Lights::emit_at`]. The first number selects the sphere.
     pub(super) fn emit(&self, probability: f32, [pick, u, v, s, t]: [f32; 5], focus: &Focus) -> (LightPath, Vec3) {
         let (to_light, density) = self.sample([u, v]);
-        let (sin, cos) = (TAU * s).sin_cos();
-        let (center, radius) = focus.sphere(pick);
-        let through = center + frame(to_light) * (radius * t.sqrt() * vec3(cos, sin, 0.0));
-        // The scene lies in the unit sphere. The photon starts before it.
-        let origin = through.reject_from_normalized(to_light) + 1.1 * to_light;
-        let path = LightPath { origin, direction: -to_light, triangle: None };
-        (path, self.radiance(to_light) * (PI / (density * probability * focus.density(through, to_light))))
+        let (path, of_path) = focus.ray(to_light, [pick, s, t]);
+        (path, self.radiance(to_light) * (PI / (density * probability * of_path)))
     }
 
     /// Integral of radiance over the sphere, sum of the channels: 4π times the mean of this sum.

@@ -1,8 +1,7 @@
 //! Lights: all emitters of a scene. [`Lights`] is the entry point.
 //!
 //! Each kind of light is a variant of `Light` (instead of virtual functions, as in pbrt's `base/light.h`) with a file here. It has `power`, `emit` for
-//! photons and `sample` for direct light. Point, spot and directional lights will come from a list in [`World`](super::World) that [`Lights::new`]
-//! reads.
+//! photons and `sample` for direct light.
 
 use std::f32::consts::PI;
 
@@ -11,15 +10,21 @@ use glam::{Vec3, Vec4};
 use super::{Path, RAY_OFFSET, Scene};
 
 mod area;
+mod daylight;
 mod environment;
 mod focus;
+mod punctual;
 
 use area::{AreaLight, LightPoint};
+pub use daylight::{Daylight, Sky, Sun};
 pub use environment::Environment;
 pub use focus::Focus;
+use punctual::{DistantLights, NearLights};
+pub use punctual::{PunctualKind, PunctualLight};
 
 /// Height above its surface at which a shadow ray towards a lamp ends, in unit space. A lamp that is flush with a ceiling has neighbours in its own
-/// plane. A ray of length 2 has an error of some 1e-7 at its end, and so has its hit with a plane.
+/// plane. A ray of length 2 has an error of some 1e-7 at its end, and so has its hit with a plane. A ray towards a lamp without a surface ends so far
+/// before it.
 const LIGHT_OFFSET: f32 = 2.0 * RAY_OFFSET;
 
 /// The least share of the samples for a light. The sun has more power than all lamps of a room that it hardly reaches.
@@ -29,6 +34,10 @@ const LEAST_SHARE: f32 = 0.25;
 enum Light {
     /// Radiance from outside the scene.
     Environment(Environment),
+    /// All directional lights, as one light.
+    Distant(DistantLights),
+    /// All points and spots, as one light.
+    Near(NearLights),
     /// All emissive triangles, as one light.
     Area(AreaLight),
 }
@@ -36,15 +45,28 @@ enum Light {
 /// A sample of direct light. Its mean over uniform points of the unit square is all direct light.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LightSample {
-    /// w 1: position in unit space; w 0: unit vector towards a light outside the scene.
+    /// w 1: position on a surface, in unit space; w 2: position without a surface; w 0: unit vector towards a light outside the scene.
     pub place: Vec4,
-    /// Unit normal of the emitting side. Outside the scene: the vector towards the light, turned round.
+    /// Unit normal of the emitting side, or the axis of a cone. Outside the scene: the vector towards the light, turned round.
     pub normal: Vec3,
-    /// Radiance over the density of the sample, per area or per solid angle.
+    /// Over the density of the sample: radiance, per area or per solid angle; without a surface the intensity on the axis.
     pub weight: Vec3,
+    /// Scale and offset. At an angle of cosine c from the axis there is clamp(scale c + offset, 0, 1)² of the intensity. Without a surface only. Other lights
+    /// have [0, 0], or [0, 1] if rays do not meet them.
+    pub cone: [f32; 2],
 }
 
 impl LightSample {
+    /// On a surface, or outside the scene.
+    fn of_side(place: Vec4, normal: Vec3, weight: Vec3) -> Self {
+        Self { place, normal, weight, cone: [0.0; 2] }
+    }
+
+    /// The same of a light that no ray meets.
+    fn unseen(self) -> Self {
+        Self { cone: [0.0, 1.0], ..self }
+    }
+
     /// For a receiver at `origin`: the unit vector towards the sample, the length of the shadow ray, and the irradiance on a surface that faces it. The
     /// twin of `glsl/direct.frag`.
     pub fn seen_from(&self, origin: Vec3) -> (Vec3, f32, Vec3) {
@@ -52,8 +74,15 @@ impl LightSample {
         let way = self.place.truncate() - if near { origin } else { Vec3::ZERO };
         let distance = way.length();
         let direction = way / distance;
-        let received = -self.normal.dot(direction).min(0.0) / if near { distance * distance } else { 1.0 };
-        (direction, if near { distance } else { f32::INFINITY }, received * self.weight)
+        let cosine = -self.normal.dot(direction).min(0.0);
+        let (emitted, gap) = if self.place.w > 1.0 {
+            let [scale, offset] = self.cone;
+            ((scale * self.normal.dot(-direction) + offset).clamp(0.0, 1.0).powi(2), LIGHT_OFFSET)
+        } else {
+            (cosine, 0.0)
+        };
+        let received = emitted / if near { distance * distance } else { 1.0 };
+        (direction, if near { distance - gap } else { f32::INFINITY }, received * self.weight)
     }
 }
 
@@ -69,6 +98,8 @@ impl Light {
         match self {
             // Radiance L from solid angle Ω brings LΩ to each unit of area perpendicular to it. The cross-section of the unit sphere is π.
             Self::Environment(environment) => f64::from(PI) * environment.power(),
+            Self::Distant(distant) => distant.power,
+            Self::Near(near) => near.power,
             Self::Area(area) => area.power,
         }
     }
@@ -77,6 +108,8 @@ impl Light {
     fn emit(&self, probability: f32, numbers: [f32; 5], focus: &Focus) -> (Path, Vec3) {
         match self {
             Self::Environment(environment) => environment.emit(probability, numbers, focus),
+            Self::Distant(distant) => distant.emit(probability, numbers, focus),
+            Self::Near(near) => near.emit(probability, numbers),
             Self::Area(area) => area.emit(probability, numbers),
         }
     }
@@ -85,7 +118,7 @@ impl Light {
     fn sampled_power(&self) -> f64 {
         match self {
             Self::Environment(environment) => f64::from(PI) * environment.bright_power(),
-            Self::Area(area) => area.power,
+            _ => self.power(),
         }
     }
 
@@ -95,12 +128,14 @@ impl Light {
             Self::Environment(environment) => {
                 let (to_light, density) = environment.sample_bright(square).expect("only bright parts are sampled");
                 let weight = environment.bright_radiance(to_light) / (density * probability);
-                LightSample { place: to_light.extend(0.0), normal: -to_light, weight }
+                LightSample::of_side(to_light.extend(0.0), -to_light, weight)
             }
+            Self::Distant(distant) => distant.sample(probability, square),
+            Self::Near(near) => near.sample(probability, square),
             Self::Area(area) => {
                 let LightPoint { position, normal, radiance_area, .. } = area.point_of_square(square);
                 let place = (position + LIGHT_OFFSET * normal).extend(1.0);
-                LightSample { place, normal, weight: radiance_area / probability }
+                LightSample::of_side(place, normal, radiance_area / probability)
             }
         }
     }
@@ -110,8 +145,18 @@ impl Lights {
     /// `scene` must be in unit space.
     pub fn new(scene: &Scene) -> Self {
         let environment = scene.environment.clone().map(Light::Environment);
-        let all = environment.into_iter().chain([Light::Area(AreaLight::new(scene))]);
-        let mut lights: Vec<_> = all.filter(|light| light.power() > 0.0).map(|light| (light, 1.0)).collect();
+        let [distant, near] = [Light::Distant(DistantLights::new(&scene.lights)), Light::Near(NearLights::new(&scene.lights))];
+        Self::of(environment.into_iter().chain([distant, near, Light::Area(AreaLight::new(scene))]))
+    }
+
+    /// These lights alone, in unit space.
+    pub fn without_surface<'a>(lights: impl IntoIterator<Item = &'a PunctualLight>) -> Self {
+        let lights: Vec<_> = lights.into_iter().cloned().collect();
+        Self::of([Light::Distant(DistantLights::new(&lights)), Light::Near(NearLights::new(&lights))].into_iter())
+    }
+
+    fn of(lights: impl Iterator<Item = Light>) -> Self {
+        let mut lights: Vec<_> = lights.filter(|light| light.power() > 0.0).map(|light| (light, 1.0)).collect();
         let mut rest = 0.0;
         for (light, share) in lights.iter_mut().rev() {
             rest += light.power();
@@ -152,15 +197,35 @@ impl Lights {
         last.emit(left, [pick, u, v, s, t], focus)
     }
 
-    /// Number of sides of triangles that emit.
+    /// Number of sides of triangles that emit, and of lights without a surface.
     pub fn count(&self) -> usize {
-        let sides = |(light, _): &(Light, f32)| if let Light::Area(area) = light { area.sides.len() } else { 0 };
-        self.lights.iter().map(sides).sum()
+        let count = |(light, _): &(Light, f32)| match light {
+            Light::Environment(_) => 0,
+            Light::Distant(distant) => distant.count(),
+            Light::Near(near) => near.count(),
+            Light::Area(area) => area.sides.len(),
+        };
+        self.lights.iter().map(count).sum()
+    }
+
+    /// Whether there are points or spots, whose samples may have a [cone](LightSample::cone).
+    pub fn have_cones(&self) -> bool {
+        self.lights.iter().any(|(light, _)| matches!(light, Light::Near(_)))
     }
 
     /// Whether there is direct light.
     pub fn are_sampled(&self) -> bool {
         self.sampled().next().is_some()
+    }
+
+    /// Whether all direct light comes from one point, or along one direction, so that one sample is exact.
+    pub fn are_one_point(&self) -> bool {
+        let mut sampled = self.sampled();
+        match (sampled.next(), sampled.next()) {
+            (Some(Light::Near(near)), None) => near.is_one_point(),
+            (Some(Light::Distant(distant)), None) => distant.is_one_direction(),
+            _ => false,
+        }
     }
 
     fn sampled(&self) -> impl Iterator<Item = &Light> {

@@ -10,7 +10,7 @@ use finalgather::blocks::Shard;
 use finalgather::error::{Error, Result};
 use finalgather::gpu::{Backend, DeviceChoice};
 use finalgather::job::{DeviceRequest, Keeping, SceneRequest};
-use finalgather::scene::CameraChange;
+use finalgather::scene::{CameraChange, Sky, Sun};
 use finalgather::settings::{
     Background, Estimator, Exposure, LayerSize, PhotonMapKind, Pipeline, PointSource, Sequence, Squares,
 };
@@ -20,7 +20,7 @@ use serde_json::Value;
 
 use crate::streams::{self, STREAM};
 
-use values::{OrAuto, name, number, or_auto, setting, switch, vector};
+use values::{OrAuto, name, number, or_auto, setting, sky, smooth_angle, sun, switch, vector};
 pub use values::{auto_or, checked, count, named, side, size, stops};
 
 /// The source of OpenGL.
@@ -125,6 +125,17 @@ pub struct Overrides {
     #[serde(skip)]
     env: Option<PathBuf>,
 
+    /// A sun, in place of the scene file's: its azimuth, clockwise from -z as seen from above (90 is +x), and its height over the horizon, in degrees;
+    /// and its illuminance in lux [default: the real sun's at this height]
+    #[arg(long, value_name = "AZIMUTH,HEIGHT[,LUX]", allow_hyphen_values = true, value_parser = sun)]
+    #[serde(skip)]
+    sun: Option<Sun>,
+
+    /// The clear sky of the sun, in place of an environment, for air of this turbidity: 2, very clear, to 10, haze [default: 3]
+    #[arg(long, value_name = "TURBIDITY", num_args = 0..=1, require_equals = true, default_missing_value = "3", value_parser = sky, conflicts_with = "env")]
+    #[serde(skip)]
+    sky: Option<Sky>,
+
     #[command(flatten)]
     #[serde(skip)]
     files: SceneArgs,
@@ -211,6 +222,10 @@ pub struct SceneArgs {
     #[arg(long)]
     flip: bool,
 
+    /// Smooth shading for surfaces without normals, such as those of an OBJ without vn: faces that meet at no more than this angle share normals
+    #[arg(long, value_name = "DEGREES", value_parser = smooth_angle)]
+    smooth_angle: Option<f32>,
+
     /// Refuse files with faults, in place of mending what can be understood
     #[arg(long)]
     strict: bool,
@@ -234,7 +249,7 @@ impl SceneArgs {
     /// # Errors
     /// [`Error::Input`] when stdin cannot be read or is empty.
     pub fn scene(&self, path: &Path) -> Result<SceneRequest> {
-        let Self { allow_outside, flip, strict, no_default_light, ref camera, ref gltf_scene } = *self;
+        let Self { allow_outside, flip, smooth_angle, strict, no_default_light, ref camera, ref gltf_scene } = *self;
         let (path, bytes) = match path == Path::new(STREAM) {
             true => streams::scene().map(|(path, bytes)| (path, Some(bytes)))?,
             false => (path.to_owned(), None),
@@ -244,6 +259,7 @@ impl SceneArgs {
             bytes,
             allow_outside,
             flip,
+            smooth_angle,
             strict,
             no_default_light,
             camera: camera.clone(),
@@ -313,6 +329,7 @@ impl Overrides {
             _ => unreachable!("options are plain values with names"),
         };
         settings.retain(|_, value| !value.is_null());
-        self.view.choose(SceneRequest { environment: self.env.clone(), clay: self.clay, settings, ..self.files.scene(path)? })
+        let (environment, &Self { sun, sky, clay, .. }) = (self.env.clone(), self);
+        self.view.choose(SceneRequest { environment, sun, sky, clay, settings, ..self.files.scene(path)? })
     }
 }

@@ -4,7 +4,9 @@ use std::fmt::Display;
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use finalgather::error::Result;
+use finalgather::scene::{Sky, Sun, World};
 use finalgather::settings::Settings;
+use glam::Vec3;
 use serde::de::IntoDeserializer;
 use serde::de::value::Error as ValueError;
 use serde::{Deserialize, Serialize};
@@ -76,6 +78,11 @@ pub fn stops(text: &str) -> Result<f32, String> {
     checked(text, |stops: &f32| stops.is_finite(), "not a number of stops such as -1.5")
 }
 
+/// Parses an angle of [`World::smooth`].
+pub fn smooth_angle(text: &str) -> Result<f32, String> {
+    checked(text, |degrees| World::SMOOTH_ANGLES.contains(degrees), World::SMOOTH_ANGLE_CURE)
+}
+
 /// Parses three finite numbers with commas between them.
 pub fn vector(text: &str) -> Result<[f64; 3], String> {
     let numbers: Vec<f64> =
@@ -85,6 +92,26 @@ pub fn vector(text: &str) -> Result<[f64; 3], String> {
         .ok()
         .filter(|_| whole)
         .ok_or_else(|| "not three numbers with commas between them, such as 0,1.5,-3".into())
+}
+
+/// Parses `AZIMUTH,HEIGHT` or `AZIMUTH,HEIGHT,LUX`.
+pub fn sun(text: &str) -> Result<Sun, String> {
+    let numbers: Option<Vec<f32>> = text.split(',').map(|number| number.trim().parse().ok()).collect();
+    match numbers.as_deref() {
+        Some(&[azimuth, height]) if azimuth.is_finite() && (-90.0..=90.0).contains(&height) => Ok(Sun::at(azimuth, height)),
+        Some(&[azimuth, height, lux])
+            if azimuth.is_finite() && (-90.0..=90.0).contains(&height) && (0.0..f32::INFINITY).contains(&lux) =>
+        {
+            Ok(Sun { illuminance: Some(Vec3::splat(lux)), ..Sun::at(azimuth, height) })
+        }
+        _ => Err("not an azimuth and a height from -90 to 90 degrees, as 120,35, and perhaps lux, as 120,35,1e5".into()),
+    }
+}
+
+/// Parses a turbidity.
+pub fn sky(text: &str) -> Result<Sky, String> {
+    let turbidity = number::<f32>(text)?;
+    Sky { turbidity, ..Sky::default() }.check().map_err(|(problem, cure)| format!("{problem}: {cure}"))
 }
 
 pub fn number<T: std::str::FromStr>(text: &str) -> Result<T, String> {
@@ -134,6 +161,19 @@ mod tests {
         for text in ["", "1,2", "1,2,3,4", "1,,3,4", "1,2,nan", "1,2,inf", "1 2 3"] {
             assert!(vector(text).is_err(), "{text}");
         }
+    }
+
+    #[test]
+    fn suns_and_skies() {
+        let found = sun("90,0").unwrap();
+        assert!(found.direction.distance(Vec3::X) < 1e-6 && found.illuminance.is_none(), "{found:?}");
+        let found = sun("-0, 30, 1e5").unwrap();
+        assert!(found.direction.distance(Vec3::new(0.0, 0.5, -0.75f32.sqrt())) < 1e-6, "{found:?}");
+        assert_eq!(found.illuminance, Some(Vec3::splat(1e5)));
+        for text in ["", "1", "1,2,3,4", "1,91", "nan,2", "1,2,-1", "1,2,inf"] {
+            assert!(sun(text).is_err(), "{text}");
+        }
+        assert!(sky("4.5").is_ok_and(|sky| sky.turbidity == 4.5) && sky("1").is_err() && sky("clear").is_err());
     }
 
     #[test]

@@ -345,10 +345,19 @@ impl SceneRender {
         let view = SceneView { source: &self.request.path, world: &world, camera, settings };
         let folder = folder_of(path);
         let is_scene = view.source.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("toml"));
-        let text = if is_scene { view.changed(folder, &of_file)? } else { view.text(folder, false)? };
+        let text = if is_scene { view.changed(folder, &of_file)? } else { view.text(folder, false, None)? };
         write_file(path, text.as_bytes())?;
-        let SceneRequest { environment, allow_outside, flip, strict, no_default_light, scene, clay, .. } = &self.request;
+        let SceneRequest {
+            environment, sun, sky, allow_outside, flip, smooth_angle, strict, no_default_light, scene, clay, ..
+        } = &self.request;
         let env = environment.iter().map(|path| format!("--env {}", quoted(&path.to_string_lossy())));
+        let smooth = smooth_angle.iter().map(|degrees| format!("--smooth-angle {degrees}"));
+        let sun = sun.iter().map(|sun| {
+            let [azimuth, height] = sun.place();
+            let lux = sun.illuminance.map_or(String::new(), |lux| format!(",{}", lux.x));
+            format!("--sun {azimuth},{height}{lux}")
+        });
+        let sky = sky.iter().map(|sky| format!("--sky={}", sky.turbidity));
         let part = scene.iter().map(|part| format!("--gltf-scene {}", quoted(part)));
         let switches = [
             (*allow_outside, "--allow-outside"),
@@ -357,7 +366,13 @@ impl SceneRender {
             (*strict, "--strict"),
             (*no_default_light, "--no-default-light"),
         ];
-        Ok(env.chain(part).chain(switches.into_iter().filter(|(on, _)| *on).map(|(_, name)| name.to_owned())).collect())
+        Ok(env
+            .chain(smooth)
+            .chain(sun)
+            .chain(sky)
+            .chain(part)
+            .chain(switches.into_iter().filter(|(on, _)| *on).map(|(_, name)| name.to_owned()))
+            .collect())
     }
 
     /// Writes the picture so far.

@@ -86,7 +86,7 @@ pub(super) fn load(loader: &mut Loader, path: &Path) -> Result<World> {
     finish(loader, path, &primitives.tally, &world)?;
     world.materials = materials.list;
     world.cameras = walk.cameras(loader, &document)?;
-    walk.tell_lights(loader, &document);
+    world.lights = walk.lights(loader, &document)?;
     let (scene, files) = reader.origin();
     world.gltf = Some(Arc::new(GltfFile { path: path.to_owned(), scene: scene.to_owned(), files: files.clone() }));
     Ok(world)

@@ -1,10 +1,12 @@
 //! The nodes of the chosen scene: where they stand, and their copies, joints, cameras and lights.
 
 use std::collections::{HashMap, HashSet};
+use std::f32::consts::FRAC_PI_4;
 
 use glam::{DAffine3, DMat4, DQuat, DVec3, Vec3};
 use gltf::json::Index;
 use gltf::json::camera::Type;
+use gltf::json::extensions::scene::khr_lights_punctual::{Light, Type as LightKind};
 use gltf::json::scene::Node;
 use gltf::json::validation::Checked;
 use serde::Deserialize;
@@ -14,9 +16,9 @@ use super::buffers::Buffers;
 use super::document::{BROKEN, Document, name_of};
 use super::pose::Pose;
 use crate::error::{Error, Result};
-use crate::scene::WorldCamera;
 use crate::scene::format::Loader;
 use crate::scene::format::warnings::{Fault, Place};
+use crate::scene::{PunctualKind, PunctualLight, WorldCamera};
 
 /// A node that is a child of several is placed under each. More of these places are refused: each level of nodes could double them.
 const MOST_REPEATED: usize = 1 << 16;
@@ -169,25 +171,57 @@ impl Walk {
         Ok(cameras)
     }
 
-    /// Tells of lights that are not shown.
-    pub fn tell_lights(&self, loader: &mut Loader, document: &Document) {
-        let lights = document.root.extensions.as_ref().and_then(|extensions| extensions.khr_lights_punctual.as_ref());
-        let name = |placed: &Placed| {
-            let json = &document.root.nodes[placed.node];
-            let light = json.extensions.as_ref()?.khr_lights_punctual.as_ref()?.light.value();
-            let own = lights.and_then(|lights| lights.lights.get(light)?.name.as_ref());
-            Some(name_of([json.name.as_ref(), own], || format!("light {light}")))
-        };
-        let names: Vec<String> = self.nodes.iter().filter_map(name).collect();
-        let (all, shown) = (names.len(), names[..names.len().min(10)].join(", "));
-        match all {
-            0 => {}
-            1 => loader.warnings.say(format!("1 punctual light is not shown yet: {shown}")),
-            _ => loader
-                .warnings
-                .say(format!("{all} punctual lights are not shown yet: {shown}{}", if all > 10 { ", ..." } else { "" })),
+    /// The lights of the scene (`KHR_lights_punctual`), each along the -z of its node.
+    pub fn lights(&self, loader: &mut Loader, document: &Document) -> Result<Vec<PunctualLight>> {
+        let known = document.root.extensions.as_ref().and_then(|extensions| extensions.khr_lights_punctual.as_ref());
+        let known = known.map_or(&[][..], |extension| &extension.lights);
+        let place = Place { path: document.path, line: None };
+        let mut lights = Vec::new();
+        for &Placed { node, transform, .. } in &self.nodes {
+            let json = &document.root.nodes[node];
+            let Some(index) = json.extensions.as_ref().and_then(|extensions| extensions.khr_lights_punctual.as_ref()) else {
+                continue;
+            };
+            let found = known.get(index.light.value());
+            let name =
+                name_of([json.name.as_ref(), found.and_then(|light| light.name.as_ref())], || format!("light {}", lights.len()));
+            let made = found.ok_or_else(|| format!("the file has no lights[{}]", index.light.value()));
+            match made.and_then(|light| punctual(light, name.clone(), transform)) {
+                Ok(light) => lights.push(light),
+                Err(problem) => {
+                    let problem = || format!("light {name}: {problem}");
+                    let fault = Fault { kind: "light", problem: &problem, mend: "it is left out", cure: BROKEN };
+                    loader.warnings.mend(place, &fault)?;
+                }
+            }
+            if let Some(range) = found.and_then(|light| light.range) {
+                let text = || {
+                    format!(
+                        "light {name} reaches beyond its range of {range}: its light falls by the square of the distance alone"
+                    )
+                };
+                loader.warnings.tell(place, "range", &text);
+            }
         }
+        Ok(lights)
     }
+}
+
+/// A light at the origin of a node that shines along its -z. The node's scale does not change it.
+fn punctual(light: &Light, name: String, transform: DAffine3) -> Result<PunctualLight, String> {
+    let kind = match (light.type_, &light.spot) {
+        (Checked::Valid(LightKind::Point), _) => PunctualKind::Point { radius: 0.0 },
+        (Checked::Valid(LightKind::Directional), _) => PunctualKind::Directional { angle: 0.0 },
+        (Checked::Valid(LightKind::Spot), spot) => {
+            let (inner, outer) = spot.as_ref().map_or((0.0, FRAC_PI_4), |spot| (spot.inner_cone_angle, spot.outer_cone_angle));
+            PunctualKind::Spot { radius: 0.0, inner, outer }
+        }
+        (Checked::Invalid, _) => return Err("it is no point, spot or directional light".to_owned()),
+    };
+    let strength = light.intensity * Vec3::from(light.color);
+    let direction = -transform.matrix3.z_axis.normalize_or_zero().as_vec3();
+    let made = PunctualLight { name, kind, position: transform.translation, direction, strength };
+    made.check().map_err(|(problem, _)| problem)
 }
 
 /// A camera at the origin of a node that looks along its -z.

@@ -61,8 +61,8 @@ impl<'a> SceneText<'a> {
 
 /// A message of serde or toml, and what helps.
 fn explanation(message: &str) -> (String, String) {
-    const TABLES: &str =
-        "a scene file has mesh, [camera], [environment], [settings] and [materials.NAME]; docs/scene-format.md has every key";
+    const TABLES: &str = "a scene file has mesh, [camera], [environment], [sun], [sky], [[lights]], [settings] and [materials.NAME]; \
+         docs/scene-format.md has every key";
     let mut names = message.split('`').skip(1).step_by(2);
     let mut wrong_name = |kind: &str| {
         let wrong = names.next().unwrap_or_default();

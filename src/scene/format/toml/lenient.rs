@@ -11,7 +11,7 @@ const SETTINGS: &str = "settings";
 /// The table whose keys are names that the user gives.
 const NAMED: &str = "materials";
 /// Keys of colours.
-const COLORS: [&str; 5] = ["radiance", "albedo", "emission", "filter", "specular"];
+const COLORS: [&str; 7] = ["radiance", "albedo", "emission", "filter", "intensity", "illuminance", "specular"];
 
 /// The texts of the values that [`settle`] puts in place of others, in its order.
 pub fn replacements(table: &DeTable) -> Vec<String> {
@@ -19,6 +19,10 @@ pub fn replacements(table: &DeTable) -> Vec<String> {
         for (key, value) in table {
             match value.get_ref() {
                 DeValue::Table(inner) => collect(inner, &below(name, key.get_ref()), texts),
+                DeValue::Array(list) if list.iter().any(|item| item.get_ref().is_table()) => {
+                    let tables = list.iter().filter_map(|item| item.get_ref().as_table());
+                    tables.for_each(|inner| collect(inner, &below(name, key.get_ref()), texts));
+                }
                 scalar => texts.extend(replacement(name, key.get_ref(), scalar)),
             }
         }
@@ -40,12 +44,15 @@ pub fn too_long(table: &DeTable) -> Option<(Range<usize>, usize)> {
     table.iter().find_map(|(key, value)| {
         let most = match plain(key.get_ref()).as_str() {
             "size" => 2,
-            "eye" | "target" | "up" | "background" => 3,
+            "eye" | "target" | "up" | "background" | "position" | "direction" => 3,
             key if COLORS.contains(&key) => 3,
             _ => usize::MAX,
         };
         match value.get_ref() {
             DeValue::Table(inner) => too_long(inner),
+            DeValue::Array(list) if list.iter().any(|item| item.get_ref().is_table()) => {
+                list.iter().filter_map(|item| item.get_ref().as_table()).find_map(too_long)
+            }
             DeValue::Array(list) if list.len() > most => Some((value.span(), most)),
             _ => None,
         }
@@ -58,6 +65,13 @@ fn settle_table<'a>(table: &mut DeTable<'a>, name: &str, replacements: &mut std:
     for (mut key, mut value) in entries {
         match value.get_mut() {
             DeValue::Table(inner) => settle_table(inner, &below(name, key.get_ref()), replacements),
+            DeValue::Array(list) if list.iter().any(|item| item.get_ref().is_table()) => {
+                for item in list.iter_mut() {
+                    if let DeValue::Table(inner) = item.get_mut() {
+                        settle_table(inner, &below(name, key.get_ref()), replacements);
+                    }
+                }
+            }
             scalar => {
                 let text = replacement(name, key.get_ref(), scalar).and_then(|_| replacements.next());
                 // Its place stays that of the text in the file.

@@ -3,6 +3,7 @@
 //! ```toml
 //! mesh = "room.obj"            # in this file's folder or below it, as all files named here
 //! flip = false                 # the default; true: fronts of all surfaces become backs
+//! smooth_angle = 40            # smooth normals for vertices without, where faces meet at no more degrees; default: none, flat
 //!
 //! [camera]                     # default: shows the whole model from the front
 //! eye = [278, 273, -800]
@@ -16,6 +17,24 @@
 //! file = "sky.hdr"             # or radiance = [1, 1, 1], the same from all directions
 //! scale = 1                    # the default
 //! turn_degrees = 0             # the default; turns about +y, counter-clockwise from above
+//!
+//! [sun]                        # a light from afar, as directional lights
+//! direction = [1, 2, 1]        # towards the sun; or azimuth_degrees (clockwise from -z, 90 is +x) and height_degrees
+//! illuminance = 1e5            # lux on a surface that faces it; default: of the real sun, through the air of [sky]
+//! angle_degrees = 0.53         # its diameter, the default; 0: sharp shadows
+//!
+//! [sky]                        # the clear sky of [sun], in place of [environment]
+//! turbidity = 3                # the default; from 2, very clear, to 10, haze
+//! scale = 1                    # the default; of the sun too, if it has no illuminance
+//!
+//! [[lights]]                   # beside those of the model
+//! kind = "spot"                # or "point", without direction and angles, or "directional", with direction and illuminance
+//! position = [0, 3, 0]
+//! direction = [0, -1, 0]       # in which it shines
+//! intensity = 800              # cd, one number or red, green and blue
+//! radius = 0.1                 # 0, sharp shadows, by default
+//! inner_degrees = 20           # whole intensity up to this angle from the axis; 0 by default
+//! outer_degrees = 30           # and none beyond this; 45 by default
 //!
 //! [settings]                   # any key of `Settings`
 //! directions = 1000
@@ -36,6 +55,7 @@
 
 mod fault;
 mod lenient;
+mod lights;
 
 use std::collections::{BTreeMap, HashMap};
 use std::ops::{Range, RangeInclusive};
@@ -47,12 +67,13 @@ use toml::Spanned;
 use toml::de::DeTable;
 
 use fault::SceneText;
+use lights::{LightTable, SkyTable, SunTable};
 
 use super::{Loader, Unread, beside, format_of, names, obj};
 use crate::error::{Error, Result};
 use crate::file::{MOST_BYTES, MOST_WORDS};
 use crate::scene::{Camera, Environment, Lens, NormalMap, Surface, World, WorldCamera};
-use crate::settings::Settings;
+use crate::settings::{Exposure, Settings};
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -60,8 +81,13 @@ struct SceneFile {
     mesh: Spanned<String>,
     #[serde(default)]
     flip: bool,
+    smooth_angle: Option<Spanned<f32>>,
     camera: Option<Spanned<CameraTable>>,
     environment: Option<Spanned<EnvironmentTable>>,
+    sun: Option<Spanned<SunTable>>,
+    sky: Option<Spanned<SkyTable>>,
+    #[serde(default)]
+    lights: Vec<Spanned<LightTable>>,
     #[serde(default)]
     settings: Settings,
     #[serde(default)]
@@ -129,7 +155,7 @@ pub fn load(loader: &mut Loader, path: &Path) -> Result<(World, Settings)> {
     }
     let replacements = lenient::replacements(table.get_ref());
     let places = lenient::settle(table.get_mut(), &replacements);
-    let file = SceneFile::deserialize(toml::Deserializer::from(table)).map_err(|fault| source.refused(&fault))?;
+    let mut file = SceneFile::deserialize(toml::Deserializer::from(table)).map_err(|fault| source.refused(&fault))?;
 
     file.settings.validate().map_err(|fault| match fault {
         Error::Usage { problem, cure } => {
@@ -189,10 +215,34 @@ pub fn load(loader: &mut Loader, path: &Path) -> Result<(World, Settings)> {
         let turn = factor(table.turn_degrees, "turn_degrees", -360.0..=360.0, 0.0, "give degrees from -360 to 360")?;
         Ok(environment.scaled(scale).turned(turn))
     };
-    // The environment of the options replaces that of the file, which is not read.
-    if loader.environment.is_none() {
+    let refused = |span: Range<usize>| move |(problem, cure): (String, &'static str)| source.error(&span, &problem, cure);
+    // The environment or sky of the options replaces that of the file, which is not read.
+    let mut daylight_at = None;
+    if loader.environment.is_none() && loader.sky.is_none() {
+        if let (Some(_), Some(sky)) = (&file.environment, &file.sky) {
+            return Err(error(sky.span(), "a scene has an environment or a sky".into(), "leave out one of the two tables"));
+        }
         loader.environment = file.environment.map(own_environment).transpose()?;
+        daylight_at = file.sky.as_ref().map(Spanned::span);
+        loader.sky = file.sky.map(|table| table.get_ref().sky().map_err(refused(table.span()))).transpose()?;
     }
+    if let (None, Some(table)) = (loader.sun, file.sun) {
+        loader.sun = Some(table.get_ref().sun().map_err(refused(table.span()))?);
+        daylight_at = daylight_at.or(Some(table.span()));
+    }
+    let sun = loader.daylight().map_err(|(problem, cure)| match daylight_at {
+        Some(span) => source.error(&span, &problem, cure),
+        None => Error::usage(problem, cure),
+    })?;
+    // Daylight is a hundred thousand times as bright as lamps of radiance 1.
+    if loader.has_real_daylight() && !places.contains_key("exposure") {
+        file.settings.display.exposure = Exposure::Auto;
+    }
+    let lights = file.lights.into_iter().enumerate().map(|(index, table)| {
+        let span = table.span();
+        table.into_inner().light(|| format!("light {index}")).map_err(refused(span))
+    });
+    let lights = lights.collect::<Result<Vec<_>>>()?;
 
     // A model of unknown ending is read as OBJ.
     let mesh = beside(path, file.mesh.get_ref());
@@ -203,7 +253,15 @@ pub fn load(loader: &mut Loader, path: &Path) -> Result<(World, Settings)> {
     reader.find(&mesh).map_err(missing)?;
     let mut world = loader.model(format_of(&mesh).unwrap_or(obj::load), &mesh)?;
     loader.flip |= file.flip;
+    if let Some(angle) = file.smooth_angle {
+        let degrees = *angle.get_ref();
+        if !World::SMOOTH_ANGLES.contains(&degrees) {
+            return Err(error(angle.span(), format!("smooth_angle is {degrees}"), World::SMOOTH_ANGLE_CURE));
+        }
+        loader.smooth_angle = loader.smooth_angle.or(Some(degrees));
+    }
     world.cameras.splice(0..0, camera.map(|camera| ("camera".to_owned(), camera)));
+    world.lights.extend(lights.into_iter().chain(sun));
     // A glTF file may have several materials of one name. A table is of all of them.
     let mut indices: HashMap<String, Vec<usize>> = HashMap::new();
     for (index, material) in world.materials.iter().enumerate() {
