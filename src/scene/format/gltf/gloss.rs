@@ -12,6 +12,9 @@ use crate::scene::{Gloss, NormalMap};
 impl MaterialReading<'_, '_, '_> {
     /// The gloss of a material that is no mirror and no glass.
     pub(super) fn gloss(&mut self, loader: &mut Loader, extensions: &extension::Material) -> Result<Option<Gloss>> {
+        if extensions.unlit.is_some() {
+            return Ok(None);
+        }
         if let Some(old) = &extensions.pbr_specular_glossiness {
             if old.specular_glossiness_texture.is_some() {
                 // Without the texture its factors would make all of it a mirror.
