@@ -10,7 +10,9 @@
 //! Samples are points of one Sobol' sequence, of which each pixel of a square of 4 × 4 takes a run of its own. So neighbours have different samples,
 //! a soft shadow has fine grain and no bands, and a square together has sixteen times the samples of a point.
 
-use std::cell::OnceCell;
+use std::cell::RefCell;
+use std::collections::HashMap;
+use std::rc::Rc;
 
 use glam::{Vec3, Vec4};
 
@@ -20,7 +22,7 @@ use crate::gpu::{Gpu, Program, Uniform};
 use crate::points::{Accumulator, Interleave, Points, Subset};
 use crate::random::{shuffled, sobol};
 use crate::scene::{LightSample, Lights};
-use crate::shaders;
+use crate::shaders::DirectVariant;
 
 /// Side in pixels of the squares whose pixels have different samples.
 const STRIDE: u32 = 4;
@@ -35,11 +37,8 @@ const EMITTERS: usize = 4;
 /// Computes the irradiance from the lights at gather points.
 pub struct Direct {
     gpu: Gpu,
-    program: Program,
-    /// Whether the program serves points with gloss.
-    glossy: bool,
-    /// For scenes with points and spots.
-    punctual: OnceCell<Program>,
+    /// Compiled when the first scene needs them.
+    programs: RefCell<HashMap<DirectVariant, Rc<Program>>>,
     seed: u64,
 }
 
@@ -77,34 +76,27 @@ impl Direct {
     /// # Errors
     /// When the program does not compile.
     pub fn new(gpu: &Gpu, seed: u64) -> Result<Self> {
-        Self::with(gpu, seed, false)
+        let direct = Self { gpu: gpu.clone(), programs: RefCell::default(), seed: seed ^ 0xd1ec7 };
+        direct.program(DirectVariant::default())?;
+        Ok(direct)
     }
 
-    /// The same for points with gloss, if `glossy` is true.
-    ///
-    /// # Errors
-    /// As [`Self::new`].
-    pub fn with(gpu: &Gpu, seed: u64, glossy: bool) -> Result<Self> {
-        let program = Program::new(gpu, if glossy { &shaders::DIRECT_GLOSS } else { &shaders::DIRECT })?;
-        Ok(Self { gpu: gpu.clone(), program, glossy, punctual: OnceCell::new(), seed: seed ^ 0xd1ec7 })
-    }
-
-    /// The program that these lights need. That for gloss serves all lights.
-    fn program(&self, lights: &Lights) -> Result<&Program> {
-        if self.glossy || !lights.have_cones() {
-            return Ok(&self.program);
-        }
-        if let Some(program) = self.punctual.get() {
-            return Ok(program);
-        }
-        let program = Program::new(&self.gpu, &shaders::DIRECT_PUNCTUAL)?;
-        Ok(self.punctual.get_or_init(|| program))
+    fn program(&self, variant: DirectVariant) -> Result<Rc<Program>> {
+        let known = self.programs.borrow().get(&variant).map(Rc::clone);
+        known.map_or_else(
+            || {
+                let program = Rc::new(Program::new(&self.gpu, &variant.source())?);
+                self.programs.borrow_mut().insert(variant, Rc::clone(&program));
+                Ok(program)
+            },
+            Ok,
+        )
     }
 
     /// The mean irradiance of a share of the samples at each of `points`, row by row.
     ///
     /// # Errors
-    /// When the device has no memory left, the scene exceeds its limits, or the program for points and spots does not compile.
+    /// When the device has no memory left, the scene exceeds its limits, or its program does not compile.
     pub fn irradiance(&self, geometry: &Geometry, lights: &Lights, share: SampleShare, points: Points) -> Result<Vec<Vec3>> {
         let [irradiance, _] = self.light(geometry, lights, share, points)?;
         Ok(irradiance)
@@ -122,7 +114,8 @@ impl Direct {
             return Ok([dark(0), dark(1)]);
         }
         let share = if lights.are_one_point() { SampleShare { samples: share.parts, ..share } } else { share };
-        let (tables, program) = (geometry.ray_tables()?, self.program(lights)?);
+        let tables = geometry.ray_tables()?;
+        let program = self.program(DirectVariant { punctual: lights.have_cones(), gloss: points.gloss.is_some() })?;
         let of_ray = lights.count().div_ceil(EMITTERS).clamp(1, LIGHTS);
         let in_draw = LIGHTS / of_ray * of_ray;
         let squares = Interleave::new(STRIDE, points.size(), self.seed);
@@ -149,7 +142,7 @@ impl Direct {
                         ("choice", Uniform::Float((0.618_034 * (index * in_draw / of_ray) as f32).fract())),
                     ];
                     let subset = points.only(Subset { stride: STRIDE, offset: [x, y] });
-                    sums.add(subset, program, &[&own[..], &tables.uniforms()].concat());
+                    sums.add(subset, &program, &[&own[..], &tables.uniforms()].concat());
                     // Draws of few points are not measured, but their rays take long on slow devices.
                     draws += 1;
                     if draws % DRAWS == 0 {

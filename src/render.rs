@@ -488,7 +488,7 @@ impl Passes {
         let points = settings.film.size;
         let source = PixelSource::new(gpu, settings)?;
         let glossy = gathered.scene.is_glossy();
-        let direct = Direct::with(gpu, settings.seed, glossy)?;
+        let direct = Direct::new(gpu, settings.seed)?;
         let photon_map = PhotonMap::new(gpu, settings.photons.map, points)?;
         // The gather comes last: it adapts to the memory that is left.
         let gather = IrradianceGather::with(gpu, settings, (&gathered.scene, &gathered.bvh), interleave, glossy)?;

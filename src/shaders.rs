@@ -37,8 +37,6 @@ macro_rules! shaders {
 shaders! {
     VISIBLE_POINTS: "surface", "visible_points";
     DIRECT: "fullscreen", "direct", "BATCH 8", "ANY_HIT";
-    DIRECT_PUNCTUAL: "fullscreen", "direct", "BATCH 8", "ANY_HIT", "PUNCTUAL";
-    DIRECT_GLOSS: "fullscreen", "direct", "BATCH 8", "ANY_HIT", "PUNCTUAL", "GLOSS";
     PHOTON_MAP: "fullscreen", "photon_map";
     PEEL: "surface", "peel";
     KILL: "fullscreen", "kill";
@@ -56,6 +54,28 @@ pub const BATCH: usize = 8;
 /// Most outputs of a shader, of four floats each: OpenGL 3.3 promises no more.
 const TARGETS: usize = 8;
 const GATHER: &str = include_str!("../glsl/gather.frag");
+
+/// What `glsl/direct.frag` does besides.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub struct DirectVariant {
+    /// Some lights have no surface.
+    pub punctual: bool,
+    /// Points may have a lobe.
+    pub gloss: bool,
+}
+
+impl DirectVariant {
+    fn all() -> impl Iterator<Item = Self> {
+        [false, true].into_iter().flat_map(|punctual| [false, true].map(|gloss| Self { punctual, gloss }))
+    }
+
+    pub fn source(self) -> ShaderSource {
+        let mut source = ShaderSource::clone(&DIRECT);
+        let flags = [(self.punctual, "PUNCTUAL"), (self.gloss, "GLOSS")];
+        source.defines.extend(flags.into_iter().filter(|(set, _)| *set).map(|(_, name)| name.to_owned()));
+        source
+    }
+}
 
 /// The hit finder that `glsl/gather.frag` includes: the file of that name in `glsl/finder/`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -189,7 +209,8 @@ pub fn gather(finder: Finder, consumer: Consumer) -> ShaderSource {
 pub fn variants() -> Vec<ShaderSource> {
     let finders = [Finder::Layers, Finder::Rays, Finder::Stored];
     let pairs = finders.into_iter().flat_map(|finder| Consumer::all().into_iter().map(move |consumer| gather(finder, consumer)));
-    NAMED.iter().map(|&source| ShaderSource::clone(source)).chain(pairs).collect()
+    let direct = DirectVariant::all().filter(|&variant| variant != DirectVariant::default()).map(DirectVariant::source);
+    NAMED.iter().map(|&source| ShaderSource::clone(source)).chain(direct).chain(pairs).collect()
 }
 
 /// Replaces embedded shader sources by the files of a folder laid out as `glsl/`; a missing file keeps the embedded text. For work on shaders.

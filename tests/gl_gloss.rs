@@ -152,7 +152,7 @@ fn lobes_reflect_the_light_of_a_lamp() {
     }
     let textures = GlossTextures::upload(&gpu, [8, 8], &gloss).unwrap();
     let points = PointTextures::upload(&gpu, [8, 8], &position, &normal, 64).unwrap().with_gloss(Some(textures));
-    let direct = Direct::with(&gpu, 0, true).unwrap();
+    let direct = Direct::new(&gpu, 0).unwrap();
     let [base, lobe] = direct.light(&geometry, &Lights::new(&scene), SampleShare::whole(4096), points.points()).unwrap();
     for i in 0..64 {
         const SIDE: usize = 64;

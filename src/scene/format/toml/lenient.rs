@@ -11,7 +11,7 @@ const SETTINGS: &str = "settings";
 /// The table whose keys are names that the user gives.
 const NAMED: &str = "materials";
 /// Keys of colours.
-const COLORS: [&str; 7] = ["radiance", "albedo", "emission", "filter", "intensity", "illuminance", "specular"];
+const COLORS: [&str; 7] = ["radiance", "albedo", "emission", "filter", "specular", "intensity", "illuminance"];
 
 /// The texts of the values that [`settle`] puts in place of others, in its order.
 pub fn replacements(table: &DeTable) -> Vec<String> {
