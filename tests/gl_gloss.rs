@@ -15,7 +15,9 @@ use finalgather::photon::PhotonTexture;
 use finalgather::points::{CameraPoints, GlossTextures, Interleave, PointGloss, PointTextures};
 use finalgather::reference::Reference;
 use finalgather::render::Render;
-use finalgather::scene::{Brdf, Bvh, Camera, Gloss, ImageTexture, Lights, NormalMap, Sampler, World};
+use finalgather::scene::{
+    Brdf, Bvh, Camera, Gloss, ImageTexture, Lights, NormalMap, PunctualKind, PunctualLight, Sampler, World,
+};
 use finalgather::settings::{LayerSize, Pipeline, PointSource, Sequence, Settings};
 use glam::{Vec2, Vec3, vec2, vec3};
 
@@ -124,6 +126,43 @@ fn bundles_and_traced_paths_agree() {
         eprintln!("metallic {metallic}: {bundles:?} by bundles, {paths:?} by paths");
         for (bundles, paths) in bundles.iter().zip(paths) {
             assert!((bundles / paths - 1.0).abs() < 0.02, "metallic {metallic}: {bundles} and {paths}");
+        }
+    }
+}
+
+/// Rays do not meet a point or the sun. So direct light has their highlights, of narrow lobes too.
+#[test]
+fn lights_without_a_surface_shine_on_narrow_lobes() {
+    let gpu = gpu();
+    let (size, directions) = sized(&gpu, (32, 2048), (12, 256));
+    let light = |kind, position: Vec3, strength: f32| PunctualLight {
+        name: String::new(),
+        kind,
+        position: position.as_dvec3(),
+        direction: -position.normalize(),
+        strength: Vec3::splat(strength),
+    };
+    let at = vec3(0.2, 1.0, -0.8);
+    let point = light(PunctualKind::Point { radius: 0.0 }, at, 1.0);
+    let ball = light(PunctualKind::Point { radius: 0.1 }, at, 1.0);
+    let sun = light(PunctualKind::Directional { angle: 0.01 }, at, 1.0);
+    for (name, light) in [("point", point), ("ball", ball), ("sun", sun)] {
+        for metallic in [1.0, 0.0] {
+            let mut model = Model::new();
+            model.scene.materials[0].albedo = Vec3::splat(0.5);
+            model.scene.materials[0].gloss = Some(Gloss { roughness: 0.4, metallic, ..Gloss::default() });
+            model.plate(Vec3::ZERO, Vec3::Z, Vec3::X, 0);
+            model.scene.lights.push(light.clone());
+            let eye = vec3(0.1, 1.2, 1.4);
+            model.scene.camera = Some(Camera { eye, target: Vec3::ZERO, up: Vec3::Y, fov_y_degrees: 40.0, lens: None });
+            let world = model.world();
+            let [bundles, paths] = [PointSource::Camera, PointSource::Traced].map(|points| {
+                let image = render(&gpu, &world, &settings(size, directions, points));
+                channel(&image, "Direct.R").iter().map(|&sample| f64::from(sample)).sum::<f64>()
+            });
+            eprintln!("{name}, metallic {metallic}: {bundles} and {paths}");
+            // Paths choose the base by chance.
+            assert!((paths / bundles - 1.0).abs() < 0.02, "{name}, metallic {metallic}: {bundles} and {paths}");
         }
     }
 }

@@ -94,15 +94,17 @@ impl Statements {
         }
         // A texture without `Kd` shows its own colours.
         let unsaid = if texture.is_some() { Vec3::ONE } else { Material::GREY };
-        let gloss = self.optics.iter().map(|(keyword, _, text)| (*keyword, text.as_str()));
-        let mut unshaded = self.unshaded.notes(surface, gloss);
+        let mut of_gloss = Vec::new();
+        let (gloss, normal_map) = self.gloss.finish(pictures, surface, &mut placement, &mut of_gloss)?;
+        let highlights = self.optics.iter().filter(|_| gloss.is_none()).map(|(keyword, _, text)| (*keyword, text.as_str()));
+        let mut unshaded = self.unshaded.notes(surface, highlights);
         if let Some((name, _)) = self.texture.as_ref().zip(texture).filter(|&(_, texture)| pictures.has_alpha(texture)) {
             unshaded.push(format!("alpha of {}", name.base()));
         }
         if let Some(picture) = &self.glow {
             unshaded.push(format!("emission map {}", picture.base()));
         }
-        let (gloss, normal_map) = self.gloss.finish(pictures, surface, &mut placement, &mut unshaded)?;
+        unshaded.extend(of_gloss);
         let material = Material {
             name: self.name,
             albedo: reflectance.or(self.diffuse).unwrap_or(unsaid),
