@@ -81,6 +81,7 @@ void main()
 #ifdef MANY_LIGHTS
             vec4 ray;
             vec3 light = lamp_light(point, origin, lamp_numbers[i].xyz, ray);
+            const bool unseen = false;
 #else
             bool near = light_places[i].w > 0.0;
             vec3 place = light_places[i].xyz;
@@ -107,9 +108,11 @@ void main()
             // At a distance of 0 it is no number.
             vec3 light = received > 0.0 ? received * light_weights[i].rgb : vec3(0.0);
             vec4 ray = vec4(direction, near ? distance : FARTHEST);
+            // Eye rays that follow a lobe meet all other lights.
+            bool unseen = light_places[i].w > 1.0 || light_weights[i].w > 0.0;
 #endif
 #ifdef GLOSS
-            LobeWeights weights = lobe_weights(point.gloss, point.normal, ray.xyz);
+            LobeWeights weights = lobe_weights(point.gloss, point.normal, ray.xyz, point.gloss.counts > 0.0 || unseen);
             vec3 lobe = light != vec3(0.0) ? light * weights.lobe : vec3(0.0);
             light *= weights.base;
             lobe_sum += lobe;

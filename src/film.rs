@@ -114,9 +114,8 @@ impl Film {
     pub fn of_block(
         size: [u32; 2],
         g_buffer: &GBuffer,
-        direct: &[Vec3],
+        [direct, caustics]: [&[Vec3]; 2],
         photon_map: &[Vec4],
-        caustics: &[Vec3],
         ground: &[Option<[f32; 2]>],
         (gathered, directions): (&[Vec4], u32),
         lobes: Option<&LobeSums>,

@@ -449,9 +449,8 @@ impl Render {
         Film::of_block(
             self.settings.film.size,
             &block.g_buffer,
-            &block.direct,
+            [&block.direct, &block.caustics],
             &block.photon_map,
-            &block.caustics,
             &ground,
             (&gathered, directions),
             lobes.as_ref(),

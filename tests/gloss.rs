@@ -2,13 +2,13 @@
 
 mod common;
 
-use std::f32::consts::{FRAC_1_PI, PI, TAU};
+use std::f32::consts::{FRAC_1_PI, TAU};
 
 use common::Model;
 use finalgather::photon::{PhotonStore, PhotonTracer};
 use finalgather::random::{Random, sobol};
 use finalgather::scene::{Brdf, Bvh, Gloss, ImageTexture, Lights, Mesh, NormalMap, Sampler, Scene, facing};
-use glam::{Vec2, Vec3, vec2, vec3};
+use glam::{Vec3, vec2, vec3};
 
 const COSINES: [f32; 4] = [0.97, 0.7, 0.3, 0.1];
 
@@ -193,6 +193,4 @@ fn photons_keep_the_energy_of_lobes() {
         assert!(((sent - reflected) / reflected).abs().max_element() < 0.02, "{sent} and {reflected}");
         assert_eq!(caustics != Vec3::ZERO, roughness < 0.5, "narrow lobes make caustics");
     }
-    let _ = PI;
-    let _ = Vec2::ZERO;
 }

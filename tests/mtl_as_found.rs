@@ -6,7 +6,7 @@ mod found;
 use std::fs;
 
 use finalgather::scene::WrapMode::{Clamp, Repeat};
-use finalgather::scene::{Files, LoadOptions, Loaded, World};
+use finalgather::scene::{Files, Gloss, LoadOptions, Loaded, World};
 use found::{CORNERS, GREY, PICTURE, QUAD, RED, WALL, check, check_files, encoded, open, picture};
 use glam::{Vec3, vec3};
 
@@ -159,14 +159,7 @@ fn colours_outside_their_range() {
 #[test]
 fn what_is_not_shaded_yet_is_told() {
     let red = picture();
-    for (statements, note) in [
-        ("map_bump -bm 0.2 tex\\b.png", "bump map b.png"),
-        ("bump b.png", "bump map b.png"),
-        ("norm n.png", "normal map n.png"),
-        ("Pr 0.2\nPm 1", "roughness 0.2, metalness 1"),
-        ("map_Pr r.png", "roughness map r.png"),
-        ("Ks 0.5 0.5 0.5\nNs 250\nillum 2", "highlight (Ks 0.5 0.5 0.5, Ns 250)"),
-    ] {
+    for (statements, note) in [("Ks 0.5 0.5 0.5\nNs 250\nillum 2", "highlight (Ks 0.5 0.5 0.5, Ns 250)")] {
         let mtl = format!("newmtl wall\nKd 1 1 1\n{statements}\n");
         let Loaded { world, report, .. } = open(&[("m.obj", QUAD.as_bytes()), ("m.mtl", mtl.as_bytes()), ("red.png", &red)]);
         let warning = format!("1 material has what pictures do not show yet: wall ({note})");
@@ -180,6 +173,66 @@ fn what_is_not_shaded_yet_is_told() {
     let obj = (0..9).map(|index| format!("usemtl m{index}\nf 1 2 3\n")).collect::<String>();
     let loaded = open(&[("m.obj", format!("mtllib m.mtl\n{CORNERS}{obj}").as_bytes()), ("m.mtl", mtl.as_bytes())]);
     assert!(loaded.report.warnings[0].starts_with("9 materials have") && loaded.report.warnings[0].ends_with("and 4 more"));
+}
+
+/// A picture of these texels, row by row.
+fn texels(width: u32, texels: &[[u8; 3]]) -> Vec<u8> {
+    let bytes = texels.as_flattened().to_vec();
+    encoded(image::RgbImage::from_raw(width, texels.len() as u32 / width, bytes).unwrap().into())
+}
+
+fn open_glossy(statements: &str) -> Loaded {
+    let (rough, metal) = (texels(2, &[[51, 0, 0], [255, 0, 0]]), texels(1, &[[102, 9, 9]]));
+    let (blue, grey) = (texels(1, &[[128, 128, 255]]), texels(4, &[[0; 3], [64; 3], [128; 3], [64; 3]]));
+    let mtl = format!("newmtl wall\nKd 1 1 1\n{statements}\n");
+    let files =
+        [("r.png", &rough), ("p.png", &metal), ("blue.png", &blue), ("grey.png", &grey)].map(|(name, bytes)| (name, &bytes[..]));
+    open(&[&[("m.obj", QUAD.as_bytes()), ("m.mtl", mtl.as_bytes())], &files[..]].concat())
+}
+
+#[test]
+fn gloss_is_that_of_the_pbr_extension() {
+    let gloss = |statements: &str| {
+        let Loaded { world, report, .. } = open_glossy(statements);
+        assert_eq!(report.warnings, [""; 0], "{statements}");
+        let texels = |gloss: Gloss| gloss.texture.map(|texture| world.textures[texture].texels.clone());
+        world.materials[0].gloss.map(|gloss| (gloss.roughness, gloss.metallic, texels(gloss)))
+    };
+    assert_eq!(gloss("Pr 0.2\nPm 1"), Some((0.2, 1.0, None)));
+    assert_eq!(gloss("Pr 0.2"), Some((0.2, 0.0, None)));
+    assert_eq!(gloss("Pm 0.5"), Some((1.0, 0.5, None)));
+    for none in ["", "Pm 0", "Ks 1 1 1\nNs 250\nillum 1", "Pr 0.2\nillum 3"] {
+        assert_eq!(gloss(none), None, "{none}");
+    }
+    assert_eq!(gloss("map_Pr r.png"), Some((1.0, 0.0, Some(vec![[255, 51, 255, 255], [255, 255, 255, 255]]))));
+    let both = vec![[255, 51, 102, 255], [255, 255, 102, 255]];
+    assert_eq!(gloss("map_Pr r.png\nmap_Pm p.png\nPr 0.5"), Some((0.5, 1.0, Some(both))));
+    // A mirror that is not sharp. cos^n of n = 126 has α = 1/8.
+    let (roughness, metallic, _) = gloss("illum 3\nKs 0.9 0.9 0.9\nNs 126").unwrap();
+    assert!((roughness * roughness - 0.125).abs() < 1e-6 && metallic == 1.0, "{roughness}");
+    assert_eq!(open_glossy("illum 3\nKs 0.9 0.8 0.7\nNs 126").world.materials[0].albedo, vec3(0.9, 0.8, 0.7));
+}
+
+#[test]
+fn normals_come_from_normal_maps_and_from_heights() {
+    let map = |statements: &str| {
+        let Loaded { world, report, .. } = open_glossy(statements);
+        let map = world.materials[0].normal_map.unwrap();
+        (world.textures[map.texture].texels.clone(), map.scale, report.warnings)
+    };
+    assert_eq!(map("norm blue.png"), (vec![[128, 128, 255, 255]], 1.0, Vec::new()));
+    let (texels, scale, warnings) = map("bump -bm 0.3 blue.png");
+    assert_eq!((texels, scale), (vec![[128, 128, 255, 255]], 1.0));
+    assert!(warnings[0].contains("blue.png is blue as a normal map"), "{warnings:?}");
+    let (texels, scale, warnings) = map("map_bump -bm 0.3 grey.png");
+    assert_eq!((scale, warnings.len()), (0.3, 0));
+    // Heights rise, level out, fall: normals lean against u, stand, lean along it.
+    let slope = 0.5 * 0.01 * 4.0 * 128.0 / 255.0_f32;
+    let lean = (127.5 * (1.0 - slope / slope.hypot(1.0))).round() as u8;
+    assert_eq!([texels[0][0], texels[1][0], texels[2][0], texels[3][0]], [128, lean, 128, 255 - lean]);
+    assert!(texels.iter().all(|texel| texel[1] == 128), "{texels:?}");
+    let unread = open_glossy("bump gone.png");
+    assert!(unread.world.materials[0].normal_map.is_none() && unread.report.warnings[0].contains("gone.png"));
 }
 
 #[test]

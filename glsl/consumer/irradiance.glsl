@@ -25,7 +25,7 @@ void consume(GatherPoint point, PointHit hit, int i)
         radiance = hit_radiance(hit.triangle - 1, hit.position, hit.direction);
 #ifdef GLOSS
     float received = cosine(point, hit.direction);
-    LobeWeights weights = lobe_weights(point.gloss, point.normal, hit.direction);
+    LobeWeights weights = lobe_weights(point.gloss, point.normal, hit.direction, point.gloss.counts > 0.0);
     sum += vec4(radiance, 1.0) * (received * weights.base);
     lobe_sum.rgb += radiance * received * weights.lobe;
     lobe_weight.rgb += received * weights.lobe;

@@ -1,7 +1,7 @@
 // Glossy points: a lobe over a diffuse base. Mirrors src/scene/gloss.rs, which has the model, and `Gloss` in src/points/gloss.rs.
 
 uniform sampler2D point_view;       // xyz: unit vector to the eye; w: width of the lobe, 0 where the point has none and is Lambertian
-uniform sampler2D point_straight;   // rgb: reflectance of the lobe straight on; w: 1, or 0 where only the base counts
+uniform sampler2D point_straight;   // rgb: reflectance of the lobe straight on; w: 1, or 0 where eye rays follow the lobe
 
 struct Gloss
 {
@@ -31,8 +31,8 @@ float smith(float cosine, float alpha)
     return 2.0 * cosine / (cosine + sqrt(alpha * alpha + (1.0 - alpha * alpha) * cosine * cosine));
 }
 
-// The weights of light from the unit vector `light` above the unit `normal`. The twin of `Brdf::weights` in src/scene/gloss.rs.
-LobeWeights lobe_weights(Gloss gloss, vec3 normal, vec3 light)
+// The weights of light from the unit vector `light` above the unit `normal`, for the lobe if it `counts`. The twin of `Brdf::weights` in src/scene/gloss.rs.
+LobeWeights lobe_weights(Gloss gloss, vec3 normal, vec3 light, bool counts)
 {
     vec3 sum = gloss.eye + light;
     vec3 middle = sum * inversesqrt(max(dot(sum, sum), 1e-12));
@@ -41,7 +41,7 @@ LobeWeights lobe_weights(Gloss gloss, vec3 normal, vec3 light)
     float base = gloss.alpha > 0.0 ? 1.0 - s : 1.0;
     float seen = dot(normal, gloss.eye);
     float lit = dot(normal, light);
-    if (gloss.counts == 0.0 || seen <= 0.0 || lit <= 0.0)
+    if (!counts || gloss.alpha == 0.0 || seen <= 0.0 || lit <= 0.0)
         return LobeWeights(base, vec3(0.0));
     vec3 across = cross(normal, middle);
     float cosine = dot(normal, middle);

@@ -78,7 +78,8 @@ impl GlossTextures {
 }
 
 impl GBuffer {
-    /// Finds the gloss of all pixels, in a scene with gloss, that `eye` sees through a pinhole, and turns their normals by normal maps. Albedo is then what the base reflects.
+    /// Finds the gloss of all pixels, in a scene with gloss, that `eye` sees through a pinhole, and turns their normals by normal maps. Albedo is then what
+    /// the base reflects.
     pub fn add_gloss(&mut self, scene: &Scene, eye: Vec3) {
         let Self { position, normal, albedo, .. } = self;
         let look = |((position, normal), albedo): ((&Vec4, &mut Vec4), &mut Vec4)| {

@@ -19,6 +19,8 @@ use crate::scene::{Bvh, Camera, Chance, LobeShares, MOST_SPECULAR, Path, Rays, S
 
 /// Paths to emission end where their transmittance falls below this.
 const LEAST: f32 = 1e-3;
+/// Greatest probability of the lobe in a scene with lights that no ray meets. The paths that end at the surface have their highlights.
+const MOST_BY_LOBE: f32 = 0.75;
 /// Directions of the first lobe along which a pixel's path looks for emission.
 const LOBE_RAYS: u64 = 4;
 
@@ -163,7 +165,9 @@ impl EyeRays<'_> {
         if let Some(brdf) = brdf {
             let LobeShares { base, lobe, .. } = brdf.shares(normal.dot(eye));
             if !brdf.is_rough() {
-                let probability = (throughput * lobe).element_sum() / (throughput * (base + lobe)).element_sum();
+                let most = if self.scene.lights.is_empty() { 1.0 } else { MOST_BY_LOBE };
+                let share = (throughput * lobe).element_sum() / (throughput * (base + lobe)).element_sum();
+                let probability = share.min(most);
                 if *choice < probability {
                     *choice /= probability;
                     return path.leave_by_lobe(self.scene, (&brdf, normal), numbers).map(|weight| weight / probability);

@@ -209,7 +209,7 @@ pub fn albedo_at(scene: &Scene, position: [f64; 3]) -> Vec3 {
         let weights = scene.mesh.barycentric(triangle, position);
         let [a, b, c] = scene.mesh.corners(triangle);
         let on = a * weights.x + b * weights.y + c * weights.z;
-        (weights.min_element() >= -1e-5 && on.distance(position) < 1e-5).then(|| scene.albedo(triangle, weights))
+        (weights.min_element() >= -1e-5 && on.distance(position) < 1e-5).then(|| scene.base_color(triangle, weights))
     });
     found.unwrap_or_else(|| panic!("no triangle at {position}"))
 }

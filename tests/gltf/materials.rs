@@ -1,6 +1,6 @@
 //! Materials and textures.
 
-use finalgather::scene::{Opacity, Sampler, Surface, World, WrapMode};
+use finalgather::scene::{Gloss, NormalMap, Opacity, Sampler, Surface, World, WrapMode};
 use glam::{Vec2, Vec3, vec3};
 use image::ImageFormat;
 use serde_json::{Value, json};
@@ -150,8 +150,11 @@ fn mirrors_and_glass() {
     assert_eq!((mirror.surface, mirror.albedo, mirror.unshaded.len()), (Surface::Mirror, vec3(0.9, 0.8, 0.7), 0));
     let dull = metal(1.0, 0.3);
     assert_eq!((dull.surface, dull.albedo), (Surface::Diffuse, vec3(0.9, 0.8, 0.7)));
-    assert_eq!(dull.unshaded, ["metallic 1", "roughness 0.3"]);
-    assert_eq!(metal(0.0, 1.0).unshaded, [""; 0]);
+    let gloss = |metal: &finalgather::scene::Material| metal.gloss.map(|gloss| (gloss.metallic, gloss.roughness, gloss.specular));
+    assert_eq!((gloss(&dull), dull.unshaded.len()), (Some((1.0, 0.3, Vec3::splat(0.04))), 0));
+    assert_eq!(gloss(&metal(0.0, 1.0)), Some((0.0, 1.0, Vec3::splat(0.04))));
+    // Without keys a material is a rough metal.
+    assert_eq!(gloss(&material(json!({ "pbrMetallicRoughness": {} }))), Some((1.0, 1.0, Vec3::splat(0.04))));
     let glass = |extensions: Value, roughness: f32| {
         let base = json!({ "baseColorFactor": [1.0, 0.5, 0.25, 1.0], "metallicFactor": 0, "roughnessFactor": roughness });
         material(json!({ "pbrMetallicRoughness": base, "extensions": extensions }))
@@ -166,10 +169,9 @@ fn mirrors_and_glass() {
     let Surface::Glass { index, filter } = glass(extensions.clone(), 0.0).surface else { panic!("no glass") };
     assert!(index == 1.4 && filter.distance(vec3(0.25, 0.5, 0.25)) < 1e-6, "{index} {filter}");
     let frosted = glass(extensions, 0.4);
-    assert_eq!(
-        (frosted.surface, &frosted.unshaded[..]),
-        (Surface::Diffuse, &["roughness 0.4".to_owned(), "transmission 1".to_owned()][..])
-    );
+    assert_eq!((frosted.surface, &frosted.unshaded[..]), (Surface::Diffuse, &["transmission 1".to_owned()][..]));
+    // ((1.4 - 1) / (1.4 + 1))²
+    assert!((frosted.gloss.unwrap().specular - Vec3::splat(1.0 / 36.0)).length() < 1e-6, "{:?}", frosted.gloss);
 }
 
 /// As the samples `UnlitTest`, `AlphaBlendModeTest`, `NormalTangentTest`, `SpecularTest`, `ClearCoatTest`: noted for a later version.
@@ -191,20 +193,12 @@ fn what_is_not_shown_is_noted() {
     model.texture(&png(1, &[[255; 3]]), json!({}));
     model.json["images"][0]["name"] = json!("bumps");
     let material = model.world().materials.swap_remove(0);
-    let expected = [
-        "metallic 0.5",
-        "metallic-roughness texture bumps",
-        "normal map bumps",
-        "unlit",
-        "specular 0.5 of colour 1 1 1",
-        "index of refraction 1.8",
-        "clearcoat",
-    ];
+    let expected = ["unlit", "clearcoat"];
     assert_eq!(material.unshaded, expected);
     assert_eq!((material.name.as_str(), material.albedo, material.surface), ("all", Vec3::splat(0.5), Surface::Diffuse));
     let warnings = model.load_with(crate::build::options()).unwrap().report.warnings;
     assert_eq!(warnings.len(), 1);
-    assert!(warnings[0].contains("what pictures do not show yet: all (metallic 0.5, "), "{warnings:?}");
+    assert!(warnings[0].contains("what pictures do not show yet: all (unlit, "), "{warnings:?}");
 }
 
 /// As the samples `AlphaBlendModeTest` and `AlphaBlendLitTest`: the factor's alpha multiplies that of the texture, which an opaque material ignores.
@@ -244,7 +238,41 @@ fn specular_glossiness() {
     model.json["materials"][0] = json!({ "extensions": { "KHR_materials_pbrSpecularGlossiness": old } });
     let world = model.world();
     assert_eq!(tiles_of(&world), [Vec3::X, Vec3::Y, Vec3::Z, Vec3::ONE].map(|color| 0.5 * color));
-    assert_eq!(world.materials[0].unshaded, ["specular 1 1 1, glossiness 0.75"]);
+    let material = &world.materials[0];
+    assert_eq!(
+        (material.gloss, material.unshaded.len()),
+        (Some(Gloss { roughness: 0.25, specular: Vec3::ONE, ..Gloss::default() }), 0)
+    );
+}
+
+/// As the samples `NormalTangentTest` and `SpecularTest`.
+#[test]
+fn gloss_and_normal_maps_share_the_coordinates_of_the_base_colour() {
+    let transform = json!({ "KHR_texture_transform": { "scale": [2.0, 2.0] } });
+    let build = |of_base: Value, of_gloss: Value, of_normal: Value| {
+        let info = |extensions: Value| json!({ "index": 0, "extensions": extensions });
+        let mut model = Model::square(json!({
+            "pbrMetallicRoughness": {
+                "baseColorTexture": info(of_base), "metallicRoughnessTexture": info(of_gloss), "metallicFactor": 0.25, "roughnessFactor": 0.5,
+            },
+            "normalTexture": { "index": 0, "scale": 0.75, "extensions": of_normal },
+            "extensions": { "KHR_materials_specular": { "specularFactor": 0.5, "specularColorFactor": [1.0, 0.5, 30.0] } },
+        }));
+        model.texture(&png(1, &[[255; 3]]), json!({}));
+        model.world().materials.swap_remove(0)
+    };
+    for same in [json!({}), transform.clone()] {
+        let material = build(same.clone(), same.clone(), same);
+        let expected =
+            Gloss { roughness: 0.5, metallic: 0.25, specular: vec3(0.02, 0.01, 0.5), texture: material.albedo_texture };
+        let gloss = material.gloss.unwrap();
+        assert!((gloss.specular - expected.specular).length() < 1e-6, "{gloss:?}");
+        assert_eq!(Gloss { specular: expected.specular, ..gloss }, expected);
+        assert_eq!(material.normal_map, Some(NormalMap { texture: 0, scale: 0.75 }));
+        assert!(material.unshaded.is_empty(), "{:?}", material.unshaded);
+    }
+    let material = build(json!({}), transform.clone(), transform);
+    assert_eq!((material.gloss, material.normal_map, material.unshaded.len()), (None, None, 2));
 }
 
 /// As the sample `TextureEncodingTest` and `EXT_texture_webp`: PNG, JPEG and WebP, told by their bytes.

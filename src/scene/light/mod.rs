@@ -61,7 +61,8 @@ pub struct LightSample {
     pub normal: Vec3,
     /// Over the density of the sample: radiance, per area or per solid angle; without a surface the intensity, of a cone on its axis.
     pub weight: Vec3,
-    /// Scale and offset. At an angle of cosine c from the axis there is clamp(scale c + offset, 0, 1)² of the intensity. Of w 2 only.
+    /// Scale and offset. At an angle of cosine c from the axis there is clamp(scale c + offset, 0, 1)² of the intensity. Of w 2 only. Other lights
+    /// have [0, 0], or [0, 1] if rays do not meet them.
     pub cone: [f32; 2],
 }
 
@@ -74,6 +75,11 @@ impl LightSample {
     /// At a point of a lamp that is sampled with this probability.
     fn on_lamp(LightPoint { position, normal, radiance_area, .. }: LightPoint, probability: f32) -> Self {
         Self::of_side((position + LIGHT_OFFSET * normal).extend(1.0), normal, radiance_area / probability)
+    }
+
+    /// The same of a light that no ray meets.
+    fn unseen(self) -> Self {
+        Self { cone: [0.0, 1.0], ..self }
     }
 
     /// For a receiver at `origin`: the unit vector towards the sample, the length of the shadow ray, and the irradiance on a surface that faces it. The

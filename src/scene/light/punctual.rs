@@ -293,7 +293,7 @@ impl DistantLights {
     /// As [`super::Lights::sample`].
     pub fn sample(&self, probability: f32, square: [f32; 2]) -> LightSample {
         let (to_light, weight) = self.direction(square);
-        LightSample::of_side(to_light.extend(0.0), -to_light, weight / probability)
+        LightSample::of_side(to_light.extend(0.0), -to_light, weight / probability).unseen()
     }
 
     /// A direction to a light, and radiance over density.

@@ -12,6 +12,9 @@ use crate::scene::{Gloss, NormalMap};
 impl MaterialReading<'_, '_, '_> {
     /// The gloss of a material that is no mirror and no glass.
     pub(super) fn gloss(&mut self, loader: &mut Loader, extensions: &extension::Material) -> Result<Option<Gloss>> {
+        if extensions.unlit.is_some() {
+            return Ok(None);
+        }
         if let Some(old) = &extensions.pbr_specular_glossiness {
             if old.specular_glossiness_texture.is_some() {
                 // Without the texture its factors would make all of it a mirror.
@@ -41,8 +44,8 @@ impl MaterialReading<'_, '_, '_> {
 
     /// Reflectance of the dielectric straight on, by its index of refraction and by `KHR_materials_specular`.
     fn specular(&mut self, extensions: &extension::Material) -> Vec3 {
-        let index = extensions.ior.as_ref().map_or(1.5, |ior| ior.ior.0);
-        let straight = ((index - 1.0) / (index + 1.0)).powi(2);
+        let of_index = |index: f32| ((index - 1.0) / (index + 1.0)).powi(2);
+        let straight = extensions.ior.as_ref().map_or(Gloss::SPECULAR, |ior| of_index(ior.ior.0));
         let Some(specular) = &extensions.specular else { return Vec3::splat(straight).clamp(Vec3::ZERO, Vec3::ONE) };
         self.note_texture("specular texture", specular.specular_texture.as_ref());
         self.note_texture("specular colour texture", specular.specular_color_texture.as_ref());

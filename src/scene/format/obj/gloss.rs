@@ -48,6 +48,12 @@ impl GlossStatements {
         true
     }
 
+    /// Makes it a metal with a highlight of this Phong exponent, as far as it says nothing else. A lobe cos^n has about the width α² = 2/(n + 2).
+    pub fn reflect_by_exponent(&mut self, exponent: f32) {
+        self.roughness.get_or_insert((2.0 / (exponent.max(0.0) + 2.0)).powf(0.25));
+        self.metallic.get_or_insert(1.0);
+    }
+
     /// The gloss and the normals of a material of this surface. `placement` is that of the textures before. `unshaded` gets what is not shown.
     pub fn finish(
         self,
@@ -68,8 +74,9 @@ impl GlossStatements {
             }
             Ok(texture)
         };
-        let said =
-            self.roughness.is_some() || self.metallic.is_some() || self.roughness_map.is_some() || self.metallic_map.is_some();
+        let maps = self.roughness_map.is_some() || self.metallic_map.is_some();
+        // Exporters write `Pm 0` of anything.
+        let said = maps || self.roughness.is_some() || self.metallic.is_some_and(|metallic| metallic > 0.0);
         let gloss = if said && surface == Surface::Diffuse {
             let rough = texture(pictures, "roughness map", &self.roughness_map)?;
             let metal = texture(pictures, "metalness map", &self.metallic_map)?;

@@ -2,7 +2,7 @@
 //!
 //! Shaded statements: `Kd`, `Ke`, `map_Kd`, `map_Ke`, `d`, `Tr`, `map_d`. `illum` 3 or 5 is a mirror, 4, 6 or 7 glass. Only these use `Ks` (mirror
 //! reflectance), `Ni` (index of refraction), `Tf` (filter) and `Ns` (sharp or glossy). Only glass has a Fresnel term, not `illum` 5.
-//! `unshaded.rs` notes what is read and not shaded, and `picture.rs` reads the statements that name pictures.
+//! `gloss.rs` reads gloss and normals. `unshaded.rs` notes what is read and not shaded, and `picture.rs` reads the statements that name pictures.
 
 use std::path::Path;
 
@@ -52,6 +52,16 @@ struct MtlScanner<'a> {
     warnings: &'a mut Warnings,
 }
 
+/// What `illum` makes of a material.
+#[derive(Default)]
+struct MtlSurface {
+    surface: Surface,
+    /// If it is not `Kd`.
+    reflectance: Option<Vec3>,
+    /// Of a mirror that is not sharp.
+    exponent: Option<f32>,
+}
+
 /// The statements of one material.
 #[derive(Default)]
 struct Statements {
@@ -75,12 +85,12 @@ struct Statements {
 }
 
 impl Statements {
-    /// The material, with the surface kind and the reflectance if that is not `Kd`.
-    fn finish(
-        mut self,
-        pictures: &mut Pictures,
-        (surface, reflectance): (Surface, Option<Vec3>),
-    ) -> Result<(Material, Placement)> {
+    /// The material.
+    fn finish(mut self, pictures: &mut Pictures, looks: MtlSurface) -> Result<(Material, Placement)> {
+        let MtlSurface { surface, reflectance, exponent } = looks;
+        if let Some(exponent) = exponent {
+            self.gloss.reflect_by_exponent(exponent);
+        }
         let open = |picture| pictures.texture(picture, "the material has its Kd alone");
         let texture = self.texture.as_ref().map(open).transpose()?.flatten();
         let mut placement = self.texture.as_ref().filter(|_| texture.is_some()).map(|picture| picture.placement);
@@ -91,8 +101,10 @@ impl Statements {
         }
         // A texture without `Kd` shows its own colours.
         let unsaid = if texture.is_some() { Vec3::ONE } else { Material::GREY };
-        let gloss = self.optics.iter().map(|(keyword, _, text)| (*keyword, text.as_str()));
-        let mut unshaded = std::mem::take(&mut self.unshaded).notes(surface, gloss);
+        let mut of_gloss = Vec::new();
+        let (gloss, normal_map) = std::mem::take(&mut self.gloss).finish(pictures, surface, &mut placement, &mut of_gloss)?;
+        let highlights = self.optics.iter().filter(|_| gloss.is_none()).map(|(keyword, _, text)| (*keyword, text.as_str()));
+        let mut unshaded = std::mem::take(&mut self.unshaded).notes(surface, highlights);
         let opacity = match surface {
             Surface::Glass { .. } => Opacity::default(),
             _ => self.opacity(pictures, texture, &mut placement, &mut unshaded)?,
@@ -100,7 +112,7 @@ impl Statements {
         if let Some(picture) = self.glow.as_ref().filter(|_| emission_texture.is_none()) {
             unshaded.push(format!("emission map {}", picture.base()));
         }
-        let (gloss, normal_map) = self.gloss.finish(pictures, surface, &mut placement, &mut unshaded)?;
+        unshaded.extend(of_gloss);
         let material = Material {
             name: self.name,
             albedo: reflectance.or(self.diffuse).unwrap_or(unsaid),
@@ -216,22 +228,21 @@ impl MtlScanner<'_> {
         self.materials.last_mut().expect("a newmtl stands before")
     }
 
-    /// Surface kind, and reflectance if that is not `Kd`. Only values in use are checked, because exporters write these keywords everywhere.
-    fn surface(&mut self, statements: &[(&'static str, usize, String)]) -> Result<(Surface, Option<Vec3>)> {
+    /// Only values in use are checked, because exporters write these keywords everywhere.
+    fn surface(&mut self, statements: &[(&'static str, usize, String)]) -> Result<MtlSurface> {
         let said = |keyword: &str| statements.iter().rev().find(|statement| statement.0 == keyword);
         let number = |keyword: &str| said(keyword).map(|(_, _, text)| text.trim().parse().unwrap_or(f32::NAN));
-        let Some((_, line, illum)) = said("illum") else { return Ok((Surface::Diffuse, None)) };
+        let Some((_, line, illum)) = said("illum") else { return Ok(MtlSurface::default()) };
         self.line = *line;
         let mirror = matches!(illum.trim(), "3" | "5");
         if !mirror && !matches!(illum.trim(), "4" | "6" | "7") {
-            return Ok((Surface::Diffuse, None));
+            return Ok(MtlSurface::default());
         }
-        if let Some(gloss) = number("Ns").filter(|&gloss| gloss < SHARP) {
-            let kind = if mirror { "a mirror" } else { "glass" };
-            let text =
-                || format!("illum says {kind}, but Ns {gloss} is below {SHARP}: gloss is not rendered, it is taken as diffuse");
+        let exponent = number("Ns").filter(|&exponent| exponent < SHARP);
+        if let Some(exponent) = exponent.filter(|_| !mirror) {
+            let text = || format!("illum says glass, but Ns {exponent} is below {SHARP}: rough glass is taken as diffuse");
             self.warnings.tell(Place { path: self.path, line: Some(self.line) }, "gloss", &text);
-            return Ok((Surface::Diffuse, None));
+            return Ok(MtlSurface::default());
         }
         let mut color = |keyword: &'static str| match said(keyword) {
             None => Ok(Vec3::ONE),
@@ -241,17 +252,21 @@ impl MtlScanner<'_> {
             }
         };
         if mirror {
-            return Ok((Surface::Mirror, Some(color("Ks")?)));
+            let surface = if exponent.is_some() { Surface::Diffuse } else { Surface::Mirror };
+            return Ok(MtlSurface { surface, reflectance: Some(color("Ks")?), exponent });
         }
         let glass = Surface::Glass { index: number("Ni").unwrap_or(Surface::GLASS_INDEX), filter: color("Tf")? };
         self.line = said("Ni").map_or(*line, |(_, line, _)| *line);
         match glass.check() {
-            Ok(glass) => Ok((glass, None)),
+            Ok(surface) => Ok(MtlSurface { surface, ..MtlSurface::default() }),
             Err((problem, cure)) => {
                 let mend = format!("it is {}", Surface::GLASS_INDEX);
                 self.mend("Ni", &|| problem.clone(), &mend, cure)?;
-                let Surface::Glass { filter, .. } = glass else { return Ok((glass, None)) };
-                Ok((Surface::Glass { index: Surface::GLASS_INDEX, filter }, None))
+                let surface = match glass {
+                    Surface::Glass { filter, .. } => Surface::Glass { index: Surface::GLASS_INDEX, filter },
+                    other => other,
+                };
+                Ok(MtlSurface { surface, ..MtlSurface::default() })
             }
         }
     }
