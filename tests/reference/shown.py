@@ -13,9 +13,11 @@ A scene NAME is NAME.toml, NAME.obj and NAME.mtl. Units are metres, y is up.
 
 References are means over 8 x 8 pixels:
 
-    python3 tests/reference/path_trace.py FOLDER/blind.toml FOLDER/blind.exr --size 256x192 --spp 1024 --blocks tests/reference/shown/blind.exr
+    python3 tests/reference/path_trace.py FOLDER/blind.toml FOLDER/blind.exr --size 256x192 --spp 768 --brightest 1000 \\
+        --blocks tests/reference/shown/blind.exr
 
-The hall takes `--many-lamps`.
+The still life takes 1024 paths and `--brightest 1000`, the screen 512 paths. The hall is a sum: 384 paths with `--many-lamps`, and 256 with
+`--lights-alone --add` of that picture.
 """
 import argparse
 import math
