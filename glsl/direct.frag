@@ -16,7 +16,7 @@ uniform vec4 lamp_numbers[LIGHTS];  // of a sample by the tree: xy: uniform; z: 
 uniform vec4 light_places[LIGHTS];  // w 0: unit vector towards a light outside the scene; 1: position; 2: of a cone; 3: centre of a sphere
 uniform vec4 light_normals[LIGHTS]; // unit normal of the emitting side; outside the scene the vector towards it, turned round; of a cone its axis,
                                     // w: its scale; of a sphere a point of the unit disc and the radius
-uniform vec4 light_weights[LIGHTS]; // radiance over the density of the sample, per area or per solid angle; w: offset of a cone
+uniform vec4 light_weights[LIGHTS]; // radiance over the density of the sample, per area or per solid angle; w: offset of a cone, 1 if no ray meets it
 #endif
 uniform int sample_count;
 uniform int ray_samples;            // samples that share a ray; the last ray may have fewer
@@ -114,7 +114,7 @@ void main()
 #ifdef GLOSS
             LobeWeights weights = lobe_weights(point.gloss, point.normal, ray.xyz, point.gloss.counts > 0.0 || unseen);
             vec3 lobe = light != vec3(0.0) ? light * weights.lobe : vec3(0.0);
-            light *= weights.base;
+            light = light != vec3(0.0) ? light * weights.base : vec3(0.0);
             lobe_sum += lobe;
             // In this measure a white base and the lobe count alike.
             float power = dot(light + 3.14159265 * lobe, vec3(1.0));

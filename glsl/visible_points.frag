@@ -26,12 +26,14 @@ layout(location = 3) out vec4 emission_out;     // without its texture; w: dista
 
 void main()
 {
+    Surface surface = fetch_surface(surface_triangle);
+    // Before any fragment is discarded: the level of detail comes from its neighbours.
+    vec3 texel = texture(albedo_texture, texture_coordinates(surface, surface_position)).rgb;
 #ifdef CUT_OUTS
     ivec2 pixel = ivec2(gl_FragCoord.xy);
     if (is_cut(surface_triangle, surface_position, uint(pixel.y * picture_width + pixel.x), surface_number))
         discard;
 #endif
-    Surface surface = fetch_surface(surface_triangle);
     vec3 to_eye = eye - surface_position;
     bool front = dot(surface.normal, to_eye) > 0.0;
     vec3 geometric = front ? surface.normal : -surface.normal;
@@ -42,7 +44,6 @@ void main()
     vec2 code = octahedral_encode(geometric);
     position_out = vec4(surface_position, code.x);
     normal_out = vec4(shading, code.y);
-    vec3 texel = texture(albedo_texture, texture_coordinates(surface, surface_position)).rgb;
     vec4 plain = texelFetch(materials, material_texel(surface), 0);
     vec3 color = (int(plain.a) & 2) != 0 ? vertex_color(surface_triangle, surface_position) : vec3(1.0);
     albedo_out = vec4(plain.rgb * texel * color, float(surface_triangle));

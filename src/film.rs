@@ -128,7 +128,7 @@ impl Film {
             let gloss = &g_buffer.gloss[i];
             LobePixel {
                 indirect: gloss.throughput * gloss.lobe_share() * sums.lobes[i].truncate(),
-                weight: sums.weights[i].truncate(),
+                weight: if gloss.counts { sums.weights[i].truncate() } else { Vec3::ZERO },
                 gathered: if gloss.counts { n } else { 0.0 },
             }
         };

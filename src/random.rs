@@ -114,12 +114,6 @@ impl Distribution {
         Self { cumulative: weights.into_iter().map(add).collect() }
     }
 
-    /// The probability of each slot.
-    pub fn probabilities(&self) -> impl Iterator<Item = f32> {
-        let before = [0.0].into_iter().chain(self.cumulative.iter().copied());
-        self.cumulative.iter().zip(before).map(|(sum, before)| sum - before)
-    }
-
     /// Picks a slot by a uniform number. Returns the slot, a new uniform number from the rest of the given one, and the slot's probability.
     pub fn pick(&self, number: f32) -> (usize, f32, f32) {
         let slot = self.cumulative.partition_point(|&sum| sum <= number).min(self.cumulative.len() - 1);

@@ -169,7 +169,7 @@ fn what_is_not_shaded_yet_is_told() {
     for statements in ["d 1", "Tr 0", "Ks 0 0 0\nNs 10", "Ks 1 1 1\nillum 1", "Pm 0", "d 0.1\nillum 4"] {
         check(QUAD, &format!("{WALL}{statements}\n"), RED, 2, "");
     }
-    let mtl = (0..9).map(|index| format!("newmtl m{index}\nPr 0.5\n")).collect::<String>();
+    let mtl = (0..9).map(|index| format!("newmtl m{index}\nKs 1 1 1\nillum 2\n")).collect::<String>();
     let obj = (0..9).map(|index| format!("usemtl m{index}\nf 1 2 3\n")).collect::<String>();
     let loaded = open(&[("m.obj", format!("mtllib m.mtl\n{CORNERS}{obj}").as_bytes()), ("m.mtl", mtl.as_bytes())]);
     assert!(loaded.report.warnings[0].starts_with("9 materials have") && loaded.report.warnings[0].ends_with("and 4 more"));

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use common::{Model, gpu};
 use finalgather::error::Error;
 use finalgather::render::Render;
-use finalgather::scene::{Files, LoadOptions, Mesh, World};
+use finalgather::scene::{Files, LoadOptions, Mesh, Triangle, World};
 use finalgather::settings::{Pipeline, Settings};
 use glam::{Vec3, vec3};
 
@@ -59,7 +59,7 @@ fn edges_of_a_cube_stay_sharp_unless_they_are_asked_for() {
         }
         for quad in [[0u32, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]] {
             for vertices in [[quad[0], quad[1], quad[2]], [quad[0], quad[2], quad[3]]] {
-                mesh.triangles.push(finalgather::scene::Triangle { vertices, material: 0 });
+                mesh.triangles.push(Triangle { vertices, material: 0 });
             }
         }
         mesh
@@ -73,10 +73,28 @@ fn edges_of_a_cube_stay_sharp_unless_they_are_asked_for() {
     for (position, uv) in sharp.positions.iter().zip(&sharp.uvs) {
         assert_eq!(of[&position.to_array().map(f32::to_bits)], uv.x);
     }
+    let mut all_sharp = cube();
+    all_sharp.smooth(0.0);
+    assert_eq!(all_sharp.positions.len(), 24);
+    assert!(most(&angles(&all_sharp, |_, face| face)) < 0.01);
     let mut round = cube();
     round.smooth(100.0);
     assert_eq!(round.positions.len(), 8);
     assert!(most(&angles(&round, |position, _| position.normalize())) < 0.01);
+}
+
+/// Two faces back to back have no mean.
+#[test]
+fn leaves_with_two_faces_have_the_normals_of_both() {
+    let mut model = Model::new();
+    let corners = [vec3(0.1, 0.2, 0.3), vec3(0.9, 0.35, 0.1), vec3(0.4, 0.8, 0.7)];
+    for vertices in [[0u32, 1, 2], [0, 2, 1]] {
+        let vertices = vertices.map(|corner| model.vertex(corners[corner as usize]));
+        model.scene.mesh.triangles.push(Triangle { vertices, material: 0 });
+    }
+    let mut mesh = model.scene.mesh;
+    mesh.smooth(180.0);
+    assert!(most(&angles(&mesh, |_, face| face)) < 0.1, "{:?}", mesh.normals);
 }
 
 #[test]
@@ -128,7 +146,7 @@ fn scene_files_and_options_ask_for_it() {
 fn smooth_surfaces_do_not_see_through_themselves() {
     let mut model = Model::new();
     let lamp = model.material(Vec3::ZERO, Vec3::splat(100.0));
-    model.sphere(Vec3::ZERO, 1.0, 5, false, 0);
+    model.sphere(Vec3::ZERO, 1.0, 6, false, 0);
     model.sphere(Vec3::ZERO, 0.5, 4, false, lamp);
     let mut world = model.world();
     world.smooth(180.0);

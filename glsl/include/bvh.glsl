@@ -43,7 +43,8 @@ int triangle_at(int place)
 
 // Both sides of a triangle count. Its plane gives the distance; the weights of the corners at that position show whether the ray meets the triangle
 // (Baldwin and Weber 2016, "Fast ray-triangle intersections by coordinate transformation").
-void meet_triangle(int place, vec3 origin, vec3 direction, inout BvhHit nearest)
+// `last` is the place behind its leaf.
+void meet_triangle(int place, int last, vec3 origin, vec3 direction, inout BvhHit nearest)
 {
     ivec2 texel = table_texel(place);
     vec4 plane = texelFetch(bvh_triangles, texel, 0);
@@ -55,7 +56,8 @@ void meet_triangle(int place, vec3 origin, vec3 direction, inout BvhHit nearest)
     float v = dot(third.xyz, position) + third.w;
     bool met = distance > 0.0 && distance < nearest.distance && min(min(u, v), 1.0 - u - v) >= 0.0;
 #ifdef CUT_OUTS
-    if (met) {
+    // What a ray without a leaf tests would take its share of the light twice.
+    if (met && place < last) {
         int triangle = triangle_at(place);
 #ifdef ANY_HIT
         nearest.passed *= is_cut_out(triangle) ? 1.0 - opacity(triangle, position) : 0.0;
@@ -100,7 +102,7 @@ BvhHit nearest_hit(vec3 origin, vec3 direction, float reach)
         int place = leaf >> 3;
         int last = place + (leaf & 7);
         do {
-            meet_triangle(place, origin, direction, nearest);
+            meet_triangle(place, last, origin, direction, nearest);
             ++place;
         } while (place < last);
 #ifdef ANY_HIT

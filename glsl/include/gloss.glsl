@@ -1,4 +1,4 @@
-// Glossy points: a lobe over a diffuse base. Mirrors src/scene/gloss.rs, which has the model, and `Gloss` in src/points/gloss.rs.
+// Glossy points: a lobe over a diffuse base. Mirrors src/scene/gloss.rs, which has the model, and `PointGloss` in src/points/gloss.rs.
 
 uniform sampler2D point_view;       // xyz: unit vector to the eye; w: width of the lobe, 0 where the point has none and is Lambertian
 uniform sampler2D point_straight;   // rgb: reflectance of the lobe straight on; w: 1, or 0 where eye rays follow the lobe

@@ -9,21 +9,20 @@ use crate::points::GatherPoint;
 use crate::prepared::Prepared;
 use crate::quantity::Quantity;
 use crate::random::{shuffled, sobol};
-use crate::scene::{Lights, RAY_OFFSET};
+use crate::scene::{Lights, RAY_OFFSET, Rays};
 
 /// The fewest samples of a light that is no point.
 const FEWEST: u32 = 16;
 
-/// Adds the lights without a surface to the columns of [`Quantity::Sh`], of `order` bands. `samples`: rays of a point to all of them, but one at least
-/// to each.
+/// Adds the lights without a surface to the columns of [`Quantity::Sh`], of `order` bands. `samples`: rays of a point to all of them, but one to each
+/// sharp one and [`FEWEST`] at least to each other.
 pub fn add_lights(columns: &mut [Channel], order: usize, prepared: &Prepared, points: &[GatherPoint], samples: u32) {
     let Prepared { scene, bvh, .. } = prepared;
     let shining: Vec<_> = scene.lights.iter().filter(|light| light.shines()).collect();
     let each = (samples / (shining.len() as u32).max(1)).max(FEWEST);
     let lights: Vec<_> =
         shining.iter().map(|&light| (Lights::without_surface([light]), if light.is_sharp() { 1 } else { each })).collect();
-    // A count of references cannot go to other threads.
-    let bvh: &crate::scene::Bvh = bvh;
+    let rays = Rays::new(scene, bvh);
     let coefficients = |(index, point): (usize, &GatherPoint)| {
         let origin = point.position + RAY_OFFSET * point.surface_normal;
         let mut sums = vec![Vec3::ZERO; order * order];
@@ -33,8 +32,10 @@ pub fn add_lights(columns: &mut [Channel], order: usize, prepared: &Prepared, po
                 let place = shuffled((index as u32).wrapping_mul(*samples).wrapping_add(sample), 0);
                 let (direction, reach, facing) = light.sample(sobol(place, 0)).seen_from(origin);
                 let sees = point.surface_normal.dot(direction) > 0.0 && facing != Vec3::ZERO;
-                if sees && bvh.nearest(origin, direction, None).is_none_or(|hit| hit.distance >= reach) {
-                    sums.iter_mut().zip(basis(direction)).for_each(|(sum, basis)| *sum += basis / *samples as f32 * facing);
+                let passed = if sees { rays.transmittance(origin, direction, reach) } else { 0.0 };
+                if passed > 0.0 {
+                    let received = passed / *samples as f32 * facing;
+                    sums.iter_mut().zip(basis(direction)).for_each(|(sum, basis)| *sum += basis * received);
                 }
             }
         }

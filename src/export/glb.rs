@@ -376,6 +376,11 @@ impl Builder {
         let mut indices = Vec::new();
         for (index, texture) in surface.textures.iter().enumerate() {
             let is_albedo = surface.materials.iter().any(|material| material.albedo_texture == Some(index));
+            if !is_albedo && !surface.materials.iter().any(|material| material.emission_texture == Some(index)) {
+                // No material of the file names it.
+                indices.push(usize::MAX);
+                continue;
+            }
             let name = if is_albedo { "albedo" } else { "emission" };
             let rgb: Vec<u8> = texture.texels.iter().flat_map(|&[r, g, b, _]| [r, g, b]).collect();
             indices.push(self.texture(name, &encode_png(texture.width as usize, texture.height as usize, &rgb)?));

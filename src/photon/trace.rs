@@ -238,7 +238,8 @@ impl<'a> PhotonTracer<'a> {
             // Light of a lamp that mirrors reflect is a caustic. Gather rays must not count it again.
             let gloss = path.gloss(self.scene);
             if surface == Surface::Diffuse || surface == Surface::Mirror && diffuse > 0 {
-                let stored = gloss.map_or(flux, |(brdf, normal)| flux * self.stored_share(&path, &brdf, normal, diffuse > 0));
+                let stored =
+                    gloss.map_or(flux, |(brdf, normal)| flux * self.stored_share(triangle, &path, (&brdf, normal), diffuse > 0));
                 hits.push((index(triangle, &path), stored));
             }
             if let Some((brdf, normal)) = gloss {
@@ -276,10 +277,12 @@ impl<'a> PhotonTracer<'a> {
 
     /// What a glossy surface stores of a photon. Gather rays take it for Lambertian, with what it reflects of even light. This photon has it reflect another
     /// share. Of light from a lamp, not yet `scattered`, the narrow lobe's part belongs to caustics.
-    fn stored_share(&self, path: &Path, brdf: &Brdf, normal: Vec3, scattered: bool) -> Vec3 {
+    fn stored_share(&self, triangle: usize, path: &Path, (brdf, normal): (&Brdf, Vec3), scattered: bool) -> Vec3 {
         let LobeShares { base, lobe, .. } = brdf.shares(-normal.dot(path.direction));
         let counted = if scattered || brdf.is_rough() { base + lobe } else { base };
-        counted / brdf.reflectance().max(Vec3::splat(f32::MIN_POSITIVE))
+        // With a texture of gloss its mean reflects, not this place.
+        let albedo = self.scene.albedo(triangle, self.scene.mesh.barycentric(triangle, path.origin));
+        counted / albedo.max(Vec3::splat(f32::MIN_POSITIVE))
     }
 
     /// Reflects a photon by the lobe or the base of a glossy surface, with Russian roulette. Returns its flux and whether it took the lobe; `None` if it ends.

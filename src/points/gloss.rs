@@ -83,7 +83,7 @@ impl GBuffer {
     pub fn add_gloss(&mut self, scene: &Scene, eye: Vec3) {
         let Self { position, normal, albedo, .. } = self;
         let look = |((position, normal), albedo): ((&Vec4, &mut Vec4), &mut Vec4)| {
-            // The ground has a point and no triangle.
+            // Pixels without a surface have no triangle.
             let Some(point) = GatherPoint::decode(*position, *normal).filter(|_| albedo.w > 0.0) else {
                 return PointGloss::default();
             };

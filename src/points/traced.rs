@@ -168,7 +168,7 @@ impl EyeRays<'_> {
                 let most = if self.scene.lights.is_empty() { 1.0 } else { MOST_BY_LOBE };
                 let share = (throughput * lobe).element_sum() / (throughput * (base + lobe)).element_sum();
                 let probability = share.min(most);
-                if *choice < probability {
+                if *choice < probability || probability >= 1.0 {
                     *choice /= probability;
                     return path.leave_by_lobe(self.scene, (&brdf, normal), numbers).map(|weight| weight / probability);
                 }

@@ -155,26 +155,28 @@ impl Scene {
 
     /// Whether a surface is glossy.
     pub fn is_glossy(&self) -> bool {
-        self.used_materials().any(|material| material.shaded_gloss().is_some())
+        self.uses(|material| material.shaded_gloss().is_some())
     }
 
     /// Whether light may come to a diffuse surface by mirrors, glass and narrow lobes alone.
     pub fn has_caustics(&self) -> bool {
-        self.used_materials().any(|material| material.is_specular() || material.may_be_narrow())
+        self.uses(|material| material.is_specular() || material.may_be_narrow())
     }
 
     /// Whether a normal map turns shading normals.
     pub fn has_normal_maps(&self) -> bool {
-        self.used_materials().any(|material| material.normal_map.is_some())
+        self.uses(|material| material.normal_map.is_some())
     }
 
-    fn used_materials(&self) -> impl Iterator<Item = &Material> {
-        self.mesh.triangles.iter().map(|triangle| &self.materials[triangle.material as usize])
+    /// Whether a surface has a material of which `is` holds. Few scenes look at all their triangles for that.
+    fn uses(&self, is: impl Fn(&Material) -> bool) -> bool {
+        let of_triangle = |triangle: &Triangle| is(&self.materials[triangle.material as usize]);
+        self.materials.iter().any(&is) && self.mesh.triangles.iter().any(of_triangle)
     }
 
     /// Whether any surface is a mirror or glass.
     pub fn is_specular(&self) -> bool {
-        self.used_materials().any(Material::is_specular)
+        self.uses(Material::is_specular)
     }
 
     /// The indices of the triangles that are no glass. [`Self::without_glass`] keeps them in this order.

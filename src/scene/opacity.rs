@@ -68,6 +68,10 @@ impl Scene {
 
     /// The mean opacity at positions on a triangle.
     pub fn mean_opacity(&self, triangle: usize, positions: impl Iterator<Item = Vec3>) -> f32 {
+        let own = self.material(triangle).opacity;
+        if own.texture.is_none() {
+            return own.at(1.0);
+        }
         let (sum, count) = positions
             .map(|position| self.opacity(triangle, position))
             .fold((0.0, 0), |(sum, count): (f64, u32), opacity| (sum + f64::from(opacity), count + 1));

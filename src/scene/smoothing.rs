@@ -67,13 +67,19 @@ impl FaceNormals {
     /// The unit mean normal, weighted by angles, of the faces around a vertex of `triangle` whose normals are within `degrees` of its own.
     pub fn mean(&self, mesh: &Mesh, vertex: u32, triangle: usize, degrees: f32) -> Vec3 {
         let least = degrees.to_radians().cos();
-        let near =
-            self.around[&place(mesh, vertex)].iter().filter(|(other, _)| self.faces[*other].dot(self.faces[triangle]) > least);
-        let normal = near.map(|&(other, angle)| self.faces[other].as_dvec3() * f64::from(angle)).sum::<DVec3>();
-        normal.normalize().as_vec3()
+        let own = self.faces[triangle];
+        let near = || {
+            let around = self.around[&place(mesh, vertex)].iter().map(|&(other, angle)| (other, f64::from(angle)));
+            around.filter(|&(other, _)| other == triangle || self.faces[other].dot(own) > least)
+        };
+        let normal = near().map(|(other, angle)| self.faces[other].as_dvec3() * angle).sum::<DVec3>();
+        // Faces back to back, as of leaves, leave nothing but rounding.
+        let angles: f64 = near().map(|(_, angle)| angle).sum();
+        if normal.length() < 1e-3 * angles { own } else { normal.normalize().as_vec3() }
     }
 }
 
 fn place(mesh: &Mesh, vertex: u32) -> [u32; 3] {
-    mesh.positions[vertex as usize].to_array().map(f32::to_bits)
+    // 0 and -0 are one place.
+    (mesh.positions[vertex as usize] + Vec3::ZERO).to_array().map(f32::to_bits)
 }

@@ -186,7 +186,7 @@ fn corners(path: &Path) -> Vec<(DVec3, glam::Vec3)> {
     let scene = World::load(path).unwrap().world.flatten();
     let corner = |triangle: usize, corner: usize| {
         let position = scene.mesh.corners(triangle)[corner];
-        (scene.space.to_world(position), scene.albedo(triangle, glam::Vec3::AXES[corner]))
+        (scene.space.to_world(position), scene.base_color(triangle, glam::Vec3::AXES[corner]))
     };
     (0..scene.mesh.triangles.len()).flat_map(|triangle| [0, 1, 2].map(|k| corner(triangle, k))).collect()
 }

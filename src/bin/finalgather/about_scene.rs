@@ -67,7 +67,7 @@ fn about(world: &World, prepared: &Prepared, estimate: &Estimate) -> Value {
         "materials": world.materials.iter().zip(&areas).map(|(one, &of)| material(one, of)).collect::<Vec<_>>(),
         "textures": world.textures.iter().map(|texture| json!([texture.width, texture.height])).collect::<Vec<_>>(),
         "cameras": world.cameras.iter().map(|(name, one)| camera(name, one)).collect::<Vec<_>>(),
-        "lights": prepared.lights.count() - world.lights.iter().filter(|light| light.shines()).count(),
+        "lights": prepared.lights.count().saturating_sub(world.lights.iter().filter(|light| light.shines()).count()),
         "punctual_lights": world.lights.iter().map(punctual).collect::<Vec<_>>(),
         "emitted_power": world.materials.iter().zip(&areas).map(|(one, &(_, area))| emitted(world, one, area)).sum::<Vec3>().to_array(),
         "environment": world.environment.as_ref().map(mean_radiance),

@@ -99,7 +99,7 @@ impl SceneView<'_> {
         named(&mut scene, ["environment", "file", ""])?;
         let materials = scene.get("materials").and_then(Item::as_table_like);
         let materials: Vec<_> = materials.into_iter().flat_map(TableLike::iter).map(|(name, _)| name.to_owned()).collect();
-        for key in ["albedo_texture", "emission_texture"] {
+        for key in ["albedo_texture", "emission_texture", "opacity_texture", "gloss_texture", "normal_map"] {
             materials.iter().try_for_each(|name| named(&mut scene, ["materials", name, key]))?;
         }
         Ok(scene.to_string())

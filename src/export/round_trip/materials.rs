@@ -64,7 +64,8 @@ impl LitFile {
                 self.push_material(copy)
             }
             (Some(material), Some(_)) => material,
-            _ => self.push_material(json!({})),
+            // The file's own default is a rough metal, on which a light map does not show.
+            _ => self.push_material(json!({"pbrMetallicRoughness": {"metallicFactor": 0}})),
         }
     }
 

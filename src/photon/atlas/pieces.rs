@@ -249,7 +249,9 @@ fn page_areas(
             // Of a part of the triangle, by its corners in pages.
             let opacity = |part: &[Vec3]| {
                 let places = even_points(part, OPACITY_POINTS).map(|place| weights(corners, place.truncate()));
-                scene.mean_opacity(triangle as usize, places.map(|weights| position_at(mesh, triangle as usize, weights)))
+                let places = places.map(|weights| position_at(mesh, triangle as usize, weights));
+                // Of a thin wire all places may miss it, but photons find it.
+                scene.mean_opacity(triangle as usize, places).max(0.5 / OPACITY_POINTS as f32)
             };
             let [low, high] = [corners[0].min(corners[1]).min(corners[2]), corners[0].max(corners[1]).max(corners[2])];
             let mut add = |page: UVec2, area: f32| {
@@ -406,7 +408,10 @@ fn divide(
         if outside.is_empty() { parts.clone() } else { outside }
     };
     let seams = seams.iter().map(|parts| [0, 1].map(|side| counted(parts, side))).collect();
-    Some(DividedPage { page, cells, counts: opaque, inner: all_opaque.max(f32::MIN_POSITIVE), seams })
+    if all_opaque == 0.0 {
+        (opaque, all_opaque) = (counts.iter().map(|&count| count as f32).collect(), inner as f32);
+    }
+    Some(DividedPage { page, cells, counts: opaque, inner: all_opaque, seams })
 }
 
 /// Barycentric weights of the second and third corner of a triangle at a place.

@@ -35,6 +35,8 @@ pub struct Emitter {
     radiance_area: Vec3,
     /// Radiance times area; a picture multiplies it.
     pub flux: Vec3,
+    /// About in proportion to the flux with its picture. Shares of all of them are too small for f32 beside great lamps.
+    power: f64,
     /// Index of the picture of emission, and the coordinates of the corners on it.
     glow: Option<(usize, [Vec2; 3])>,
 }
@@ -89,6 +91,7 @@ impl AreaLight {
                 normal: side * scene.mesh.geometric_normal(part.triangle),
                 radiance_area: scene.material(part.triangle).emission * (part.area / probability),
                 flux: scene.material(part.triangle).emission * part.area,
+                power: part.weight,
                 glow: part.glow,
             }
         };
@@ -133,13 +136,13 @@ impl AreaLight {
 
     /// What a tree over the sides needs to know of each.
     pub fn branches(&self) -> Vec<Branch> {
-        let branch = |(side, weight): (&Emitter, f32)| Branch {
+        let branch = |side: &Emitter| Branch {
             bounds: Aabb::from_points(side.corners),
             axis: side.normal,
             spread: 0.0,
-            power: f64::from(weight),
+            power: side.power,
         };
-        self.sides.iter().zip(self.by_power.probabilities()).map(branch).collect()
+        self.sides.iter().map(branch).collect()
     }
 
     /// The sides as shaders read them.

@@ -15,6 +15,12 @@ use crate::random::Distribution;
 /// The narrowest edge of a spot's cone, in the cosine, as in the glTF extension; and as a share of the whole cone, if that is narrow itself.
 const EDGE: f64 = 1e-3;
 const EDGE_SHARE: f64 = 0.05;
+/// The least outer angle of a spot, in radians: f32 holds the edge of such a cone.
+const NARROWEST: f32 = 1.7e-4;
+/// Maximum coordinate and radius, as of vertices.
+const FARTHEST: f64 = 1e9;
+/// Maximum intensity or illuminance. Its flux, also in unit space, is finite in f32.
+const BRIGHTEST: f32 = 1e20;
 
 /// A light without a surface. In a [`World`](super::super::World) it is in world space, in a [`Scene`](super::super::Scene) in unit space.
 #[derive(Clone, Debug, PartialEq)]
@@ -48,22 +54,22 @@ impl PunctualLight {
             PunctualKind::Point { radius } | PunctualKind::Spot { radius, .. } => (radius, "intensity"),
             PunctualKind::Directional { .. } => (0.0, "illuminance"),
         };
-        if !(strength.is_finite() && strength.min_element() >= 0.0) {
-            let cure = "give a finite number of 0 or more, or one for each of red, green and blue";
+        if !(strength.max_element() <= BRIGHTEST && strength.min_element() >= 0.0) {
+            let cure = "give a number from 0 to 1e20, or one for each of red, green and blue";
             return Err((format!("{what} is {strength}"), cure));
         }
-        if !position.is_finite() {
-            return Err((format!("position is {position}"), "give three finite numbers"));
+        if !(position.abs().max_element() <= FARTHEST) {
+            return Err((format!("position is {position}"), "give three numbers from -1e9 to 1e9"));
         }
-        if !(0.0..=f64::MAX).contains(&radius) {
-            return Err((format!("radius is {radius}"), "give a finite length of 0 or more"));
+        if !(0.0..=FARTHEST).contains(&radius) {
+            return Err((format!("radius is {radius}"), "give a length from 0 to 1e9"));
         }
         match self.kind {
             PunctualKind::Spot { inner, outer, .. }
-                if !(inner >= 0.0 && inner <= outer && outer > 0.0 && outer <= 0.5 * PI + 1e-6) =>
+                if !(inner >= 0.0 && inner <= outer && outer >= NARROWEST && outer <= 0.5 * PI + 1e-6) =>
             {
                 let [inner, outer] = [inner, outer].map(f32::to_degrees);
-                let cure = "give angles from the axis: 0 <= inner <= outer <= 90 degrees, and an outer angle above 0";
+                let cure = "give angles from the axis: 0 <= inner <= outer <= 90 degrees, and an outer angle of 0.01 at least";
                 return Err((format!("the cone reaches from {inner} to {outer} degrees"), cure));
             }
             PunctualKind::Directional { angle } if !(0.0..=PI).contains(&angle) => {
@@ -246,7 +252,7 @@ impl NearLight {
     }
 
     fn power(&self) -> f64 {
-        f64::from(self.intensity.element_sum()) * f64::from(self.cone.solid_angle.min(TAU * self.window.1))
+        self.intensity.as_dvec3().element_sum() * f64::from(self.cone.solid_angle.min(TAU * self.window.1))
     }
 }
 
@@ -271,7 +277,7 @@ impl DistantLights {
     pub fn new(lights: &[PunctualLight]) -> Self {
         let lights: Vec<_> = lights.iter().filter(|light| light.shines()).filter_map(DistantLight::new).collect();
         // The cross-section of the unit sphere is π.
-        let powers: Vec<f64> = lights.iter().map(|light| f64::from(PI * light.weight.element_sum())).collect();
+        let powers: Vec<f64> = lights.iter().map(|light| f64::from(PI) * light.weight.as_dvec3().element_sum()).collect();
         Self { power: powers.iter().sum(), by_power: Distribution::new(powers), lights }
     }
 

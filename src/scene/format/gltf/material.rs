@@ -82,7 +82,15 @@ impl MaterialReading<'_, '_, '_> {
         let surface = self.surface(extensions, albedo, texture.is_some());
         self.note_transmission(extensions, surface);
         let gloss = if surface == Surface::Diffuse { self.gloss(loader, extensions)? } else { None };
-        let normal_map = self.normal_map(loader)?;
+        let normal_map = match surface {
+            Surface::Diffuse => self.normal_map(loader)?,
+            _ => {
+                if let Some(normal) = &json.normal_texture {
+                    self.note(format!("normal map {}", self.images.name(normal.index.value())));
+                }
+                None
+            }
+        };
         self.note_rest(extensions);
         let opacity = match surface {
             Surface::Glass { .. } => Opacity::default(),

@@ -219,7 +219,11 @@ fn punctual(light: &Light, name: String, transform: DAffine3) -> Result<Punctual
         (Checked::Invalid, _) => return Err("it is no point, spot or directional light".to_owned()),
     };
     let strength = light.intensity * Vec3::from(light.color);
-    let direction = -transform.matrix3.z_axis.normalize_or_zero().as_vec3();
+    // A node of scale 0 has no direction, and a point needs none.
+    let direction = match kind {
+        PunctualKind::Point { .. } => Vec3::NEG_Z,
+        _ => -transform.matrix3.z_axis.normalize_or_zero().as_vec3(),
+    };
     let made = PunctualLight { name, kind, position: transform.translation, direction, strength };
     made.check().map_err(|(problem, _)| problem)
 }

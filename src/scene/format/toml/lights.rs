@@ -50,11 +50,11 @@ impl SunTable {
         let sun = match (self.direction, self.azimuth_degrees, self.height_degrees) {
             (Some(direction), None, None) => {
                 let direction = Vec3::from(direction);
-                let Some(unit) = direction.try_normalize() else {
+                let Some(unit) = direction.as_dvec3().try_normalize() else {
                     let cure = "give the direction towards the sun, three numbers that are not all 0";
                     return Err((format!("direction is {direction}"), cure));
                 };
-                Sun { direction: unit, ..Sun::at(0.0, 0.0) }
+                Sun { direction: unit.as_vec3(), ..Sun::at(0.0, 0.0) }
             }
             (None, Some(azimuth), Some(height)) if azimuth.is_finite() && (-90.0..=90.0).contains(&height) => {
                 Sun::at(azimuth, height)

@@ -236,7 +236,7 @@ pub fn load(loader: &mut Loader, path: &Path) -> Result<(World, Settings)> {
     }
     if let (None, Some(table)) = (loader.sun, file.sun) {
         loader.sun = Some(table.get_ref().sun().map_err(refused(table.span()))?);
-        daylight_at = daylight_at.or(Some(table.span()));
+        daylight_at = Some(table.span());
     }
     let sun = loader.daylight().map_err(|(problem, cure)| match daylight_at {
         Some(span) => source.error(&span, &problem, cure),
@@ -324,6 +324,12 @@ pub fn load(loader: &mut Loader, path: &Path) -> Result<(World, Settings)> {
             share if (0.0..=1.0).contains(&share) => Ok(share),
             share => Err(error(value.span(), format!("{what} is {share}"), "give a number from 0 to 1")),
         };
+        let is_glossy =
+            table.roughness.is_some() || table.metallic.is_some() || table.specular.is_some() || table.gloss_texture.is_some();
+        if is_glossy {
+            // Mirrors and glass of the model have no gloss.
+            material.surface = Surface::Diffuse;
+        }
         if let Some(roughness) = table.roughness {
             material.own_gloss().roughness = share(roughness, "roughness")?;
         }
@@ -363,6 +369,10 @@ pub fn load(loader: &mut Loader, path: &Path) -> Result<(World, Settings)> {
                     Surface::Glass { index: index.unwrap_or(Surface::GLASS_INDEX), filter: filter.map_or(Vec3::ONE, Vec3::from) }
                 }
             };
+            if is_glossy && kind != Surface::Diffuse {
+                let cure = "leave out surface, or the keys of gloss: roughness, metallic, specular and gloss_texture";
+                return Err(error(surface.span(), "a mirror or glass has no gloss".into(), cure));
+            }
             material.surface = kind.check().map_err(|(problem, cure)| error(surface.span(), problem, cure))?;
         }
     }
