@@ -105,7 +105,7 @@ fn a_sum_over_all_points_is_that_of_all_lamps() {
     let points = receivers(&scene, 400);
     let all: Vec3 = points.iter().flat_map(|point| lights.lamps().map(move |lamp| whole(&lamp, point))).sum();
     let numbers = Recurrence::<2>::new(6);
-    let mean = |point: &GatherPoint| (0..1024).map(|sample| light(&lights, point, numbers.point(sample))).sum::<Vec3>() / 1024.0;
+    let mean = |point: &GatherPoint| (0..4096).map(|sample| light(&lights, point, numbers.point(sample))).sum::<Vec3>() / 4096.0;
     let found: Vec3 = points.iter().map(mean).sum();
     let error = (found / all - 1.0).abs().max_element();
     assert!(error < 0.002, "{found} of {all}: {error}");

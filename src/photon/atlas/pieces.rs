@@ -242,6 +242,9 @@ fn page_areas(
     let mesh = &scene.mesh;
     let (mut areas, mut crossed) = (vec![0.0; is_crossed.len()], Vec::new());
     for (chart, (triangles, pages)) in charts.triangles.iter().zip(pages).enumerate() {
+        // The area of each page without its holes, and that of all with them.
+        let mut plain: Vec<(usize, f32)> = Vec::new();
+        let mut there = 0.0;
         for &triangle in triangles {
             let corners = own(chart, triangle);
             let whole = mesh.area(triangle as usize);
@@ -249,29 +252,33 @@ fn page_areas(
             // Of a part of the triangle, by its corners in pages.
             let opacity = |part: &[Vec3]| {
                 let places = even_points(part, OPACITY_POINTS).map(|place| weights(corners, place.truncate()));
-                let places = places.map(|weights| position_at(mesh, triangle as usize, weights));
-                // Of a thin wire all places may miss it, but photons find it.
-                scene.mean_opacity(triangle as usize, places).max(0.5 / OPACITY_POINTS as f32)
+                scene.mean_opacity(triangle as usize, places.map(|weights| position_at(mesh, triangle as usize, weights)))
             };
             let [low, high] = [corners[0].min(corners[1]).min(corners[2]), corners[0].max(corners[1]).max(corners[2])];
-            let mut add = |page: UVec2, area: f32| {
+            let mut add = |page: UVec2, area: f32, opaque: f32| {
                 let page = pages.number(page);
-                areas[page as usize] += area;
+                areas[page as usize] += area * opaque;
+                there += area * opaque;
+                plain.push((page as usize, area));
                 if is_crossed[page as usize] {
                     crossed.push((page, triangle));
                 }
             };
             if pages.page(low) == pages.page(high) {
                 let opaque = if cut_out { opacity(&corners.map(|corner| corner.extend(0.0))) } else { 1.0 };
-                add(pages.page(low), whole * opaque);
+                add(pages.page(low), whole, opaque);
                 continue;
             }
             let polygon = corners.map(|corner| corner.max(Vec2::ZERO).extend(0.0)).to_vec();
             let projected = area(&polygon).max(f32::MIN_POSITIVE);
             for (cell, part) in slice(UVec3::ZERO, polygon, 0).into_iter().flat_map(|(cell, part)| slice(cell, part, 1)) {
                 let opaque = if cut_out { opacity(&part) } else { 1.0 };
-                add(pages.page(cell.truncate().as_vec2()), whole * area(&part) / projected * opaque);
+                add(pages.page(cell.truncate().as_vec2()), whole * area(&part) / projected, opaque);
             }
+        }
+        if there == 0.0 {
+            // All samples may miss a thin wire, but photons find it.
+            plain.into_iter().for_each(|(page, area)| areas[page] += area);
         }
     }
     (areas, crossed)
