@@ -118,7 +118,8 @@ impl Direct {
             let dark = |output: usize| vec![Vec3::ZERO; if output < outputs { (width * height) as usize } else { 0 }];
             return Ok([dark(0), dark(1)]);
         }
-        let share = if lights.are_one_point() { SampleShare { samples: share.parts, ..share } } else { share };
+        let (exact, are_chosen) = (lights.exact(), lights.are_chosen());
+        let share = if are_chosen { share } else { SampleShare { samples: share.parts, ..share } };
         let tables = geometry.ray_tables()?;
         let (gloss, cut_outs) = (points.gloss.is_some(), geometry.cut_outs().is_some());
         let program = self.program(DirectVariant { punctual: lights.have_points(), gloss, cut_outs, many: false })?;
@@ -129,6 +130,10 @@ impl Direct {
         });
         let many = many.transpose()?;
         let of_ray = if many.is_some() { TREE_SAMPLES } else { lights.pieces().div_ceil(EMITTERS).clamp(1, LIGHTS) };
+        // The sum of each point is divided by the number of its samples. Exact ones count whole in each part.
+        let samples = share.rays() * of_ray as u32;
+        let exact: Vec<LightSample> =
+            exact.into_iter().map(|sample| LightSample { weight: samples as f32 * sample.weight, ..sample }).collect();
         let in_draw = LIGHTS / of_ray * of_ray;
         let squares = Interleave::new(STRIDE, points.size(), self.seed);
         let sums = Accumulator::several(&self.gpu, squares.sums_size(), outputs)?;
@@ -149,14 +154,15 @@ impl Direct {
         for (x, y) in (0..STRIDE).flat_map(|y| (0..STRIDE).map(move |x| (x, y))) {
             // Lamps and environment share no ray: indoors nearly all rays would go to a sun that walls hide.
             let (mut numbers, mut lamps, mut sky) = (Vec::new(), Vec::new(), Vec::new());
-            for place in share.places(rank([x, y]), of_ray as u32) {
+            let places = are_chosen.then(|| share.places(rank([x, y]), of_ray as u32));
+            for place in places.into_iter().flatten() {
                 match self.choose(lights, place) {
                     LightChoice::Tree { numbers: [u, v], share } => numbers.push(Vec4::new(u, v, 1.0 / share, 0.0)),
                     LightChoice::Sample(sample) if sample.place.w > 0.0 => lamps.push(sample),
                     LightChoice::Sample(sample) => sky.push(sample),
                 }
             }
-            let common = |index: usize, count: usize| {
+            let common = |index: usize, count: usize, of_ray: usize| {
                 [
                     ("sample_count", Uniform::Int(count as i32)),
                     ("ray_samples", Uniform::Int(of_ray as i32)),
@@ -167,9 +173,11 @@ impl Direct {
             for (index, batch) in numbers.chunks(in_draw).enumerate() {
                 let (program, uniforms) = many.as_ref().expect("a tree has its tables");
                 let own = [("lamp_numbers", Uniform::Vec4s(batch))];
-                draw(program, [x, y], &[&own[..], &common(index, batch.len()), uniforms].concat());
+                draw(program, [x, y], &[&own[..], &common(index, batch.len(), of_ray), uniforms].concat());
             }
-            for (index, batch) in lamps.chunks(in_draw).chain(sky.chunks(in_draw)).enumerate() {
+            let chosen =
+                lamps.chunks(in_draw).chain(sky.chunks(in_draw)).enumerate().map(|(index, batch)| (index, batch, of_ray));
+            for (index, batch, of_ray) in chosen.chain(exact.chunks(LIGHTS).map(|batch| (0, batch, 1))) {
                 let each = |value: fn(&LightSample) -> Vec4| batch.iter().map(value).collect::<Vec<_>>();
                 let places = each(|sample| sample.place);
                 let normals = each(|sample| sample.normal.extend(sample.cone[0]));
@@ -179,10 +187,10 @@ impl Direct {
                     ("light_normals", Uniform::Vec4s(&normals)),
                     ("light_weights", Uniform::Vec4s(&weights)),
                 ];
-                draw(&program, [x, y], &[&own[..], &common(index, batch.len())].concat());
+                draw(&program, [x, y], &[&own[..], &common(index, batch.len(), of_ray)].concat());
             }
         }
-        let mean = 1.0 / (share.rays() * of_ray as u32) as f32;
+        let mean = 1.0 / samples as f32;
         let mut all = sums.read_all().map(|sums| squares.in_order(sums).into_iter().map(|sum| mean * sum.truncate()).collect());
         Ok([all.next().unwrap_or_default(), all.next().unwrap_or_default()])
     }

@@ -21,7 +21,7 @@ pub fn add_lights(columns: &mut [Channel], order: usize, prepared: &Prepared, po
     let shining: Vec<_> = scene.lights.iter().filter(|light| light.shines()).collect();
     let each = (samples / (shining.len() as u32).max(1)).max(FEWEST);
     let lights: Vec<_> =
-        shining.iter().map(|&light| (Lights::without_surface([light]), if light.is_sharp() { 1 } else { each })).collect();
+        shining.iter().map(|&light| (Lights::without_surface(light), if light.is_sharp() { 1 } else { each })).collect();
     let rays = Rays::new(scene, bvh);
     let coefficients = |(index, point): (usize, &GatherPoint)| {
         let origin = point.position + RAY_OFFSET * point.surface_normal;

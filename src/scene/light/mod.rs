@@ -35,6 +35,9 @@ const LIGHT_OFFSET: f32 = 2.0 * RAY_OFFSET;
 /// The least share of the samples for a light. The sun has more power than all lamps of a room that it hardly reaches.
 const LEAST_SHARE: f32 = 0.25;
 
+/// The most lights without extent of which each point takes an exact sample each. More are sampled by power.
+const MOST_EXACT: usize = 16;
+
 /// The most emitting sides of triangles of which each sample is one by power. Of more, points choose by a tree.
 const FEW: usize = 2048;
 
@@ -42,10 +45,10 @@ const FEW: usize = 2048;
 enum Light {
     /// Radiance from outside the scene.
     Environment(Environment),
-    /// All directional lights, as one light.
-    Distant(DistantLights),
-    /// All points and spots, as one light.
-    Near(NearLights),
+    /// Directional lights, as one light, and whether direct light has an exact sample of each.
+    Distant(DistantLights, bool),
+    /// Points and spots, as one light, and the same of them.
+    Near(NearLights, bool),
     /// All emissive triangles, as one light.
     Area(AreaLight),
 }
@@ -136,8 +139,8 @@ impl Light {
         match self {
             // Radiance L from solid angle Ω brings LΩ to each unit of area perpendicular to it. The cross-section of the unit sphere is π.
             Self::Environment(environment) => f64::from(PI) * environment.power(),
-            Self::Distant(distant) => distant.power,
-            Self::Near(near) => near.power,
+            Self::Distant(distant, _) => distant.power,
+            Self::Near(near, _) => near.power,
             Self::Area(area) => area.power,
         }
     }
@@ -146,10 +149,15 @@ impl Light {
     fn emit(&self, probability: f32, numbers: [f32; 5], focus: &Focus) -> (Path, Vec3) {
         match self {
             Self::Environment(environment) => environment.emit(probability, numbers, focus),
-            Self::Distant(distant) => distant.emit(probability, numbers, focus),
-            Self::Near(near) => near.emit(probability, numbers),
+            Self::Distant(distant, _) => distant.emit(probability, numbers, focus),
+            Self::Near(near, _) => near.emit(probability, numbers),
             Self::Area(area) => area.emit(probability, numbers),
         }
+    }
+
+    /// Whether direct light has an exact sample of each of its lights.
+    fn is_exact(&self) -> bool {
+        matches!(self, Self::Distant(_, true) | Self::Near(_, true))
     }
 
     /// The part of [`Self::power`] that direct light samples. The gather has the rest: its rays that hit no surface bring it.
@@ -168,8 +176,8 @@ impl Light {
                 let weight = environment.bright_radiance(to_light) / (density * probability);
                 LightSample::of_side(to_light.extend(0.0), -to_light, weight)
             }
-            Self::Distant(distant) => distant.sample(probability, square),
-            Self::Near(near) => near.sample(probability, square),
+            Self::Distant(distant, _) => distant.sample(probability, square),
+            Self::Near(near, _) => near.sample(probability, square),
             Self::Area(area) => LightSample::on_lamp(area.point_of_square(square), probability),
         }
     }
@@ -179,14 +187,21 @@ impl Lights {
     /// `scene` must be in unit space.
     pub fn new(scene: &Scene) -> Self {
         let environment = scene.environment.clone().map(Light::Environment);
-        let [distant, near] = [Light::Distant(DistantLights::new(&scene.lights)), Light::Near(NearLights::new(&scene.lights))];
-        Self::of(environment.into_iter().chain([distant, near, Light::Area(AreaLight::new(scene))]))
+        let sharp = scene.lights.iter().filter(|light| light.shines() && light.is_sharp()).count();
+        // One group is sampled, another has an exact sample of each.
+        let kinds: &[Option<bool>] = if sharp <= MOST_EXACT { &[Some(true), Some(false)] } else { &[None] };
+        let groups = kinds.iter().flat_map(|&kind| {
+            let lights = || scene.lights.iter().filter(move |light| kind.is_none_or(|sharp| light.is_sharp() == sharp));
+            let is_exact = kind == Some(true);
+            [Light::Distant(DistantLights::new(lights()), is_exact), Light::Near(NearLights::new(lights()), is_exact)]
+        });
+        Self::of(environment.into_iter().chain(groups).chain([Light::Area(AreaLight::new(scene))]))
     }
 
-    /// These lights alone, in unit space.
-    pub fn without_surface<'a>(lights: impl IntoIterator<Item = &'a PunctualLight>) -> Self {
-        let lights: Vec<_> = lights.into_iter().cloned().collect();
-        Self::of([Light::Distant(DistantLights::new(&lights)), Light::Near(NearLights::new(&lights))].into_iter())
+    /// This light alone, in unit space.
+    pub fn without_surface(light: &PunctualLight) -> Self {
+        let lights = || std::iter::once(light);
+        Self::of([Light::Distant(DistantLights::new(lights()), false), Light::Near(NearLights::new(lights()), false)].into_iter())
     }
 
     fn of(lights: impl Iterator<Item = Light>) -> Self {
@@ -238,9 +253,9 @@ impl Lights {
         self.counted(AreaLight::triangle_sides)
     }
 
-    /// The same, in which each piece of a triangle with a picture of emission counts.
+    /// The same without the [exact](Self::exact) ones. Each piece of a triangle with a picture of emission counts.
     pub fn pieces(&self) -> usize {
-        self.counted(|area| area.sides.len())
+        self.counted(|area| area.sides.len()) - self.exact().len()
     }
 
     fn area(&self) -> Option<&AreaLight> {
@@ -250,8 +265,8 @@ impl Lights {
     fn counted(&self, sides: impl Fn(&AreaLight) -> usize) -> usize {
         let count = |(light, _): &(Light, f32)| match light {
             Light::Environment(_) => 0,
-            Light::Distant(distant) => distant.count(),
-            Light::Near(near) => near.count(),
+            Light::Distant(distant, _) => distant.count(),
+            Light::Near(near, _) => near.count(),
             Light::Area(area) => sides(area),
         };
         self.lights.iter().map(count).sum()
@@ -259,7 +274,7 @@ impl Lights {
 
     /// Whether there are points or spots, whose samples lie on no surface.
     pub fn have_points(&self) -> bool {
-        self.lights.iter().any(|(light, _)| matches!(light, Light::Near(_)))
+        self.lights.iter().any(|(light, _)| matches!(light, Light::Near(..)))
     }
 
     /// Whether there is direct light.
@@ -267,14 +282,22 @@ impl Lights {
         self.sampled().next().is_some()
     }
 
-    /// Whether all direct light comes from one point, or along one direction, so that one sample is exact.
-    pub fn are_one_point(&self) -> bool {
-        let mut sampled = self.sampled();
-        match (sampled.next(), sampled.next()) {
-            (Some(Light::Near(near)), None) => near.is_one_point(),
-            (Some(Light::Distant(distant)), None) => distant.is_one_direction(),
-            _ => false,
+    /// Samples that are exact: one of each light without extent, if these are few. [`Self::choose`] makes samples of all others.
+    pub fn exact(&self) -> Vec<LightSample> {
+        let mut samples = Vec::new();
+        for (light, _) in &self.lights {
+            match light {
+                Light::Distant(distant, true) => samples.extend(distant.each()),
+                Light::Near(near, true) => samples.extend(near.each()),
+                _ => {}
+            }
         }
+        samples
+    }
+
+    /// Whether there are lights to choose from, beside the exact ones.
+    pub fn are_chosen(&self) -> bool {
+        self.sampled().any(|light| !light.is_exact())
     }
 
     fn sampled(&self) -> impl Iterator<Item = &Light> {
@@ -297,16 +320,16 @@ impl Lights {
     /// # Panics
     /// When there is no direct light.
     pub fn sample(&self, square: [f32; 2]) -> LightSample {
-        let (light, share, square) = self.light_of(square);
+        let (light, share, square) = self.light_of(square, |_| true);
         light.sample(share, square)
     }
 
-    /// The same, where points choose lamps by the tree if there is one.
+    /// The same without the [exact](Self::exact) ones. Points choose lamps by the tree if there is one.
     ///
     /// # Panics
-    /// When there is no direct light.
+    /// When there is no such light.
     pub fn choose(&self, square: [f32; 2]) -> LightChoice {
-        match self.light_of(square) {
+        match self.light_of(square, |light| !light.is_exact()) {
             (Light::Area(_), share, numbers) if self.tree.is_some() => LightChoice::Tree { numbers, share },
             (light, share, square) => LightChoice::Sample(light.sample(share, square)),
         }
@@ -320,13 +343,15 @@ impl Lights {
         Some(LightSample::on_lamp(area.point_on(lamp, area.sides[lamp].flux, [rest, v]), probability))
     }
 
-    /// Selects a light by `u`. Returns it, its share of the samples, and the square with the remainder of `u`.
-    fn light_of(&self, [u, v]: [f32; 2]) -> (&Light, f32, [f32; 2]) {
-        let count = self.sampled().count();
-        let all: f64 = self.sampled().map(Light::sampled_power).sum();
+    /// Selects one of these lights by `u`. Returns it, its share of the samples, and the square with the remainder of `u`.
+    fn light_of(&self, [u, v]: [f32; 2], is: impl Fn(&Light) -> bool) -> (&Light, f32, [f32; 2]) {
+        let lights = || self.sampled().filter(|light| is(light));
+        let count = lights().count();
+        let least = LEAST_SHARE.min(1.0 / count as f32);
+        let all: f64 = lights().map(Light::sampled_power).sum();
         let (mut u, mut left) = (u, 1.0);
-        for (index, light) in (1..).zip(self.sampled()) {
-            let share = LEAST_SHARE + (1.0 - LEAST_SHARE * count as f32) * (light.sampled_power() / all) as f32;
+        for (index, light) in (1..).zip(lights()) {
+            let share = least + (1.0 - least * count as f32) * (light.sampled_power() / all) as f32;
             if index == count {
                 return (light, left, [u / left, v]);
             }

@@ -184,8 +184,8 @@ struct NearLight {
 
 impl NearLights {
     /// Those of the lights that are points or spots.
-    pub fn new(lights: &[PunctualLight]) -> Self {
-        let lights: Vec<_> = lights.iter().filter(|light| light.shines()).filter_map(NearLight::new).collect();
+    pub fn new<'a>(lights: impl Iterator<Item = &'a PunctualLight>) -> Self {
+        let lights: Vec<_> = lights.filter(|light| light.shines()).filter_map(NearLight::new).collect();
         let powers: Vec<f64> = lights.iter().map(NearLight::power).collect();
         Self { power: powers.iter().sum(), by_power: Distribution::new(powers), lights }
     }
@@ -194,8 +194,9 @@ impl NearLights {
         self.lights.len()
     }
 
-    pub fn is_one_point(&self) -> bool {
-        matches!(self.lights[..], [NearLight { radius: 0.0, .. }])
+    /// A sample of each light, which is exact for those without extent.
+    pub fn each(&self) -> impl Iterator<Item = LightSample> {
+        self.lights.iter().map(|light| light.sample(light.intensity, [0.5; 2]))
     }
 
     /// A photon from a light, evenly over its cone; see [`super::Lights::emit`].
@@ -220,14 +221,8 @@ impl NearLights {
     /// As [`super::Lights::sample`].
     pub fn sample(&self, probability: f32, [u, v]: [f32; 2]) -> LightSample {
         let (slot, rest, of_light) = self.by_power.pick(u);
-        let &NearLight { position, axis, intensity, radius, is_spot, cone, .. } = &self.lights[slot];
-        let weight = intensity / (of_light * probability);
-        if !is_spot && radius > 0.0 {
-            let normal = disc([rest, v]).with_z(radius);
-            return LightSample { place: position.extend(3.0), normal, weight, cone: [0.0, 1.0] };
-        }
-        let place = position + frame(axis) * (radius * disc([rest, v]));
-        LightSample { place: place.extend(2.0), normal: axis, weight, cone: [cone.scale, cone.offset] }
+        let light = &self.lights[slot];
+        light.sample(light.intensity / (of_light * probability), [rest, v])
     }
 }
 
@@ -249,6 +244,17 @@ impl NearLight {
         };
         let window = if of_scene.1 < cone.height { of_scene } else { (axis, cone.height) };
         Some(Self { position, axis, intensity: light.strength, radius, is_spot, cone, window })
+    }
+
+    /// A sample of this weight.
+    fn sample(&self, weight: Vec3, square: [f32; 2]) -> LightSample {
+        let &Self { position, axis, radius, is_spot, cone, .. } = self;
+        if !is_spot && radius > 0.0 {
+            let normal = disc(square).with_z(radius);
+            return LightSample { place: position.extend(3.0), normal, weight, cone: [0.0, 1.0] };
+        }
+        let place = position + frame(axis) * (radius * disc(square));
+        LightSample { place: place.extend(2.0), normal: axis, weight, cone: [cone.scale, cone.offset] }
     }
 
     fn power(&self) -> f64 {
@@ -274,8 +280,8 @@ struct DistantLight {
 
 impl DistantLights {
     /// Those of the lights that are directional.
-    pub fn new(lights: &[PunctualLight]) -> Self {
-        let lights: Vec<_> = lights.iter().filter(|light| light.shines()).filter_map(DistantLight::new).collect();
+    pub fn new<'a>(lights: impl Iterator<Item = &'a PunctualLight>) -> Self {
+        let lights: Vec<_> = lights.filter(|light| light.shines()).filter_map(DistantLight::new).collect();
         // The cross-section of the unit sphere is π.
         let powers: Vec<f64> = lights.iter().map(|light| f64::from(PI) * light.weight.as_dvec3().element_sum()).collect();
         Self { power: powers.iter().sum(), by_power: Distribution::new(powers), lights }
@@ -285,8 +291,9 @@ impl DistantLights {
         self.lights.len()
     }
 
-    pub fn is_one_direction(&self) -> bool {
-        matches!(self.lights[..], [DistantLight { height: 0.0, .. }])
+    /// A sample of each light, which is exact for those without extent.
+    pub fn each(&self) -> impl Iterator<Item = LightSample> {
+        self.lights.iter().map(|light| LightSample::of_side(light.to_light.extend(0.0), -light.to_light, light.weight).unseen())
     }
 
     /// A photon through the disc that covers a sphere of `focus`, as those of an environment.
