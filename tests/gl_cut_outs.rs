@@ -106,7 +106,8 @@ fn panes_let_their_share_of_the_sky_pass() {
             let most = 0.06 * (256.0 / count as f32).sqrt();
             assert!((mean - expected).abs() <= if panes == 0 { 1e-4 } else { most }, "{panes} panes, {pipeline}: {mean}");
             // Where two triangles of a pane meet, layers are off by half a texel. As a share of the sky that is 0.7 % at most (three panes by `kill`).
-            assert!(difference.mean * f64::from(expected) < 0.01, "{panes} panes, {pipeline}: {difference:?}");
+            let most = sized(&gpu, 0.01, 0.02);
+            assert!(difference.mean * f64::from(expected) < most, "{panes} panes, {pipeline}: {difference:?}");
         }
     }
 }
@@ -132,7 +133,7 @@ fn a_chess_board_lets_half_pass() {
         let difference = Difference::between(&found, &exact);
         eprintln!("blind, {pipeline}: {mean:.4}, {difference:?} from exact rays, {} points", points.len());
         assert!((mean - 0.5).abs() < 0.01, "{pipeline}: {mean}");
-        assert!(difference.bias.abs() < 0.005, "{pipeline}: {difference:?}");
+        assert!(difference.bias.abs() < sized(&gpu, 0.005, 0.01), "{pipeline}: {difference:?}");
     }
 }
 
@@ -188,7 +189,7 @@ fn layers_see_leaves_as_rays_do() {
                     100.0 * difference.bias,
                     points.len()
                 );
-                let (mean, bias) = if pipeline == "raycast-gl" { (0.001, 0.0005) } else { (0.02, 0.004) };
+                let (mean, bias) = if pipeline == "raycast-gl" { (0.001, 0.0005) } else { (sized(&gpu, 0.02, 0.04), 0.004) };
                 assert!(difference.mean < mean && difference.bias.abs() < bias, "{name}, {place}, {pipeline}: {difference:?}");
             }
         }

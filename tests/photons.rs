@@ -24,7 +24,7 @@ fn traced(scene: &Scene, cells: u32, photons: u64, bounces: u32) -> PhotonGrid {
     let bvh = Bvh::new(&scene.mesh);
     let mut grid = PhotonGrid::new(&scene.mesh, cells);
     counted(scene, &bvh, photons, bounces, &mut grid);
-    grid.add_area(&scene, &bvh, 0);
+    grid.add_area(scene, &bvh, 0);
     grid
 }
 

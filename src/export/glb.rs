@@ -175,7 +175,7 @@ pub fn map_sampler() -> Value {
 /// texture.
 pub fn shown_surface(surface: &ExportMesh, material: &Material, (shown, set): (usize, usize), exposure: f32) -> Value {
     if material.is_emissive() {
-        let [r, g, b] = (material.mean_emission(&surface.textures) * exposure.exp2()).map(tone).to_array();
+        let [r, g, b] = (material.mean_emission(surface.textures) * exposure.exp2()).map(tone).to_array();
         return json!({"baseColorFactor": [r, g, b, 1.0]});
     }
     let [r, g, b] = surface.mean_albedo(material).to_array();

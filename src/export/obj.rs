@@ -45,7 +45,7 @@ pub fn write(path: &Path, lightmap: &Lightmap, options: &WriteOptions) -> Result
             line(&mut mtl, "Kd", &[1.0; 3]);
         }
         if material.emission != Vec3::ZERO && lightmap.irradiance.is_some() {
-            line(&mut mtl, "Ke", &material.mean_emission(&surface.textures).to_array());
+            line(&mut mtl, "Ke", &material.mean_emission(surface.textures).to_array());
         }
         let _ = writeln!(mtl, "map_Kd {png_name}");
     }

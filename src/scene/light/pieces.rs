@@ -218,7 +218,7 @@ fn ranges(mode: WrapMode, [low, high]: [f32; 2], size: usize) -> Vec<[usize; 2]>
     match mode {
         WrapMode::Clamp => vec![range(low, high)],
         // NaN and what is out of range takes all.
-        _ if !(high - low < 1.0) => vec![[0, size]],
+        _ if high - low >= 1.0 || !(high - low).is_finite() => vec![[0, size]],
         WrapMode::Repeat if start + (high - low) <= 1.0 => vec![range(start, start + (high - low))],
         WrapMode::Repeat => vec![range(start, 1.0), range(0.0, start + (high - low) - 1.0)],
         WrapMode::Mirror => {

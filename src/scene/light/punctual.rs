@@ -19,8 +19,10 @@ const EDGE_SHARE: f64 = 0.05;
 const NARROWEST: f32 = 1.7e-4;
 /// Maximum coordinate and radius, as of vertices.
 const FARTHEST: f64 = 1e9;
+/// In unit space: from farther away light is parallel, and equal all over the scene, to one part in ten thousand. f32 no longer holds its directions.
+const FAR: f64 = 1e4;
 /// Maximum intensity or illuminance. Its flux, also in unit space, is finite in f32.
-const BRIGHTEST: f32 = 1e20;
+const BRIGHTEST: f32 = 1e15;
 
 /// A light without a surface. In a [`World`](super::super::World) it is in world space, in a [`Scene`](super::super::Scene) in unit space.
 #[derive(Clone, Debug, PartialEq)]
@@ -54,11 +56,11 @@ impl PunctualLight {
             PunctualKind::Point { radius } | PunctualKind::Spot { radius, .. } => (radius, "intensity"),
             PunctualKind::Directional { .. } => (0.0, "illuminance"),
         };
-        if !(strength.max_element() <= BRIGHTEST && strength.min_element() >= 0.0) {
-            let cure = "give a number from 0 to 1e20, or one for each of red, green and blue";
+        if !strength.to_array().iter().all(|channel| (0.0..=BRIGHTEST).contains(channel)) {
+            let cure = "give a number from 0 to 1e15, or one for each of red, green and blue";
             return Err((format!("{what} is {strength}"), cure));
         }
-        if !(position.abs().max_element() <= FARTHEST) {
+        if !(0.0..=FARTHEST).contains(&position.abs().max_element()) {
             return Err((format!("position is {position}"), "give three numbers from -1e9 to 1e9"));
         }
         if !(0.0..=FARTHEST).contains(&radius) {
@@ -66,7 +68,7 @@ impl PunctualLight {
         }
         match self.kind {
             PunctualKind::Spot { inner, outer, .. }
-                if !(inner >= 0.0 && inner <= outer && outer >= NARROWEST && outer <= 0.5 * PI + 1e-6) =>
+                if !((0.0..=outer).contains(&inner) && (NARROWEST..=0.5 * PI + 1e-6).contains(&outer)) =>
             {
                 let [inner, outer] = [inner, outer].map(f32::to_degrees);
                 let cure = "give angles from the axis: 0 <= inner <= outer <= 90 degrees, and an outer angle of 0.01 at least";
@@ -113,6 +115,20 @@ impl PunctualLight {
             }
         };
         let position = space.enter_point(self.position).as_dvec3();
+        let distance = position.length();
+        if distance > FAR {
+            let direction = (-position / distance).as_vec3();
+            let (radius, share) = match kind {
+                PunctualKind::Spot { radius, inner, outer } => {
+                    (radius, Cone::new(inner, outer).share(self.direction.dot(direction)))
+                }
+                PunctualKind::Point { radius } => (radius, 1.0),
+                PunctualKind::Directional { .. } => (0.0, 1.0),
+            };
+            let kind = PunctualKind::Directional { angle: 2.0 * (radius / distance).min(1.0).asin() as f32 };
+            let illuminance = space.intensity_to_unit(strength).as_dvec3() * f64::from(share) / (distance * distance);
+            return Self { kind, direction, strength: illuminance.as_vec3(), ..self.clone() };
+        }
         Self { kind, position, strength: space.intensity_to_unit(strength), ..self.clone() }
     }
 

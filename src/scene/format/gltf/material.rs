@@ -113,7 +113,6 @@ impl MaterialReading<'_, '_, '_> {
             normal_map,
             surface,
             unshaded: self.unshaded,
-            ..Material::default()
         };
         Ok((material, self.coordinates))
     }

@@ -4,7 +4,7 @@
 
 use glam::{Vec2, vec2};
 
-use super::number::{Word, read, words};
+use super::number::{Word, read};
 use super::picture::{PictureName, Pictures, Placement};
 use crate::error::Result;
 use crate::scene::{Gloss, ImageTexture, NormalMap, Surface};
@@ -17,8 +17,9 @@ const BLUE: f32 = 0.15;
 /// What one material says.
 #[derive(Default)]
 pub struct GlossStatements {
-    roughness: Option<f32>,
-    metallic: Option<f32>,
+    /// Shares from 0 to 1.
+    pub roughness: Option<f32>,
+    pub metallic: Option<f32>,
     roughness_map: Option<PictureName>,
     metallic_map: Option<PictureName>,
     normal_map: Option<PictureName>,
@@ -29,16 +30,8 @@ pub struct GlossStatements {
 impl GlossStatements {
     /// Reads a statement, if it is one of these.
     pub fn read(&mut self, keyword: &str, text: &str, line: usize) -> bool {
-        let number = |text: &str| {
-            words(text).next().and_then(|word| match read(word) {
-                Word::Number(value) | Word::Odd(value) if value.is_finite() => Some((value as f32).clamp(0.0, 1.0)),
-                _ => None,
-            })
-        };
         let picture = || Some(PictureName::parse(text, line).0).filter(|picture| !picture.name.is_empty());
         match keyword.to_ascii_lowercase().as_str() {
-            "pr" => self.roughness = number(text),
-            "pm" => self.metallic = number(text),
             "map_pr" => self.roughness_map = picture(),
             "map_pm" => self.metallic_map = picture(),
             "norm" | "map_kn" | "map_norm" => self.normal_map = picture(),

@@ -207,6 +207,11 @@ impl MtlScanner<'_> {
                 *(if is_opacity { &mut last.opacity } else { &mut last.clearness }) =
                     share.map(|share| if is_opacity { share } else { 1.0 - share });
             }
+            _ if matches!(lower.as_str(), "pr" | "pm") => {
+                let is_roughness = lower == "pr";
+                let share = self.share(if is_roughness { "Pr" } else { "Pm" }, rest)?;
+                *(if is_roughness { &mut self.last().gloss.roughness } else { &mut self.last().gloss.metallic }) = share;
+            }
             _ if matches!(lower.as_str(), "map_d" | "map_tr" | "map_opacity") => {
                 let picture = self.picture("map_d", rest)?;
                 let (line, last) = (self.line, self.last());
@@ -277,13 +282,17 @@ impl MtlScanner<'_> {
         let word = words(text.trim_start_matches("-halo")).next().unwrap_or_default();
         let problem = || format!("{keyword} has the value {word}");
         let (Word::Number(value) | Word::Odd(value)) = read(word) else {
-            self.mend("opacity", &problem, "it is left out", cure)?;
+            self.mend("share", &problem, "it is left out", cure)?;
             return Ok(None);
         };
-        if !(0.0..=1.0).contains(&value) {
-            self.mend("opacity", &problem, "it is clamped to 0 to 1", cure)?;
+        if value.is_nan() {
+            self.mend("share", &problem, "it is left out", cure)?;
+            return Ok(None);
         }
-        Ok(Some(value.clamp(0.0, 1.0) as f32).filter(|share| share.is_finite()))
+        if !(0.0..=1.0).contains(&value) {
+            self.mend("share", &problem, "it is clamped to 0 to 1", cure)?;
+        }
+        Ok(Some(value.clamp(0.0, 1.0) as f32))
     }
 
     /// A colour, brought into its range. `None` if there is none to understand.
