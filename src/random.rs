@@ -80,7 +80,7 @@ pub fn stratified(number: u32, key: u32) -> f32 {
     unit(u64::from(owen_hash(number.reverse_bits(), key)) << 32)
 }
 
-/// A bijection of 32-bit integers, as [`mix`] is of longer ones (Wellons 2018, "Prospecting for hash functions"). `glsl/include/opacity.glsl` has a twin.
+/// A bijection of 32-bit integers, as `mix` is of longer ones (Wellons 2018, "Prospecting for hash functions"). `glsl/include/opacity.glsl` has a twin.
 pub fn hash(mut bits: u32) -> u32 {
     bits = (bits ^ (bits >> 16)).wrapping_mul(0x7feb_352d);
     bits = (bits ^ (bits >> 15)).wrapping_mul(0x846c_a68b);

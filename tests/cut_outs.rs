@@ -27,7 +27,7 @@ fn panes(opacity: f32, heights: &[f32]) -> Scene {
 
 /// Opaque and clear squares, so many along a side, as on a chess-board.
 fn chess(squares: u32) -> ImageTexture {
-    let alpha = |i: u32| if (i % squares + i / squares) % 2 == 0 { 255 } else { 0 };
+    let alpha = |i: u32| if (i % squares + i / squares).is_multiple_of(2) { 255 } else { 0 };
     let texels = (0..squares * squares).map(|i| [255, 255, 255, alpha(i)]).collect();
     ImageTexture { width: squares, height: squares, texels, sampler: Sampler { nearest: true, ..Sampler::default() } }
 }
