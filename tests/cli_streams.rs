@@ -86,10 +86,12 @@ fn init_writes_a_scene_that_renders_as_the_model() {
     let written = text(&bytes(&folder, "cornell.toml"));
     let (head, body) = written.split_once('\n').unwrap();
     assert!(head.starts_with("# ") && body.contains("# [materials.white]\n# albedo = [0.725, 0.71, 0.68]\n"), "{written}");
-    let used: String =
-        body.lines().filter(|line| !line.contains("sky")).map(|line| format!("{}\n", line.trim_start_matches("# "))).collect();
+    // An environment and a sky exclude each other.
+    let kept = body.lines().filter(|line| !line.contains("sky") && !line.contains("turbidity"));
+    let used: String = kept.map(|line| format!("{}\n", line.trim_start_matches("# "))).collect();
     let used = used
-        .replace("Light from outside, beside that of materials that emit.\n", "")
+        .replace("Light from outside, beside that of lamps and materials that emit.\n", "")
+        .replace("Lamps without a surface.\n", "")
         .replace("Materials, with the values of the model.\n", "");
     fs::write(path("used.toml"), used).unwrap();
     success(tool(&folder).args(["render", "used.toml", "-o", "used.png"]).args(QUICK));
