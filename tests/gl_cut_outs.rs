@@ -126,7 +126,7 @@ fn a_chess_board_lets_half_pass() {
     scene.environment = Some(Environment::constant(Vec3::ONE).unwrap());
     // In the outermost texel of the floor the centre may see nothing but a hole. There what lies beside closes the scene, as on any outline.
     let inside = |point: &GatherPoint| point.position.y == 0.0 && point.position.xz().abs().max_element() < 0.095;
-    let points: Vec<_> = points_on(&scene, 400_000).into_iter().filter(inside).collect();
+    let points: Vec<_> = points_on(&scene, sized(&gpu, 400_000, 60_000)).into_iter().filter(inside).collect();
     let grid = PhotonGrid::new(&scene.mesh, 4);
     for (pipeline, found, exact) in by_all(&gpu, &scene, &grid, &points, (&directions(Sequence::R2, count), size)) {
         let mean = found.iter().map(|e| e.x / PI).sum::<f32>() / found.len() as f32;
@@ -165,7 +165,7 @@ fn leaves(cards: u32, opacity: Opacity) -> Scene {
 fn layers_see_leaves_as_rays_do() {
     let gpu = gpu();
     let (count, size, points) = sized(&gpu, (64, 512, 6000), (16, 256, 800));
-    for (name, cutoff) in [("mask", Some(0.5)), ("blend", None)] {
+    for (name, cutoff) in [("mask", Some(0.5)), ("blend", None)].into_iter().take(sized(&gpu, 2, 1)) {
         let scene = leaves(60, Opacity { texture: Some(0), cutoff, ..Opacity::default() });
         let mut grid = PhotonGrid::new(&scene.mesh, 8);
         // Surfaces send out a third of the sky's light.
