@@ -86,7 +86,7 @@ fn panes_let_their_share_of_the_sky_pass() {
     let gpu = gpu();
     let (count, size) = sized(&gpu, (256, 256), (128, 128));
     let directions = directions(Sequence::Sobol, count);
-    for panes in 0..=3 {
+    for panes in 0..=sized(&gpu, 3, 1) {
         let mut model = Model::new();
         let pane = cut_out(&mut model, 0.0, share(0.3));
         model.plate(Vec3::ZERO, 0.1 * Vec3::Z, 0.1 * Vec3::X, 0);
@@ -126,13 +126,13 @@ fn a_chess_board_lets_half_pass() {
     scene.environment = Some(Environment::constant(Vec3::ONE).unwrap());
     // In the outermost texel of the floor the centre may see nothing but a hole. There what lies beside closes the scene, as on any outline.
     let inside = |point: &GatherPoint| point.position.y == 0.0 && point.position.xz().abs().max_element() < 0.095;
-    let points: Vec<_> = points_on(&scene, sized(&gpu, 400_000, 60_000)).into_iter().filter(inside).collect();
+    let points: Vec<_> = points_on(&scene, 400_000).into_iter().filter(inside).collect();
     let grid = PhotonGrid::new(&scene.mesh, 4);
     for (pipeline, found, exact) in by_all(&gpu, &scene, &grid, &points, (&directions(Sequence::R2, count), size)) {
         let mean = found.iter().map(|e| e.x / PI).sum::<f32>() / found.len() as f32;
         let difference = Difference::between(&found, &exact);
         eprintln!("blind, {pipeline}: {mean:.4}, {difference:?} from exact rays, {} points", points.len());
-        assert!((mean - 0.5).abs() < 0.01, "{pipeline}: {mean}");
+        assert!((mean - 0.5).abs() < sized(&gpu, 0.01, 0.03), "{pipeline}: {mean}");
         assert!(difference.bias.abs() < sized(&gpu, 0.005, 0.01), "{pipeline}: {difference:?}");
     }
 }
@@ -189,7 +189,8 @@ fn layers_see_leaves_as_rays_do() {
                     100.0 * difference.bias,
                     points.len()
                 );
-                let (mean, bias) = if pipeline == "raycast-gl" { (0.001, 0.0005) } else { (sized(&gpu, 0.02, 0.04), 0.004) };
+                let (mean, bias) =
+                    if pipeline == "raycast-gl" { (0.001, 0.0005) } else { sized(&gpu, (0.02, 0.004), (0.04, 0.02)) };
                 assert!(difference.mean < mean && difference.bias.abs() < bias, "{name}, {place}, {pipeline}: {difference:?}");
             }
         }
