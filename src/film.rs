@@ -110,7 +110,8 @@ impl Film {
     }
 
     /// The sums of one block of `directions`. `direct` is the irradiance from the lights, `photon_map` that of the photon map, `caustics` that of
-    /// caustics, and `gathered` the sums of the gather. `ground`: the light of pixels that see the ground, and what it would be without the scene. `lobes`: in scenes with gloss.
+    /// caustics, and `gathered` the sums of the gather. `ground`: the light of pixels that see the ground, and what it would be without the scene.
+    /// `lobes`: in scenes with gloss.
     pub fn of_block(
         size: [u32; 2],
         g_buffer: &GBuffer,

@@ -4,11 +4,10 @@ mod common;
 
 use std::f32::consts::PI;
 
-use common::{Model, form_factor_of_polygon, gpu, sized};
+use common::{Model, direct_light, form_factor_of_polygon, gpu, sized};
 use finalgather::bake::{Bake, Plan, RadianceCache};
-use finalgather::direct::{Direct, SampleShare};
 use finalgather::geometry::Geometry;
-use finalgather::points::{CameraPoints, EyeRays, GatherPoint, PointList};
+use finalgather::points::{CameraPoints, EyeRays, GatherPoint};
 use finalgather::prepared::Prepared;
 use finalgather::quantity::Quantity;
 use finalgather::random::Recurrence;
@@ -59,16 +58,6 @@ fn closed_form(scene: &Scene, point: &GatherPoint, parts: &[[f32; 4]]) -> Vec3 {
     RADIANCE * PI * parts.iter().map(factor).sum::<f32>()
 }
 
-fn direct(scene: &Scene, points: &[GatherPoint], samples: u32) -> Vec<Vec3> {
-    let gpu = gpu();
-    let geometry = Geometry::upload(&gpu, scene).unwrap();
-    let list = PointList::upload(&gpu, points).unwrap();
-    let direct = Direct::new(&gpu, 0).unwrap();
-    let found = direct.irradiance(&geometry, &Lights::new(scene), SampleShare::whole(samples), list.points()).unwrap();
-    gpu.check("direct light").unwrap();
-    list.in_order(found)
-}
-
 /// Mean flux of photons, and the mean of what they bring.
 fn flux(scene: &Scene) -> Vec3 {
     let (lights, numbers) = (Lights::new(scene), Recurrence::new(7));
@@ -80,7 +69,7 @@ fn flux(scene: &Scene) -> Vec3 {
 fn check(name: &str, scene: &Scene, parts: &[[f32; 4]], most: f32) {
     let points = points(scene);
     let (mut worst, mut sums) = (0.0_f32, [Vec3::ZERO; 2]);
-    for (point, found) in points.iter().zip(direct(scene, &points, 512)) {
+    for (point, found) in points.iter().zip(direct_light(scene, &points, 512)) {
         let expected = closed_form(scene, point, parts);
         worst = worst.max((found / expected - 1.0).abs().max_element());
         sums = [sums[0] + found, sums[1] + expected];
@@ -125,7 +114,7 @@ fn a_picture_of_a_hundred_times() {
     let even = [[0.0, 0.0, 1.0, 1.0]];
     let points = points(&scene);
     let sum = |values: &mut dyn Iterator<Item = Vec3>| values.sum::<Vec3>();
-    let found = sum(&mut direct(&scene, &points, 512).into_iter());
+    let found = sum(&mut direct_light(&scene, &points, 512).into_iter());
     let expected = sum(&mut points.iter().map(|point| 0.5 * closed_form(&scene, point, &even)));
     let bias = (found / expected - 1.0).abs().max_element();
     assert!(bias < 0.01, "{bias}");

@@ -4,10 +4,8 @@ mod common;
 
 use std::f32::consts::TAU;
 
-use common::{Difference, Model, gpu, points_on, sized};
-use finalgather::direct::{Direct, SampleShare};
-use finalgather::geometry::Geometry;
-use finalgather::points::{GatherPoint, PointList};
+use common::{Difference, Model, direct_light, gpu, points_on, sized};
+use finalgather::points::GatherPoint;
 use finalgather::random::{Random, Recurrence};
 use finalgather::scene::{Bvh, ImageTexture, Lamp, Lights, RAY_OFFSET, Sampler, Scene};
 use glam::{Vec2, Vec3, vec3};
@@ -129,23 +127,13 @@ fn by_power(scene: &Scene, points: &[GatherPoint], samples: u64) -> Vec<Vec3> {
     points.iter().enumerate().map(mean).map(|mean| mean.as_vec3()).collect()
 }
 
-fn by_tree(scene: &Scene, points: &[GatherPoint], samples: u32) -> Vec<Vec3> {
-    let gpu = gpu();
-    let geometry = Geometry::upload(&gpu, scene).unwrap();
-    let list = PointList::upload(&gpu, points).unwrap();
-    let direct = Direct::new(&gpu, 0).unwrap();
-    let found = direct.irradiance(&geometry, &Lights::new(scene), SampleShare::whole(samples), list.points()).unwrap();
-    gpu.check("direct light").unwrap();
-    list.in_order(found)
-}
-
 #[test]
 fn a_thousand_lamps_light_as_all_of_them() {
     let scene = hall(1000);
     assert!(Lights::new(&scene).tree().is_some());
     let count = sized(&gpu(), 300, 60);
     let points: Vec<_> = receivers(&scene, 4 * count).into_iter().step_by(2).take(count).collect();
-    let difference = Difference::between(&by_tree(&scene, &points, 1024), &by_power(&scene, &points, 1 << 14));
+    let difference = Difference::between(&direct_light(&scene, &points, 1024), &by_power(&scene, &points, 1 << 14));
     eprintln!("{difference:?}");
     assert!(difference.mean < 0.05 && difference.bias.abs() < 0.005, "{difference:?}");
 }
@@ -171,7 +159,7 @@ fn pictures_shine_by_the_tree() {
     model.scene.materials[screen as usize].emission_texture = Some(0);
     let scene = model.finish();
     let points: Vec<_> = points_on(&scene, 400).into_iter().filter(|point| point.normal == Vec3::Y).take(80).collect();
-    let difference = Difference::between(&by_tree(&scene, &points, 1024), &by_power(&scene, &points, 1 << 14));
+    let difference = Difference::between(&direct_light(&scene, &points, 1024), &by_power(&scene, &points, 1 << 14));
     let lights = Lights::new(&scene);
     eprintln!("{difference:?}, {} pieces", lights.pieces());
     assert!(lights.tree().is_some() && difference.mean < 0.03 && difference.bias.abs() < 0.002, "{difference:?}");

@@ -19,8 +19,8 @@
 //! | 7 | `figures::slices` | drawings of a slice, for two kinds |
 //! | 6 | `lab`, `draw` | names of the floors below |
 //! | 5 | `lab::one_direction` | one direction at the pixels of a camera |
-//! | 4 | `lab::path_tracer`, `lab::slice` | measurements |
-//! | 3 | `lab::blocks`, `lab::cornell`, `lab::pictures` | gathers, and renders against path tracing |
+//! | 4 | `lab::blocks`, `lab::path_tracer`, `lab::slice` | measurements |
+//! | 3 | `lab::cornell`, `lab::pictures` | gathers, and renders against path tracing |
 //! | 2 | `lab::machine`, `lab::procedural`, `draw::plot` | date and hardware, scenes made in code, plots |
 //! | 1 | `lab::library`, `lab::numeric`, `draw::*` | names of the library, numbers and HTML |
 //! | 0 | `figure` | what a figure is |

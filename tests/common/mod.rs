@@ -12,6 +12,7 @@ use std::path::Path;
 use std::rc::Rc;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
+use finalgather::direct::{Direct, SampleShare};
 use finalgather::direction::{Direction, Directions};
 use finalgather::error::Result;
 use finalgather::gather::{GatherInputs, IrradianceGather};
@@ -421,4 +422,15 @@ impl Difference {
         let reference = total(&|_, b| b);
         Self { mean: total(&|a, b| (a - b).abs()) / reference, bias: total(&|a, b| a - b) / reference }
     }
+}
+
+/// The irradiance from the lights of a scene at each point, by so many samples.
+pub fn direct_light(scene: &Scene, points: &[GatherPoint], samples: u32) -> Vec<Vec3> {
+    let gpu = gpu();
+    let geometry = Geometry::upload(&gpu, scene).unwrap();
+    let list = PointList::upload(&gpu, points).unwrap();
+    let direct = Direct::new(&gpu, 0).unwrap();
+    let found = direct.irradiance(&geometry, &Lights::new(scene), SampleShare::whole(samples), list.points()).unwrap();
+    gpu.check("direct light").unwrap();
+    list.in_order(found)
 }

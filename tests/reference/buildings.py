@@ -371,14 +371,14 @@ def kilometre(folder):
 SCENES = {scene.__name__: scene for scene in (office, maze, window, doors, house, thin, sun, kilometre)}
 
 
-def main():
+def main(scenes=SCENES):
     parser = argparse.ArgumentParser()
     parser.add_argument("folder", type=pathlib.Path)
-    parser.add_argument("names", nargs="*", default=list(SCENES), metavar="NAME")
+    parser.add_argument("names", nargs="*", default=list(scenes), metavar="NAME")
     arguments = parser.parse_args()
     arguments.folder.mkdir(parents=True, exist_ok=True)
     for name in arguments.names:
-        SCENES[name](arguments.folder)
+        scenes[name](arguments.folder)
 
 
 if __name__ == "__main__":

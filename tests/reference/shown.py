@@ -19,14 +19,12 @@ References are means over 8 x 8 pixels:
 The still life takes 1024 paths and `--brightest 1000`, the screen 512 paths. The hall is a sum: 384 paths with `--many-lamps`, and 256 with
 `--lights-alone --add` of that picture.
 """
-import argparse
 import math
-import pathlib
 import random
 
 import numpy as np
 
-from buildings import Model, write_png
+from buildings import Model, main, write_png
 
 SIZE = (256, 192)
 
@@ -207,15 +205,5 @@ def hall(folder):
 SCENES = {scene.__name__: scene for scene in (blind, still_life, screen, hall)}
 
 
-def main():
-    parser = argparse.ArgumentParser()
-    parser.add_argument("folder", type=pathlib.Path)
-    parser.add_argument("names", nargs="*", default=list(SCENES), metavar="NAME")
-    arguments = parser.parse_args()
-    arguments.folder.mkdir(parents=True, exist_ok=True)
-    for name in arguments.names:
-        SCENES[name](arguments.folder)
-
-
 if __name__ == "__main__":
-    main()
+    main(SCENES)

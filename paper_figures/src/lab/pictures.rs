@@ -187,7 +187,7 @@ pub fn sum_of(picture: &Image, parts: &[&str]) -> Result<Image> {
 }
 
 /// R, G and B of a picture, averaged over squares of pixels to a width that divides its own.
-fn averaged(picture: &Image, width: usize) -> Result<Image> {
+pub fn averaged(picture: &Image, width: usize) -> Result<Image> {
     let factor = picture.width / width;
     if factor * width != picture.width || !picture.height.is_multiple_of(factor) {
         return Err(
