@@ -12,7 +12,7 @@ use rayon::prelude::*;
 
 use crate::photon::PhotonStore;
 use crate::points::{GatherPoint, PointGloss};
-use crate::scene::{Bvh, Chance, Hit, LobeWeights, RAY_OFFSET, Rays, Scene};
+use crate::scene::{Bvh, Chance, Hit, LANES, Lanes, LobeWeights, NO_TRIANGLE, PacketHits, RAY_OFFSET, Rays, Scene};
 
 /// Casts gather rays through one scene.
 #[derive(Clone, Copy)]
@@ -49,7 +49,7 @@ impl<'a> Reference<'a> {
         if cosine == 0.0 {
             return [DVec4::ZERO; 3];
         }
-        let LobeWeights { base, lobe } = gloss.weights(point, direction);
+        let LobeWeights { base, lobe } = gloss.weights(point.normal, direction);
         let (radiance, lobe) = (self.radiance(point, direction, number), (cosine * lobe).as_dvec3());
         [f64::from(cosine * base) * radiance.extend(1.0), (radiance * lobe).extend(0.0), lobe.extend(0.0)]
     }
@@ -57,7 +57,10 @@ impl<'a> Reference<'a> {
     /// Radiance that comes to a point along a unit `direction` with this number, without the surfaces' own emission.
     fn radiance(&self, point: &GatherPoint, direction: Vec3, number: u32) -> DVec3 {
         match self.hit(point, direction, number) {
-            Some(hit) => self.radiosity(point, direction, hit).as_dvec3() / PI,
+            Some(hit) => {
+                let front = self.scene.mesh.meets_front(hit.triangle, direction);
+                self.radiosity(hit.triangle, point.position + hit.distance * direction, front).as_dvec3() / PI
+            }
             None => self.scene.gathered_radiance(direction).as_dvec3(),
         }
     }
@@ -73,11 +76,27 @@ impl<'a> Reference<'a> {
         self.rays.nearest(origin, direction, None, Chance::of_direction(number))
     }
 
-    /// Radiosity (π times the radiance) of the side of `hit` that the ray along `direction` meets, without the surface's own emission.
-    fn radiosity(&self, point: &GatherPoint, direction: Vec3, hit: Hit) -> Vec3 {
-        let position = point.position + hit.distance * direction;
-        let mesh = &self.scene.mesh;
-        let albedo = self.scene.albedo(hit.triangle, mesh.barycentric(hit.triangle, position));
-        albedo * self.photons.irradiance_of_hit(mesh, hit.triangle, position, direction)
+    /// Radiosity (π times the radiance) of a place on a triangle, on its front or its back, without the surface's own emission.
+    fn radiosity(&self, triangle: usize, position: Vec3, front: bool) -> Vec3 {
+        self.scene.albedo_at(triangle, position) * self.photons.irradiance_of_hit(&self.scene.mesh, triangle, position, front)
+    }
+
+    /// The same of all hits of a packet, at these positions. Zero where there is no hit.
+    pub fn radiosities(&self, hits: &PacketHits, positions: &[Lanes; 3]) -> [Vec3; LANES] {
+        let mut radiosities = self.photons.irradiance_of_packet(&self.scene.mesh, hits, positions);
+        for (lane, radiosity) in radiosities.iter_mut().enumerate().filter(|&(lane, _)| hits.triangles[lane] != NO_TRIANGLE) {
+            *radiosity *= self.scene.albedo_at(hits.triangles[lane] as usize, Vec3::from(positions.map(|axis| axis[lane])));
+        }
+        radiosities
+    }
+
+    /// The rays that it casts.
+    pub fn rays(&self) -> Rays<'a> {
+        self.rays
+    }
+
+    /// The scene that it sees.
+    pub fn scene(&self) -> &'a Scene {
+        self.scene
     }
 }

@@ -157,7 +157,16 @@ fn photons_light_what_is_there() {
             for (map, store) in [("atlas", &atlas as &dyn PhotonStore), ("grid", &grid)] {
                 let found: f32 = points
                     .iter()
-                    .map(|point| store.irradiance_of_hit(&scene.mesh, ray(point.position), point.position, Vec3::NEG_Y).x)
+                    .map(|point| {
+                        store
+                            .irradiance_of_hit(
+                                &scene.mesh,
+                                ray(point.position),
+                                point.position,
+                                scene.mesh.meets_front(ray(point.position), Vec3::NEG_Y),
+                            )
+                            .x
+                    })
                     .sum();
                 let error = found / expected - 1.0;
                 eprintln!("{name}, {place}, {map}: {:+.2} % of {} points", 100.0 * error, points.len());

@@ -27,7 +27,7 @@ impl PhotonStore for Boxes {
         self.1.fill(DVec3::ZERO);
     }
 
-    fn irradiance_of_hit(&self, _: &Mesh, _: usize, _: Vec3, _: Vec3) -> Vec3 {
+    fn irradiance_of_hit(&self, _: &Mesh, _: usize, _: Vec3, _: bool) -> Vec3 {
         Vec3::ZERO
     }
 }

@@ -1,12 +1,14 @@
 //! Gathers irradiance from the photon map, by any pipeline. Mirrors `glsl/consumer/irradiance.glsl`.
 //!
-//! [`Pipeline::Raycast`] uses no shader: the oracle finds hits and looks up their radiance. So drivers add no rounding, such as that of their
-//! texture decoding (6e-5 of a textured picture's mean on llvmpipe).
+//! [`Pipeline::Raycast`] uses no shader: [packets](super::packets) of rays find hits, and the oracle looks up their radiance. So drivers add no rounding,
+//! such as that of their texture decoding (6e-5 of a textured picture's mean on llvmpipe).
 
+use std::f32::consts::PI;
 use std::rc::Rc;
 
-use glam::Vec4;
-use rayon::prelude::*;
+use glam::{Vec3, Vec4};
+
+use super::packets::{Ends, PointHits, PointPacket, cast, packets};
 
 use super::{GatherPass, HitFinder, MissRadiance, hit_finder, shader_of};
 use crate::direction::Direction;
@@ -16,9 +18,9 @@ use crate::gpu::Gpu;
 use crate::photon::PhotonTexture;
 use crate::points::{Accumulator, GatherPoint, Interleave, PointGloss, Points};
 use crate::reference::Reference;
-use crate::scene::{Bvh, Scene};
+use crate::scene::{Bvh, LANES, NO_TRIANGLE, Scene};
 use crate::settings::{Pipeline, Settings};
-use crate::shaders::{Consumer, HitRadiance};
+use crate::shaders::{BATCH, Consumer, HitRadiance};
 
 /// Inputs of [`IrradianceGather::add`].
 #[derive(Clone, Copy)]
@@ -44,14 +46,27 @@ enum Method {
         pass: GatherPass,
         sums: Accumulator,
     },
-    /// Points and sums are row by row from the bottom.
-    Oracle {
-        points: Vec<Option<GatherPoint>>,
-        sums: Vec<Vec4>,
-        /// The gloss of each point, and the sums of its lobe. Empty without gloss.
+    Packets {
+        subsets: Vec<PacketSubset>,
+        /// The gloss of each point, row by row from the bottom. Empty without gloss.
         gloss: Vec<PointGloss>,
-        lobes: Vec<[Vec4; 2]>,
+        /// Number of points, with those that are none.
+        places: usize,
     },
+}
+
+/// The points of one subset in packets, with their sums.
+struct PacketSubset {
+    packets: Vec<PointPacket>,
+    sums: Vec<PacketSums>,
+}
+
+/// The sums of each point of a packet.
+#[derive(Clone)]
+struct PacketSums {
+    sums: [Vec4; LANES],
+    /// As [`IrradianceGather::read_lobes`]; `None` without gloss.
+    lobes: Option<Box<[[Vec4; 2]; LANES]>>,
 }
 
 impl IrradianceGather {
@@ -75,7 +90,7 @@ impl IrradianceGather {
         glossy: bool,
     ) -> Result<Self> {
         let method = match settings.gather.pipeline {
-            Pipeline::Raycast => Method::Oracle { points: Vec::new(), sums: Vec::new(), gloss: Vec::new(), lobes: Vec::new() },
+            Pipeline::Raycast => Method::Packets { subsets: Vec::new(), gloss: Vec::new(), places: 0 },
             pipeline => {
                 // The finder comes last: it adapts to the memory that is left.
                 let sums = Accumulator::several(gpu, interleave.sums_size(), if glossy { 3 } else { 1 })?;
@@ -96,20 +111,23 @@ impl IrradianceGather {
     pub fn batch(&self) -> usize {
         match &self.method {
             Method::Shader { finder, .. } => finder.batch(),
-            Method::Oracle { .. } => 1,
+            Method::Packets { .. } => BATCH as usize,
         }
     }
 
     /// As [`HitFinder::both_ends`].
     pub fn both_ends(&self) -> bool {
-        matches!(&self.method, Method::Shader { finder, .. } if finder.both_ends())
+        match &self.method {
+            Method::Shader { finder, .. } => finder.both_ends(),
+            Method::Packets { .. } => true,
+        }
     }
 
     /// As [`HitFinder::shrink`].
     pub fn shrink(&mut self) -> bool {
         match &mut self.method {
             Method::Shader { finder, .. } => finder.shrink(),
-            Method::Oracle { .. } => false,
+            Method::Packets { .. } => false,
         }
     }
 
@@ -125,11 +143,20 @@ impl IrradianceGather {
                 finder.fit(&|| points().into_iter().flatten().map(|point| point.position).collect());
                 sums.clear();
             }
-            Method::Oracle { points: places, sums, gloss, lobes } => {
-                *places = points();
-                *sums = vec![Vec4::ZERO; places.len()];
-                *gloss = of_points.to_vec();
-                *lobes = vec![[Vec4::ZERO; 2]; gloss.len()];
+            Method::Packets { subsets, gloss, places } => {
+                let points = points();
+                let mut of_subsets = vec![Vec::new(); self.interleave.subsets()];
+                for (number, point) in points.iter().enumerate() {
+                    of_subsets[self.interleave.subset_of(number).index()].extend(point.map(|point| (number as u32, point)));
+                }
+                let lobes = (!of_points.is_empty()).then(|| Box::new([[Vec4::ZERO; 2]; LANES]));
+                let empty = PacketSums { sums: [Vec4::ZERO; LANES], lobes };
+                let subset = |points: Vec<(u32, GatherPoint)>| {
+                    let packets = packets(&points);
+                    PacketSubset { sums: vec![empty.clone(); packets.len()], packets }
+                };
+                *subsets = of_subsets.into_iter().map(subset).collect();
+                (*gloss, *places) = (of_points.to_vec(), points.len());
             }
         }
     }
@@ -153,28 +180,16 @@ impl IrradianceGather {
                     (most, left) = (most.max(found.layers), later);
                 }
             }
-            // The outer loop is over directions, so that neighbouring rays are parallel.
-            Method::Oracle { points: places, sums, gloss, .. } if gloss.is_empty() => directions.iter().for_each(|direction| {
-                let cast = |(i, (point, sum)): (usize, (&Option<GatherPoint>, &mut Vec4))| match point {
-                    Some(point) if self.interleave.subset_of(i) == points.subset => {
-                        *sum += oracle.sample(point, direction.vector, direction.number).as_vec4();
-                    }
-                    _ => {}
+            Method::Packets { subsets, gloss, .. } => {
+                let ends: Vec<Ends> = directions.iter().map(Ends::new).collect();
+                let miss = |direction: &Ends| [false, true].map(|against| scene.gathered_radiance(direction.vector(against)));
+                let misses: Vec<[Vec3; 2]> = ends.iter().map(miss).collect();
+                let take = |packet: &PointPacket, sums: &mut PacketSums, number: usize, found: &PointHits| {
+                    sums.add(packet, found, &ends[number], misses[number], oracle, gloss);
                 };
-                places.par_iter().zip(sums.par_iter_mut()).enumerate().for_each(cast);
-            }),
-            Method::Oracle { points: places, sums, gloss, lobes } => directions.iter().for_each(|direction| {
-                let all = places.par_iter().zip(&mut *sums).zip(&*gloss).zip(&mut *lobes).enumerate();
-                all.for_each(|(i, (((point, sum), gloss), lobes))| match point {
-                    Some(point) if self.interleave.subset_of(i) == points.subset => {
-                        let [base, lobe, weight] =
-                            oracle.sample_glossy(point, gloss, direction.vector, direction.number).map(|term| term.as_vec4());
-                        *sum += base;
-                        *lobes = [lobes[0] + lobe, lobes[1] + weight];
-                    }
-                    _ => {}
-                });
-            }),
+                let PacketSubset { packets, sums } = &mut subsets[points.subset.index()];
+                cast(oracle.rays(), packets, &ends, sums, take);
+            }
         }
         Ok(most)
     }
@@ -186,8 +201,10 @@ impl IrradianceGather {
                 let mut lobes = sums.read_all().skip(1).map(|sums| self.interleave.in_order(sums));
                 Some([lobes.next()?, lobes.next()?])
             }
-            Method::Oracle { lobes, .. } if lobes.is_empty() => None,
-            Method::Oracle { lobes, .. } => Some([0, 1].map(|part| lobes.iter().map(|sums| sums[part]).collect())),
+            Method::Packets { gloss, .. } if gloss.is_empty() => None,
+            Method::Packets { subsets, places, .. } => Some([0, 1].map(|part| {
+                in_order(subsets, *places, |sums, lane| sums.lobes.as_ref().map_or(Vec4::ZERO, |lobes| lobes[lane][part]))
+            })),
         }
     }
 
@@ -195,7 +212,49 @@ impl IrradianceGather {
     pub fn read(&self) -> Vec<Vec4> {
         match &self.method {
             Method::Shader { sums, .. } => self.interleave.in_order(sums.read()),
-            Method::Oracle { sums, .. } => sums.clone(),
+            Method::Packets { subsets, places, .. } => in_order(subsets, *places, |sums, lane| sums.sums[lane]),
         }
     }
+}
+
+impl PacketSums {
+    /// Adds what a packet sees along a direction. `misses`: the radiance of rays without a hit, along and against it.
+    fn add(
+        &mut self,
+        packet: &PointPacket,
+        found: &PointHits,
+        direction: &Ends,
+        misses: [Vec3; 2],
+        oracle: Reference,
+        gloss: &[PointGloss],
+    ) {
+        let radiosities = oracle.radiosities(&found.hits, &found.positions);
+        for lane in (0..LANES).filter(|lane| found.counts >> lane & 1 == 1) {
+            let against = found.against >> lane & 1 == 1;
+            let radiance = match found.hits.triangles[lane] {
+                NO_TRIANGLE => misses[usize::from(against)],
+                _ => radiosities[lane] / PI,
+            };
+            let weight = found.weights[lane];
+            match &mut self.lobes {
+                None => self.sums[lane] += weight * radiance.extend(1.0),
+                Some(lobes) => {
+                    let weights = gloss[packet.points()[lane] as usize].weights(packet.normal(lane), direction.vector(against));
+                    let lobe = weight * weights.lobe;
+                    self.sums[lane] += weight * weights.base * radiance.extend(1.0);
+                    lobes[lane][0] += (radiance * lobe).extend(0.0);
+                    lobes[lane][1] += lobe.extend(0.0);
+                }
+            }
+        }
+    }
+}
+
+/// A value of each point's sums, in the order of the points.
+fn in_order(subsets: &[PacketSubset], places: usize, value: impl Fn(&PacketSums, usize) -> Vec4) -> Vec<Vec4> {
+    let mut values = vec![Vec4::ZERO; places];
+    for (packet, sums) in subsets.iter().flat_map(|subset| subset.packets.iter().zip(&subset.sums)) {
+        packet.points().iter().enumerate().for_each(|(lane, &point)| values[point as usize] = value(sums, lane));
+    }
+    values
 }

@@ -20,6 +20,7 @@ mod kill_finder;
 mod layer_store;
 mod layers;
 mod outline;
+mod packets;
 mod pass;
 mod peel;
 mod rays;

@@ -202,8 +202,9 @@ impl PhotonStore for PhotonGrid {
         }
     }
 
-    fn irradiance_of_hit(&self, mesh: &Mesh, triangle: usize, position: Vec3, direction: Vec3) -> Vec3 {
-        let side = mesh.side_met(triangle, direction);
+    fn irradiance_of_hit(&self, mesh: &Mesh, triangle: usize, position: Vec3, front: bool) -> Vec3 {
+        let normal = mesh.geometric_normal(triangle);
+        let side = if front { normal } else { -normal };
         let axis = dominant_axis(side);
         self.irradiance(position, axis, side[axis] > 0.0)
     }

@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 
-use crate::scene::Mesh;
+use crate::scene::{LANES, Lanes, Mesh, NO_TRIANGLE, PacketHits};
 
 /// Sums the flux of photons at surfaces, and estimates irradiance from it. Lengths are in unit space.
 pub trait PhotonStore: Sync {
@@ -18,6 +18,17 @@ pub trait PhotonStore: Sync {
     /// Removes the flux, for new photons. What is known of the surfaces stays.
     fn clear_flux(&mut self);
 
-    /// Irradiance at a hit of a triangle of the gathered mesh, on the side that a ray along the unit vector `direction` meets.
-    fn irradiance_of_hit(&self, mesh: &Mesh, triangle: usize, position: Vec3, direction: Vec3) -> Vec3;
+    /// Irradiance at a hit of a triangle of the gathered mesh, on its front or its back.
+    fn irradiance_of_hit(&self, mesh: &Mesh, triangle: usize, position: Vec3, front: bool) -> Vec3;
+
+    /// The same of all hits of a packet, at these positions. Zero where there is no hit.
+    fn irradiance_of_packet(&self, mesh: &Mesh, hits: &PacketHits, positions: &[Lanes; 3]) -> [Vec3; LANES] {
+        std::array::from_fn(|lane| match hits.triangles[lane] {
+            NO_TRIANGLE => Vec3::ZERO,
+            triangle => {
+                let position = Vec3::from(positions.map(|axis| axis[lane]));
+                self.irradiance_of_hit(mesh, triangle as usize, position, hits.fronts >> lane & 1 == 1)
+            }
+        })
+    }
 }

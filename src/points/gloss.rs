@@ -33,12 +33,12 @@ impl PointGloss {
         self.brdf.alpha > 0.0
     }
 
-    /// The weights of light from the unit vector `light`, above the point. The twin of `lobe_weights` in `glsl/include/gloss.glsl`.
-    pub fn weights(&self, point: &GatherPoint, light: Vec3) -> LobeWeights {
+    /// The weights of light from the unit vector `light`, above a point with this shading normal. The twin of `lobe_weights` in `glsl/include/gloss.glsl`.
+    pub fn weights(&self, normal: Vec3, light: Vec3) -> LobeWeights {
         if !self.is_glossy() {
             return LobeWeights { base: 1.0, lobe: Vec3::ZERO };
         }
-        let weights = self.brdf.weights(point.normal, self.eye, light);
+        let weights = self.brdf.weights(normal, self.eye, light);
         if self.counts { weights } else { LobeWeights { lobe: Vec3::ZERO, ..weights } }
     }
 

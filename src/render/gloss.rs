@@ -54,7 +54,7 @@ pub(super) fn caustic_light(map: &CausticMap, point: &GatherPoint, gloss: Option
         Some(gloss) => {
             let [base, lobe] = map.weighted(point.position, point.surface_normal, |to_light| {
                 let above = point.cosine(to_light) > 0.0;
-                let weights = if above { gloss.weights(point, to_light) } else { LobeWeights::default() };
+                let weights = if above { gloss.weights(point.normal, to_light) } else { LobeWeights::default() };
                 [Vec3::splat(weights.base), weights.lobe]
             });
             [base / gloss.shares.passing, lobe]

@@ -17,16 +17,16 @@ pub const RAY_OFFSET: f32 = 1e-6;
 
 /// The tree skips boxes that a ray leaves within 1e-4 of its origin, and would lose geometry in corners. At this scale it skips a tenth of
 /// [`RAY_OFFSET`]. The scale is a power of two, so nothing is rounded.
-const SCALE: f32 = 1024.0;
+pub(super) const SCALE: f32 = 1024.0;
 
 /// A ray hits a triangle up to this far outside its edge (barycentric; ten times the rounding error). So no ray slips between two triangles.
-const EDGE: f32 = 1e-6;
+pub(super) const EDGE: f32 = 1e-6;
 
 /// A bounding volume hierarchy over a mesh.
 pub struct Bvh {
-    tree: CwBvh,
+    pub(super) tree: CwBvh,
     /// In the order of the tree's leaves.
-    triangles: Vec<obvhs::triangle::Triangle>,
+    pub(super) triangles: Vec<obvhs::triangle::Triangle>,
 }
 
 /// The nearest intersection of a ray with the mesh.

@@ -35,6 +35,7 @@ mod material;
 mod mesh;
 mod normal_map;
 mod opacity;
+mod ray_packet;
 mod reversed_lamps;
 mod smoothing;
 mod source_lists;
@@ -56,6 +57,7 @@ pub use light::{
 pub use material::{Gloss, Material, NormalMap, Opacity, Surface};
 pub use mesh::{Mesh, Source, Triangle};
 pub use opacity::{Chance, Rays};
+pub use ray_packet::{LANES, Lanes, NO_TRIANGLE, PacketHits, RayPacket, SharedDirection};
 pub use reversed_lamps::reversed_lamps;
 pub use smoothing::FaceNormals;
 pub use source_lists::SourceLists;
@@ -119,6 +121,15 @@ impl Scene {
         }
         let mean = self.gloss_mean(self.mesh.triangles[triangle].material as usize);
         mean.map_or(base, |[share, rest]| base * share + rest)
+    }
+
+    /// The same at a position on a triangle.
+    pub fn albedo_at(&self, triangle: usize, position: Vec3) -> Vec3 {
+        let Material { albedo, albedo_texture, gloss, .. } = self.material(triangle);
+        match (albedo_texture, gloss) {
+            (None, None) if self.mesh.colors.is_empty() => *albedo,
+            _ => self.albedo(triangle, self.mesh.barycentric(triangle, position)),
+        }
     }
 
     /// The colour of a surface there, without its gloss.

@@ -8,7 +8,7 @@
 
 use glam::Vec3;
 
-use super::{Bvh, Hit, Material, Scene};
+use super::{Bvh, Hit, Material, PacketHits, RayPacket, Scene, SharedDirection};
 use crate::random::{hash, stratified};
 
 /// Which choice surfaces make.
@@ -100,6 +100,32 @@ impl<'a> Rays<'a> {
     /// `bvh` belongs to the scene's mesh.
     pub fn new(scene: &'a Scene, bvh: &'a Bvh) -> Self {
         Self { scene, bvh, cut_outs: scene.has_cut_outs() }
+    }
+
+    /// Whether a ray may pass through a surface.
+    pub fn meet_cut_outs(&self) -> bool {
+        self.cut_outs
+    }
+
+    /// As [`Bvh::nearest_of_packet`], of the surfaces that do not let these rays pass. `CUT_OUTS`: [`Self::meet_cut_outs`].
+    #[inline(always)]
+    pub fn nearest_of_packet<const CUT_OUTS: bool>(
+        &self,
+        packet: &RayPacket,
+        direction: &SharedDirection,
+        active: u32,
+        chance: Chance,
+        hits: &mut PacketHits,
+    ) {
+        let stops = |lane: usize, hit: Hit| {
+            let position = packet.origin(lane) + hit.distance * direction.vector;
+            !self.scene.is_cut(hit.triangle, position, chance)
+        };
+        if CUT_OUTS {
+            self.bvh.nearest_of_packet::<true>(packet, direction, active, hits, stops);
+        } else {
+            self.bvh.nearest_of_packet::<false>(packet, direction, active, hits, |_, _| true);
+        }
     }
 
     /// As [`Bvh::nearest`], of the surfaces that do not let this ray pass.

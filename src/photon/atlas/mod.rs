@@ -17,7 +17,7 @@ use self::chart::{ChartPlane, Charts};
 use self::contact::contacts;
 use self::pieces::{ChartPages, Pieces, cell_of};
 use super::store::PhotonStore;
-use crate::scene::{Bvh, Mesh, Scene};
+use crate::scene::{Bvh, LANES, Lanes, Mesh, NO_TRIANGLE, PacketHits, Scene};
 
 /// Photons on a page, on average over its chart. With its neighbours that is four times as many.
 const PHOTONS: f32 = 64.0;
@@ -41,8 +41,18 @@ pub struct PhotonAtlas {
     /// For each piece, on the front and on the back of its chart.
     flux: Vec<Vec3>,
     irradiance: Vec<Vec3>,
+    /// For each page, on both sides: what most look-ups ask for.
+    faces: Vec<PageFace>,
     /// The index in the traced mesh of each triangle of the gathered mesh, if the two differ.
     gathered: Option<Vec<u32>>,
+}
+
+/// One side of a page.
+#[derive(Clone, Copy)]
+struct PageFace {
+    /// That of the piece that is the whole page.
+    irradiance: Vec3,
+    is_divided: bool,
 }
 
 /// From unit space to pages of a chart: u = dot(u.xyz, position) + u.w.
@@ -85,6 +95,7 @@ impl PhotonAtlas {
             pieces,
             flux: vec![Vec3::ZERO; sides],
             irradiance: vec![Vec3::ZERO; sides],
+            faces: Vec::new(),
             gathered,
         }
     }
@@ -120,7 +131,7 @@ impl PhotonAtlas {
         let lit = 8.0 * photons as f32 / PHOTONS;
         let pages = charts + (lit + PAGES + LEAST_PAGES.powi(2) * charts as f32).min(MOST_PAGES) as usize;
         let cells = Pieces::MOST_CELLS.max(64 * pages / 8);
-        pages * (11 * PIECE / 8 + 4 * size_of::<u32>())
+        pages * (11 * PIECE / 8 + 4 * size_of::<u32>() + 2 * size_of::<PageFace>())
             + 3 * cells * size_of::<u32>()
             + triangles * 4 * size_of::<u32>()
             + charts * 3 * size_of::<ChartMap>()
@@ -132,6 +143,7 @@ impl PhotonAtlas {
             + size_of_val(&self.charts[..])
             + size_of_val(&self.flux[..])
             + size_of_val(&self.irradiance[..])
+            + size_of_val(&self.faces[..])
             + self.pieces.size()
     }
 
@@ -191,14 +203,59 @@ impl PhotonStore for PhotonAtlas {
                 self.irradiance[2 * *seam as usize + side] = darkest.unwrap_or(Vec3::ZERO);
             }
         }
+        let face = |number: usize| {
+            let piece = self.pieces.whole((number / 2) as u32);
+            let irradiance = piece.map_or(Vec3::ZERO, |piece| self.irradiance[2 * piece as usize + number % 2]);
+            PageFace { irradiance, is_divided: piece.is_none() }
+        };
+        self.faces = (0..2 * self.pieces.pages.len()).map(face).collect();
     }
 
     fn clear_flux(&mut self) {
         self.flux.fill(Vec3::ZERO);
     }
 
-    fn irradiance_of_hit(&self, mesh: &Mesh, triangle: usize, position: Vec3, direction: Vec3) -> Vec3 {
-        self.irradiance[self.index(self.traced(triangle), position, mesh.meets_front(triangle, direction))]
+    fn irradiance_of_hit(&self, _: &Mesh, triangle: usize, position: Vec3, front: bool) -> Vec3 {
+        self.irradiance[self.index(self.traced(triangle), position, front)]
+    }
+
+    /// The same look-ups in steps, each of all hits: so the processor waits for several reads at once, and computes in vectors.
+    fn irradiance_of_packet(&self, _: &Mesh, hits: &PacketHits, positions: &[Lanes; 3]) -> [Vec3; LANES] {
+        pulp::Arch::new().dispatch(|| {
+            let (mut u, mut v) = ([[0.0; LANES]; 4], [[0.0; LANES]; 4]);
+            let (mut first, mut width, mut last, mut sides) = ([0; LANES], [0; LANES], [[0.0; LANES]; 2], [0; LANES]);
+            for lane in (0..LANES).filter(|&lane| hits.triangles[lane] != NO_TRIANGLE) {
+                let code = self.codes[self.traced(hits.triangles[lane] as usize)];
+                let chart = &self.charts[(code >> 1) as usize];
+                for axis in 0..4 {
+                    (u[axis][lane], v[axis][lane]) = (chart.u[axis], chart.v[axis]);
+                }
+                let ChartPages { first: page, size, .. } = chart.pages;
+                (first[lane], width[lane], sides[lane]) = (page, size.x, !(code ^ hits.fronts >> lane) & 1);
+                (last[0][lane], last[1][lane]) = ((size.x - 1) as f32, (size.y - 1) as f32);
+            }
+            let [x, y, z] = positions;
+            let mut faces = [0; LANES];
+            for lane in 0..LANES {
+                let page = |map: &[Lanes; 4], last: &Lanes| {
+                    let place = map[0][lane] * x[lane] + map[1][lane] * y[lane] + map[2][lane] * z[lane] + map[3][lane];
+                    let place = if place > 0.0 { place } else { 0.0 };
+                    (if place < last[lane] { place } else { last[lane] }) as u32
+                };
+                faces[lane] = 2 * (first[lane] + page(&v, &last[1]) * width[lane] + page(&u, &last[0])) + sides[lane];
+            }
+            let mut irradiances = [Vec3::ZERO; LANES];
+            for lane in (0..LANES).filter(|&lane| hits.triangles[lane] != NO_TRIANGLE) {
+                let face = &self.faces[faces[lane] as usize];
+                irradiances[lane] = face.irradiance;
+                if face.is_divided {
+                    let position = Vec3::from(positions.map(|axis| axis[lane]));
+                    let triangle = self.traced(hits.triangles[lane] as usize);
+                    irradiances[lane] = self.irradiance[self.index(triangle, position, hits.fronts >> lane & 1 == 1)];
+                }
+            }
+            irradiances
+        })
     }
 }
 

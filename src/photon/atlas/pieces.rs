@@ -185,6 +185,12 @@ impl Pieces {
         self.cells[((word >> 4) + (cell.y << shift) + cell.x) as usize]
     }
 
+    /// The piece that is the whole page; `None` of a divided page.
+    pub fn whole(&self, page: u32) -> Option<u32> {
+        let word = self.pages[page as usize];
+        (word & 15 == 0).then(|| self.cells[(word >> 4) as usize])
+    }
+
     /// Finds the borders between pieces of neighbouring pages.
     fn join(&mut self, pages: &ChartPages) {
         let size = pages.size;

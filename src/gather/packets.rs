@@ -1,0 +1,195 @@
+//! Gather points in packets: 16 neighbours each, whose parallel rays the processor traces together.
+
+use glam::Vec3;
+use rayon::prelude::*;
+
+use crate::direction::Direction;
+use crate::points::GatherPoint;
+use crate::scene::{Chance, LANES, Lanes, PacketHits, RAY_OFFSET, RayPacket, Rays, SharedDirection};
+
+/// Packets that one task takes along all directions. Their rays meet the same part of the scene.
+const TASK: usize = 32;
+/// Bits of a coordinate in the order of points.
+const BITS: u32 = 16;
+
+/// Up to 16 points near each other, whose surfaces face about the same way.
+pub struct PointPacket {
+    rays: RayPacket,
+    surface_normals: [Lanes; 3],
+    normals: [Lanes; 3],
+    /// The number of each point.
+    points: [u32; LANES],
+    count: usize,
+}
+
+/// The hits of a packet's points along one direction.
+pub struct PointHits {
+    /// Whether the direction counts at a point: a bit for each. Its weight is then above 0.
+    pub counts: u32,
+    /// Whether a point looks against the direction: a bit for each.
+    pub against: u32,
+    /// The cosine of the direction at each point.
+    pub weights: Lanes,
+    pub hits: PacketHits,
+    /// Where they are.
+    pub positions: [Lanes; 3],
+}
+
+/// A direction with both ends.
+pub struct Ends {
+    along: SharedDirection,
+    against: SharedDirection,
+    chance: Chance,
+}
+
+impl Ends {
+    pub fn new(direction: &Direction) -> Self {
+        let [along, against] = [1.0, -1.0].map(|side| SharedDirection::new(side * direction.vector));
+        Self { along, against, chance: Chance::of_direction(direction.number) }
+    }
+
+    /// The unit vector of an end.
+    pub fn vector(&self, against: bool) -> Vec3 {
+        if against { self.against.vector } else { self.along.vector }
+    }
+}
+
+/// Puts points, given by their numbers, into packets of neighbours.
+pub fn packets(points: &[(u32, GatherPoint)]) -> Vec<PointPacket> {
+    // A key's lowest bits are the place in the list, so equal keys have one order.
+    let mut keys: Vec<(u64, u32)> = points.par_iter().zip(0..points.len() as u32).map(|((_, p), i)| (key(p), i)).collect();
+    keys.par_sort_unstable();
+    let packet = |keys: &[(u64, u32)]| {
+        let of_lane = |lane: usize| &points[keys[lane.min(keys.len() - 1)].1 as usize];
+        let lanes: [&(u32, GatherPoint); LANES] = std::array::from_fn(of_lane);
+        let origin = |(_, point): &(u32, GatherPoint)| point.position + RAY_OFFSET * point.surface_normal;
+        PointPacket {
+            rays: RayPacket::new(&lanes.map(origin)),
+            surface_normals: [0, 1, 2].map(|axis| lanes.map(|(_, point)| point.surface_normal[axis])),
+            normals: [0, 1, 2].map(|axis| lanes.map(|(_, point)| point.normal[axis])),
+            points: lanes.map(|&(number, _)| number),
+            count: keys.len(),
+        }
+    };
+    keys.par_chunks(LANES).map(packet).collect()
+}
+
+/// The octant of a point's normal, then its place along a curve that fills the unit cube (Morton 1966).
+fn key(point: &GatherPoint) -> u64 {
+    let octant = point.surface_normal.cmpgt(Vec3::ZERO).bitmask();
+    let steps = ((point.position + 1.0) * (0.5 * (1 << BITS) as f32)).clamp(Vec3::ZERO, Vec3::splat(((1 << BITS) - 1) as f32));
+    let place = (0..3).fold(0, |code, axis| code | spread(steps[axis] as u64) << axis);
+    u64::from(octant) << (3 * BITS) | place
+}
+
+/// Two zeros between the bits of a number of 16 bits.
+fn spread(mut bits: u64) -> u64 {
+    let steps = [(16, 0x00ff_0000_00ff), (8, 0xf00f_00f0_0f00_f00f), (4, 0x30c3_0c30_c30c_30c3), (2, 0x9249_2492_4924_9249)];
+    for (shift, mask) in steps {
+        bits = (bits | bits << shift) & mask;
+    }
+    bits
+}
+
+/// Casts the rays of `packets` along `directions`, towards the end on each point's side of its surface. Gives the hits of each packet along one direction
+/// after the other to `take`, together with what belongs to the packet of `sums`.
+pub fn cast<S: Send>(
+    rays: Rays,
+    packets: &[PointPacket],
+    directions: &[Ends],
+    sums: &mut [S],
+    take: impl Fn(&PointPacket, &mut S, usize, &PointHits) + Sync,
+) {
+    let task = |(packets, sums): (&[PointPacket], &mut [S])| {
+        let (arch, take) = (pulp::Arch::new(), &take);
+        if rays.meet_cut_outs() {
+            arch.dispatch(Task::<_, _, true> { rays, packets, directions, sums, take });
+        } else {
+            arch.dispatch(Task::<_, _, false> { rays, packets, directions, sums, take });
+        }
+    };
+    packets.par_chunks(TASK).zip(sums.par_chunks_mut(TASK)).for_each(task);
+}
+
+/// What [`cast`] does with some packets, compiled for the vectors of the processor.
+struct Task<'a, S, T, const CUT_OUTS: bool> {
+    rays: Rays<'a>,
+    packets: &'a [PointPacket],
+    directions: &'a [Ends],
+    sums: &'a mut [S],
+    take: &'a T,
+}
+
+impl<S, T: Fn(&PointPacket, &mut S, usize, &PointHits), const CUT_OUTS: bool> pulp::NullaryFnOnce for Task<'_, S, T, CUT_OUTS> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        for (number, direction) in self.directions.iter().enumerate() {
+            for (packet, sums) in self.packets.iter().zip(&mut *self.sums) {
+                if let Some(hits) = packet.look::<CUT_OUTS>(self.rays, direction) {
+                    (self.take)(packet, sums, number, &hits);
+                }
+            }
+        }
+    }
+}
+
+impl PointPacket {
+    /// The hits along a direction; `None` if it counts at no point.
+    #[inline(always)]
+    fn look<const CUT_OUTS: bool>(&self, rays: Rays, direction: &Ends) -> Option<PointHits> {
+        let vector = direction.along.vector;
+        let (mut counts, mut against, mut weights) = (0, 0, [0.0; LANES]);
+        for lane in 0..LANES {
+            let dot =
+                |normals: &[Lanes; 3]| normals[0][lane] * vector.x + normals[1][lane] * vector.y + normals[2][lane] * vector.z;
+            let (side, cosine) = (dot(&self.surface_normals), dot(&self.normals));
+            let weight = if side < 0.0 { -cosine } else { cosine };
+            weights[lane] = weight;
+            counts |= u32::from((weight > 0.0) & (side != 0.0) & (lane < self.count)) << lane;
+            against |= u32::from(side < 0.0) << lane;
+        }
+        if counts == 0 {
+            return None;
+        }
+        let mut hits = PacketHits::NONE;
+        // A loop, so that the search is inlined once.
+        for (end, active) in [(&direction.along, counts & !against), (&direction.against, counts & against)] {
+            if active != 0 {
+                rays.nearest_of_packet::<CUT_OUTS>(&self.rays, end, active, direction.chance, &mut hits);
+            }
+        }
+        let mut positions = *self.rays.origins();
+        for (axis, positions) in positions.iter_mut().enumerate() {
+            for lane in 0..LANES {
+                let step = if against >> lane & 1 == 1 { -vector[axis] } else { vector[axis] };
+                positions[lane] += hits.distances[lane] * step;
+            }
+        }
+        Some(PointHits { counts, against, weights, hits, positions })
+    }
+
+    /// The numbers of the points.
+    pub fn points(&self) -> &[u32] {
+        &self.points[..self.count]
+    }
+
+    /// The shading normal of a point.
+    pub fn normal(&self, lane: usize) -> Vec3 {
+        Vec3::from(self.normals.map(|axis| axis[lane]))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bits_are_spread_by_three() {
+        for bits in [0, 1, 2, 3, 0x8000, 0xffff, 0xa5c3] {
+            let expected = (0..BITS).fold(0, |code, bit| code | (bits >> bit & 1) << (3 * bit));
+            assert_eq!(spread(bits), expected, "{bits:x}");
+        }
+    }
+}
