@@ -133,7 +133,7 @@ impl Render {
         };
         let (scene, camera) = (&all.scene, all.scene.camera(settings.film.size));
         let seen = seen(&gathered, &camera, settings.film.size);
-        let (settings, interleave) = &method([&all, &gathered], (&camera, &seen), settings);
+        let (settings, interleave) = &method(gpu.is_software(), [&all, &gathered], (&camera, &seen), settings);
         let mut passes = Passes::new(gpu, &gathered, settings, *interleave)?;
 
         let start = Instant::now();
@@ -183,7 +183,7 @@ impl Render {
         settings.validate()?;
         let camera = self.all.scene.space.enter_camera(camera);
         let seen = seen(&self.gathered, &camera, settings.film.size);
-        let (settings, interleave) = &method([&self.all, &self.gathered], (&camera, &seen), settings);
+        let (settings, interleave) = &method(self.gpu.is_software(), [&self.all, &self.gathered], (&camera, &seen), settings);
         let passes = |of: &Settings| (of.film, of.gather, of.layers());
         if (passes(settings), *interleave) != (passes(&self.settings), self.passes.interleave) {
             self.passes = Passes::new(&self.gpu, &self.gathered, settings, *interleave)?;

@@ -233,7 +233,7 @@ fn cpu_rays_find_the_hits_of_the_oracle() {
     for direction in directions(Sequence::R2, 8) {
         finder.begin(&geometry, &[direction]).unwrap();
         finder.find(&geometry, list.points()).unwrap();
-        let found: Vec<Vec2> = list.in_order(finder.hits().expect("it has found hits").read());
+        let found: Vec<Vec4> = list.in_order(finder.hits().expect("it has found hits").read());
         let hits = oracle.hits(&points, direction.vector, direction.number);
         for ((point, hit), found) in points.iter().zip(hits).zip(found) {
             if point.normal.dot(direction.vector) > 0.0 {

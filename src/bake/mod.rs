@@ -117,7 +117,7 @@ impl Bake {
         }
         let mut settings = *settings;
         if settings.gather.pipeline == Pipeline::Auto {
-            settings.gather.pipeline = chosen_for_bake(&settings, &prepared.scene.mesh, &prepared.bvh, &points);
+            settings.gather.pipeline = chosen_for_bake(gpu.is_software(), &settings, &prepared.scene.mesh, &prepared.bvh, &points);
         }
         let settings = &settings;
         let start = Instant::now();

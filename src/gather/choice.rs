@@ -1,5 +1,6 @@
-//! What [`Pipeline::Auto`] stands for: bundles, or exact rays where bundles go wrong. It depends on the scene, the points and the settings, not on the
-//! device. It casts some thousands of rays on the CPU, always the same ones.
+//! What [`Pipeline::Auto`] stands for. Where the driver computes on the processor, rays that the program casts there itself are faster than anything the
+//! driver does, and exact. On a GPU it is bundles, or exact rays where bundles go wrong. That depends on the scene, the points and the settings, not on
+//! the GPU. It casts some thousands of rays on the CPU, always the same ones.
 //!
 //! A texel of a layer is seen at its centre, half a texel beside the ray of a point. So layers are right where surfaces go on for half a texel around
 //! the points. Three shares of a sample of points tell where not:
@@ -39,17 +40,23 @@ const GRAZING: f32 = 0.05;
 
 /// The pipeline of a picture that sees `points`, of the scene without glass. The light of an environment comes along the directions alone. So few
 /// directions show its shadows as bands, unless neighbours have different ones, which rays give for nothing.
-pub fn chosen_for_picture(settings: &Settings, scene: &Scene, bvh: &Bvh, points: &[GatherPoint]) -> Pipeline {
-    by_rays(scene.environment.is_some() || !resolves(settings.layers(), &scene.mesh, bvh, points))
+///
+/// `software`: [`Gpu::is_software`](crate::gpu::Gpu::is_software).
+pub fn chosen_for_picture(software: bool, settings: &Settings, scene: &Scene, bvh: &Bvh, points: &[GatherPoint]) -> Pipeline {
+    by_rays(software, || scene.environment.is_some() || !resolves(settings.layers(), &scene.mesh, bvh, points))
 }
 
 /// The pipeline of a bake of `points`.
-pub fn chosen_for_bake(settings: &Settings, mesh: &Mesh, bvh: &Bvh, points: &[GatherPoint]) -> Pipeline {
-    by_rays(points.len() < FEW || !resolves(settings.layers(), mesh, bvh, points))
+pub fn chosen_for_bake(software: bool, settings: &Settings, mesh: &Mesh, bvh: &Bvh, points: &[GatherPoint]) -> Pipeline {
+    by_rays(software, || points.len() < FEW || !resolves(settings.layers(), mesh, bvh, points))
 }
 
-fn by_rays(rays: bool) -> Pipeline {
-    if rays { Pipeline::RaycastGl } else { Pipeline::Fused }
+fn by_rays(software: bool, rays: impl Fn() -> bool) -> Pipeline {
+    match software {
+        true => Pipeline::Raycast,
+        false if rays() => Pipeline::RaycastGl,
+        false => Pipeline::Fused,
+    }
 }
 
 /// Whether layers with this side in texels, fitted to `points`, resolve what lies around them.

@@ -1,17 +1,22 @@
-//! A hit finder that casts exact rays on the CPU. The hits of other finders can be compared with its hits.
+//! A hit finder that casts exact rays on the CPU, in [packets](super::packets). The hits of other finders can be compared with its hits.
 
 use std::rc::Rc;
 
 use glam::{Vec2, Vec4};
 use rayon::prelude::*;
 
+use super::packets::{Ends, PointHits, PointPacket, cast, packets};
 use super::{Found, HitFinder};
 use crate::direction::Direction;
 use crate::error::Result;
 use crate::geometry::{Geometry, triangle_order};
 use crate::gpu::{Format, Gpu, Texture};
 use crate::points::{GatherPoint, Points};
-use crate::scene::{Bvh, Chance, RAY_OFFSET, Rays, Scene};
+use crate::scene::{Bvh, LANES, NO_TRIANGLE, Rays, Scene};
+use crate::shaders::BATCH;
+
+/// Point textures whose packets are kept.
+const KEPT: usize = 16;
 
 /// Casts a ray for each point and direction, towards the end of the direction on the point's side of its surface.
 pub struct CpuRayFinder {
@@ -21,10 +26,24 @@ pub struct CpuRayFinder {
     cut_outs: Option<Scene>,
     /// The place of each triangle in the shaders' table.
     slots: Vec<u32>,
-    direction: [Vec4; 1],
-    chance: Chance,
+    directions: Vec<Vec4>,
+    ends: Vec<Ends>,
+    /// The last one found is the last.
+    kept: Vec<KeptPoints>,
     hits: Option<Texture>,
 }
+
+/// Points in packets.
+struct KeptPoints {
+    /// The texels of the points, which tell them from others.
+    texels: [Vec<Vec4>; 2],
+    packets: Vec<PointPacket>,
+    /// For each texel, its place in the packets, counted from 1; 0: no point.
+    places: Vec<u32>,
+}
+
+/// Distance and triangle of a packet's hits along each direction, as `glsl/finder/stored.glsl` reads them.
+type StoredPacket = [[Vec2; LANES]; BATCH as usize];
 
 impl CpuRayFinder {
     /// `scene` is in unit space; `bvh` belongs to its mesh.
@@ -34,42 +53,75 @@ impl CpuRayFinder {
             slots[triangle] = slot;
         }
         let cut_outs = scene.has_cut_outs().then(|| scene.clone());
-        Self { gpu: gpu.clone(), bvh, cut_outs, slots, direction: [Vec4::ZERO], chance: Chance::of_direction(0), hits: None }
+        let (directions, ends, kept) = Default::default();
+        Self { gpu: gpu.clone(), bvh, cut_outs, slots, directions, ends, kept, hits: None }
     }
 
     /// The hits of the last search, as `glsl/finder/stored.glsl` reads them.
     pub fn hits(&self) -> Option<&Texture> {
         self.hits.as_ref()
     }
+
+    /// Puts the packets of `points` at the end of those that are kept.
+    fn keep(&mut self, points: Points) {
+        let texels = [points.position.read(), points.normal.read()];
+        let known = self.kept.iter().position(|kept| kept.texels == texels);
+        let kept = known.map_or_else(|| KeptPoints::new(texels), |known| self.kept.remove(known));
+        if self.kept.len() == KEPT {
+            self.kept.remove(0);
+        }
+        self.kept.push(kept);
+    }
+}
+
+impl KeptPoints {
+    fn new(texels: [Vec<Vec4>; 2]) -> Self {
+        let [positions, normals] = &texels;
+        let decode = |(number, (&position, &normal)): (u32, (&Vec4, &Vec4))| Some((number, GatherPoint::decode(position, normal)?));
+        let points: Vec<(u32, GatherPoint)> = (0..).zip(positions.iter().zip(normals)).filter_map(decode).collect();
+        let packets = packets(&points);
+        let mut places = vec![0; positions.len()];
+        for (number, packet) in packets.iter().enumerate() {
+            packet.points().iter().enumerate().for_each(|(lane, &point)| places[point as usize] = (number * LANES + lane + 1) as u32);
+        }
+        Self { texels, packets, places }
+    }
 }
 
 impl HitFinder for CpuRayFinder {
     fn batch(&self) -> usize {
-        1
+        BATCH as usize
     }
 
     fn begin(&mut self, _: &Geometry, directions: &[Direction]) -> Result<usize> {
-        self.direction = [directions[0].vector.extend(0.0)];
-        self.chance = Chance::of_direction(directions[0].number);
-        Ok(1)
+        let batch = &directions[..directions.len().min(self.batch())];
+        self.directions = batch.iter().map(|direction| direction.vector.extend(0.0)).collect();
+        self.ends = batch.iter().map(Ends::new).collect();
+        Ok(batch.len())
     }
 
     fn find(&mut self, _: &Geometry, points: Points) -> Result<Found<'_>> {
-        let (bvh, slots, direction, chance) = (&*self.bvh, &self.slots, self.direction[0].truncate(), self.chance);
-        let rays = self.cut_outs.as_ref().map(|scene| Rays::new(scene, bvh));
-        // Distance and triangle, as `glsl/finder/stored.glsl` reads them.
-        let hit = |point: &GatherPoint| {
-            let direction = if point.surface_normal.dot(direction) < 0.0 { -direction } else { direction };
-            let origin = point.position + RAY_OFFSET * point.surface_normal;
-            let hit = match &rays {
-                Some(rays) => rays.nearest(origin, direction, None, chance),
-                None => bvh.nearest(origin, direction, None),
-            }?;
-            Some(Vec2::new(hit.distance, (slots[hit.triangle] + 1) as f32))
-        };
-        let hits: Vec<Vec2> = points.read().par_iter().map(|point| point.as_ref().and_then(hit).unwrap_or_default()).collect();
+        self.keep(points);
+        let Some(KeptPoints { packets, places, .. }) = self.kept.last() else { unreachable!("points are kept") };
+        let rays = Rays::through(self.cut_outs.as_ref(), &self.bvh);
+        let mut stored: Vec<StoredPacket> = vec![Default::default(); packets.len()];
+        cast(rays, packets, &self.ends, &mut stored, |_, stored, direction, found: &PointHits| {
+            let hit = |lane: usize| match found.hits.triangles[lane] {
+                NO_TRIANGLE => Vec2::ZERO,
+                triangle => Vec2::new(found.hits.distances[lane], (self.slots[triangle as usize] + 1) as f32),
+            };
+            stored[direction] = std::array::from_fn(hit);
+        });
         let size = [points.position.width(), points.position.height()];
-        let texture = self.hits.insert(Texture::array_of_one(&self.gpu, Format::Rg32F, size, &hits)?);
-        Ok(Found::stored(texture, &self.direction, true, 0))
+        let pairs = self.ends.len().div_ceil(2);
+        let texel = |index: usize| {
+            let Some(place) = places[index % places.len()].checked_sub(1) else { return Vec4::ZERO };
+            let (packet, lane) = (&stored[place as usize / LANES], place as usize % LANES);
+            let [first, second] = [0, 1].map(|of| packet[2 * (index / places.len()) + of][lane]);
+            Vec4::new(first.x, first.y, second.x, second.y)
+        };
+        let texels: Vec<Vec4> = (0..pairs * places.len()).into_par_iter().map(texel).collect();
+        let texture = self.hits.insert(Texture::array(&self.gpu, Format::Rgba32F, size, pairs as u32, &texels)?);
+        Ok(Found::stored(texture, &self.directions, true, 0))
     }
 }

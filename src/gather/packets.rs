@@ -84,7 +84,7 @@ fn key(point: &GatherPoint) -> u64 {
 
 /// Two zeros between the bits of a number of 16 bits.
 fn spread(mut bits: u64) -> u64 {
-    let steps = [(16, 0x00ff_0000_00ff), (8, 0xf00f_00f0_0f00_f00f), (4, 0x30c3_0c30_c30c_30c3), (2, 0x9249_2492_4924_9249)];
+    let steps = [(16, 0xff00_00ff), (8, 0xf00f_00f0_0f00_f00f), (4, 0x30c3_0c30_c30c_30c3), (2, 0x9249_2492_4924_9249)];
     for (shift, mask) in steps {
         bits = (bits | bits << shift) & mask;
     }

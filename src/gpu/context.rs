@@ -105,6 +105,12 @@ impl Gpu {
         &self.context.info
     }
 
+    /// Whether the driver computes on this machine's processor: llvmpipe and softpipe of Mesa, SwiftShader and their like.
+    pub fn is_software(&self) -> bool {
+        let renderer = self.info().renderer.to_lowercase();
+        ["llvmpipe", "softpipe", "swrast", "software", "swiftshader", "basic render"].iter().any(|name| renderer.contains(name))
+    }
+
     /// Names the driver, because another driver rounds differently.
     pub fn identity(&self) -> Value {
         let GpuInfo { renderer, version, backend, .. } = self.info();

@@ -112,10 +112,10 @@ impl Texture {
         Self::from_texels(gpu, format, [Self::TABLE_WIDTH as u32, rows as u32], Filter::Nearest, Wrap::CLAMP, &texels)
     }
 
-    /// An array of one 2D texture of `texels`, with nearest filtering. Fails as [`Self::empty`].
-    pub fn array_of_one<T: Pod>(gpu: &Gpu, format: Format, [width, height]: [u32; 2], texels: &[T]) -> Result<Self> {
+    /// An array of 2D textures of `texels`, one texture after the other, with nearest filtering. Fails as [`Self::empty`].
+    pub fn array<T: Pod>(gpu: &Gpu, format: Format, [width, height]: [u32; 2], count: u32, texels: &[T]) -> Result<Self> {
         let texels = Some(bytemuck::cast_slice(texels));
-        Self::new(gpu, glow::TEXTURE_2D_ARRAY, format, [width, height, 1], Filter::Nearest, Wrap::CLAMP, texels)
+        Self::new(gpu, glow::TEXTURE_2D_ARRAY, format, [width, height, count], Filter::Nearest, Wrap::CLAMP, texels)
     }
 
     /// A 3D texture of `texels`, x fastest, with linear filtering clamped at the edge. Fails as [`Self::empty`].

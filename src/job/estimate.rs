@@ -30,7 +30,7 @@ const PHOTON_RAYS: f64 = 8.0;
 /// What a render takes. Seconds and rays are about right, not exact.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Estimate {
-    /// The pipeline that `auto` is likely to take, or that of the settings.
+    /// The pipeline that `auto` takes with a software driver, or that of the settings.
     pub pipeline: Pipeline,
     /// On the GL side and the CPU together.
     pub memory_bytes: u64,
@@ -55,8 +55,7 @@ pub fn estimate(prepared: &Prepared, settings: &Settings) -> Estimate {
     });
     let seen: Vec<GatherPoint> = seen.collect();
     let pipeline = match settings.gather.pipeline {
-        Pipeline::Auto if !seen.is_empty() => chosen_for_picture(settings, scene, bvh, &seen),
-        Pipeline::Auto => Pipeline::Fused,
+        Pipeline::Auto => chosen_for_picture(true, settings, scene, bvh, &seen),
         other => other,
     };
     // Other programs slow some rounds down.
@@ -67,7 +66,7 @@ pub fn estimate(prepared: &Prepared, settings: &Settings) -> Estimate {
     let directions_of_pixel = match (settings.film.interleave, pipeline) {
         (Squares::Pixels(side), _) => directions / f64::from(side * side),
         // Eight times as many directions, in squares of four.
-        (Squares::Auto, Pipeline::RaycastGl) if settings.gather.pipeline == Pipeline::Auto => directions / 2.0,
+        (Squares::Auto, Pipeline::Raycast) if settings.gather.pipeline == Pipeline::Auto => directions / 2.0,
         (Squares::Auto, _) => directions,
     };
     let maps = f64::from(settings.directions.count.div_ceil(DIRECTIONS_PER_PHOTON_MAP));

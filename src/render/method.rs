@@ -13,7 +13,9 @@ const SIDE: u32 = 32;
 
 /// The settings with a pipeline and points that are not `auto`, and how pixels share its directions. The scenes are that with glass and that without, and
 /// `seen` is what the camera sees of the second.
+/// `software`: [`Gpu::is_software`](crate::gpu::Gpu::is_software).
 pub(super) fn method(
+    software: bool,
     [all, gathered]: [&Prepared; 2],
     (camera, seen): (&Camera, &[GatherPoint]),
     asked: &Settings,
@@ -21,7 +23,7 @@ pub(super) fn method(
     let mut settings = *asked;
     settings.film.points = chosen_source(&all.scene, camera.lens.is_some(), asked.film.points);
     if asked.gather.pipeline == Pipeline::Auto {
-        settings.gather.pipeline = chosen_for_picture(asked, &gathered.scene, &gathered.bvh, seen);
+        settings.gather.pipeline = chosen_for_picture(software, asked, &gathered.scene, &gathered.bvh, seen);
     }
     let (size, seed) = (settings.film.size, settings.seed);
     let interleave = match settings.film.interleave {

@@ -91,20 +91,25 @@ fn is_cut_out(material: &Material) -> bool {
 /// Casts rays through a scene and its cut-outs.
 #[derive(Clone, Copy)]
 pub struct Rays<'a> {
-    scene: &'a Scene,
     bvh: &'a Bvh,
-    cut_outs: bool,
+    /// The scene, if rays pass through parts of it.
+    cut_outs: Option<&'a Scene>,
 }
 
 impl<'a> Rays<'a> {
     /// `bvh` belongs to the scene's mesh.
     pub fn new(scene: &'a Scene, bvh: &'a Bvh) -> Self {
-        Self { scene, bvh, cut_outs: scene.has_cut_outs() }
+        Self::through(scene.has_cut_outs().then_some(scene), bvh)
+    }
+
+    /// The same, if the scene with cut-outs is known, or that there is none.
+    pub fn through(cut_outs: Option<&'a Scene>, bvh: &'a Bvh) -> Self {
+        Self { bvh, cut_outs }
     }
 
     /// Whether a ray may pass through a surface.
     pub fn meet_cut_outs(&self) -> bool {
-        self.cut_outs
+        self.cut_outs.is_some()
     }
 
     /// As [`Bvh::nearest_of_packet`], of the surfaces that do not let these rays pass. `CUT_OUTS`: [`Self::meet_cut_outs`].
@@ -119,7 +124,7 @@ impl<'a> Rays<'a> {
     ) {
         let stops = |lane: usize, hit: Hit| {
             let position = packet.origin(lane) + hit.distance * direction.vector;
-            !self.scene.is_cut(hit.triangle, position, chance)
+            !self.cut_outs.is_some_and(|scene| scene.is_cut(hit.triangle, position, chance))
         };
         if CUT_OUTS {
             self.bvh.nearest_of_packet::<true>(packet, direction, active, hits, stops);
@@ -130,21 +135,21 @@ impl<'a> Rays<'a> {
 
     /// As [`Bvh::nearest`], of the surfaces that do not let this ray pass.
     pub fn nearest(&self, origin: Vec3, direction: Vec3, except: Option<usize>, chance: Chance) -> Option<Hit> {
-        if !self.cut_outs {
-            return self.bvh.nearest(origin, direction, except);
-        }
-        let stops = |hit: Hit| !self.scene.is_cut(hit.triangle, origin + hit.distance * direction, chance);
+        let Some(scene) = self.cut_outs else { return self.bvh.nearest(origin, direction, except) };
+        let stops = |hit: Hit| !scene.is_cut(hit.triangle, origin + hit.distance * direction, chance);
         self.bvh.nearest_of(origin, direction, except, stops)
     }
 
     /// The share of the light that all surfaces together let pass along a ray, up to this distance in lengths of the direction.
     pub fn transmittance(&self, origin: Vec3, direction: Vec3, reach: f32) -> f32 {
         let passed = std::cell::Cell::new(1.0);
+        let position = |hit: Hit| origin + hit.distance * direction;
+        let opacity = |hit: Hit| self.cut_outs.map_or(1.0, |scene| scene.opacity(hit.triangle, position(hit)));
         self.bvh.nearest_of(origin, direction, None, |hit| {
             if hit.distance >= reach {
                 return true;
             }
-            passed.set(passed.get() * (1.0 - self.scene.opacity(hit.triangle, origin + hit.distance * direction)));
+            passed.set(passed.get() * (1.0 - opacity(hit)));
             passed.get() == 0.0
         });
         passed.get()
