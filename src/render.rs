@@ -25,7 +25,7 @@ use rayon::prelude::*;
 use serde_json::{Value, json};
 
 use crate::blocks::Part;
-use crate::direct::{Direct, SampleShare};
+use crate::direct::{Direct, LitPoints, SampleShare, direct_light_on_cpu};
 use crate::direction::{Direction, Directions};
 use crate::error::{Error, Result};
 use crate::film::{Film, FilmSum};
@@ -39,7 +39,7 @@ use crate::points::{GBuffer, GatherPoint, Interleave, sides};
 use crate::prepared::{Photons, Prepared};
 use crate::random::sobol;
 use crate::reference::Reference;
-use crate::scene::{Camera, World, WorldCamera};
+use crate::scene::{Camera, Rays, World, WorldCamera};
 use crate::settings::{DIRECTIONS_PER_PHOTON_MAP, Estimator, PhotonMapKind, Settings};
 
 use self::gloss::caustic_light;
@@ -368,14 +368,21 @@ impl Render {
 
         let start = Instant::now();
         let share = SampleShare { samples: self.settings.direct.light_samples, part: index, parts: blocks.count() };
-        let [mut direct, lobes] = self.passes.direct.light(&self.geometry, &self.all.lights, share, points)?;
+        let pixels = g_buffer.pixels();
+        let [mut direct, lobes] = if self.gpu.is_software() {
+            let Prepared { scene, bvh, lights } = &*self.all;
+            let lit = LitPoints { size: self.settings.film.size, points: &pixels, gloss: &g_buffer.gloss };
+            direct_light_on_cpu(Rays::new(scene, bvh), lights, (share, self.settings.seed), lit)
+        } else {
+            self.passes.direct.light(&self.geometry, &self.all.lights, share, points)?
+        };
         self::gloss::even_out(&mut direct, &g_buffer.gloss);
         self.statistics.seconds.direct += self.finish("direct light", start)?;
         let start = Instant::now();
         let [caustics, focused] = self.caustics(index, &g_buffer);
         self.statistics.seconds.caustics += start.elapsed().as_secs_f64();
 
-        self.passes.gather.begin_glossy(|| g_buffer.pixels(), &g_buffer.gloss);
+        self.passes.gather.begin_glossy(|| pixels.clone(), &g_buffer.gloss);
         self.statistics.gather.points = g_buffer.count;
         self.statistics.gather.cut += u64::from(g_buffer.cut);
         let mut left: Vec<u32> = self.passes.interleave.numbers(directions).rev().collect();

@@ -32,7 +32,7 @@ use self::memory::stores_hits;
 use self::schedule::{BlockInProgress, PointSet, Round, Schedule};
 use self::vertex_cache::VertexCache;
 use crate::blocks::{Part, sha256};
-use crate::direct::{Direct, SampleShare};
+use crate::direct::{Direct, LitPoints, SampleShare, direct_light_on_cpu};
 use crate::error::{Error, Result};
 use crate::gather::{MissRadiance, chosen_for_bake};
 use crate::geometry::Geometry;
@@ -41,7 +41,7 @@ use crate::image::Channel;
 use crate::photon::PhotonCounts;
 use crate::points::{GatherPoint, sides};
 use crate::prepared::{Photons, Prepared};
-use crate::scene::Scene;
+use crate::scene::{Rays, Scene};
 use crate::settings::{DIRECTIONS_PER_PHOTON_MAP, Pipeline, Settings};
 use crate::shaders::RadianceSource;
 
@@ -117,7 +117,8 @@ impl Bake {
         }
         let mut settings = *settings;
         if settings.gather.pipeline == Pipeline::Auto {
-            settings.gather.pipeline = chosen_for_bake(gpu.is_software(), &settings, &prepared.scene.mesh, &prepared.bvh, &points);
+            settings.gather.pipeline =
+                chosen_for_bake(gpu.is_software(), &settings, &prepared.scene.mesh, &prepared.bvh, &points);
         }
         let settings = &settings;
         let start = Instant::now();
@@ -343,9 +344,18 @@ impl Bake {
             return Ok(sums.direct.clone());
         }
         let mut direct = Vec::with_capacity(round.points.len());
+        let share = SampleShare::whole(self.settings.direct.light_samples);
         for tile in &block.tiles {
-            let share = SampleShare::whole(self.settings.direct.light_samples);
-            direct.extend(tile.list.in_order(self.direct.irradiance(geometry, lights, share, tile.list.points())?));
+            let points = tile.list.points();
+            let lit = if self.gpu.is_software() {
+                let rays = Rays::new(&self.prepared.scene, &self.prepared.bvh);
+                let lit = LitPoints { size: points.size(), points: &points.read(), gloss: &[] };
+                let [lit, _] = direct_light_on_cpu(rays, lights, (share, self.settings.seed), lit);
+                lit
+            } else {
+                self.direct.irradiance(geometry, lights, share, points)?
+            };
+            direct.extend(tile.list.in_order(lit));
         }
         Ok(direct)
     }

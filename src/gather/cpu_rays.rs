@@ -1,16 +1,16 @@
-//! A hit finder that casts exact rays on the CPU, in [packets](super::packets). The hits of other finders can be compared with its hits.
+//! A hit finder that casts exact rays on the CPU, in [packets](crate::points::packets). The hits of other finders can be compared with its hits.
 
 use std::rc::Rc;
 
 use glam::{Vec2, Vec4};
 use rayon::prelude::*;
 
-use super::packets::{Ends, PointHits, PointPacket, cast, packets};
 use super::{Found, HitFinder};
 use crate::direction::Direction;
 use crate::error::Result;
 use crate::geometry::{Geometry, triangle_order};
 use crate::gpu::{Format, Gpu, Texture};
+use crate::points::packets::{Ends, PointHits, PointPacket, cast, packets};
 use crate::points::{GatherPoint, Points};
 use crate::scene::{Bvh, LANES, NO_TRIANGLE, Rays, Scene};
 use crate::shaders::BATCH;
@@ -77,12 +77,17 @@ impl CpuRayFinder {
 impl KeptPoints {
     fn new(texels: [Vec<Vec4>; 2]) -> Self {
         let [positions, normals] = &texels;
-        let decode = |(number, (&position, &normal)): (u32, (&Vec4, &Vec4))| Some((number, GatherPoint::decode(position, normal)?));
+        let decode =
+            |(number, (&position, &normal)): (u32, (&Vec4, &Vec4))| Some((number, GatherPoint::decode(position, normal)?));
         let points: Vec<(u32, GatherPoint)> = (0..).zip(positions.iter().zip(normals)).filter_map(decode).collect();
         let packets = packets(&points);
         let mut places = vec![0; positions.len()];
         for (number, packet) in packets.iter().enumerate() {
-            packet.points().iter().enumerate().for_each(|(lane, &point)| places[point as usize] = (number * LANES + lane + 1) as u32);
+            packet
+                .points()
+                .iter()
+                .enumerate()
+                .for_each(|(lane, &point)| places[point as usize] = (number * LANES + lane + 1) as u32);
         }
         Self { texels, packets, places }
     }

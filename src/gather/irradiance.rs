@@ -1,6 +1,6 @@
 //! Gathers irradiance from the photon map, by any pipeline. Mirrors `glsl/consumer/irradiance.glsl`.
 //!
-//! [`Pipeline::Raycast`] uses no shader: [packets](super::packets) of rays find hits, and the oracle looks up their radiance. So drivers add no rounding,
+//! [`Pipeline::Raycast`] uses no shader: [packets](crate::points::packets) of rays find hits, and the oracle looks up their radiance. So drivers add no rounding,
 //! such as that of their texture decoding (6e-5 of a textured picture's mean on llvmpipe).
 
 use std::f32::consts::PI;
@@ -8,14 +8,13 @@ use std::rc::Rc;
 
 use glam::{Vec3, Vec4};
 
-use super::packets::{Ends, PointHits, PointPacket, cast, packets};
-
 use super::{GatherPass, HitFinder, MissRadiance, hit_finder, shader_of};
 use crate::direction::Direction;
 use crate::error::Result;
 use crate::geometry::Geometry;
 use crate::gpu::Gpu;
 use crate::photon::PhotonTexture;
+use crate::points::packets::{Ends, PointHits, PointPacket, cast, packets};
 use crate::points::{Accumulator, GatherPoint, Interleave, PointGloss, Points};
 use crate::reference::Reference;
 use crate::scene::{Bvh, LANES, NO_TRIANGLE, Scene};

@@ -20,7 +20,6 @@ mod kill_finder;
 mod layer_store;
 mod layers;
 mod outline;
-mod packets;
 mod pass;
 mod peel;
 mod rays;

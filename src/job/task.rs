@@ -97,7 +97,8 @@ impl<'a> Task<'a> {
                 let (mut receivers, mut points) = place(bake, &prepared.scene, settings, &camera, watch)?;
                 let mut settings = *settings;
                 if settings.gather.pipeline == Pipeline::Auto && !points.is_empty() {
-                    settings.gather.pipeline = chosen_for_bake(gpu.is_software(), &settings, &prepared.scene.mesh, &prepared.bvh, &points);
+                    settings.gather.pipeline =
+                        chosen_for_bake(gpu.is_software(), &settings, &prepared.scene.mesh, &prepared.bvh, &points);
                     // Vertices keep another distance from edges in layers.
                     for vertices in receivers.iter_mut().filter(|receiver| matches!(receiver, Receiver::Vertices(_))) {
                         *vertices = Receiver::new(&ReceiverKind::Vertices, &bake.light_map, &prepared.scene, &settings, camera)?;

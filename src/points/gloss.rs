@@ -35,11 +35,16 @@ impl PointGloss {
 
     /// The weights of light from the unit vector `light`, above a point with this shading normal. The twin of `lobe_weights` in `glsl/include/gloss.glsl`.
     pub fn weights(&self, normal: Vec3, light: Vec3) -> LobeWeights {
+        self.weights_if(self.counts, normal, light)
+    }
+
+    /// The same; `counts`: whether the lobe does, for this light.
+    pub fn weights_if(&self, counts: bool, normal: Vec3, light: Vec3) -> LobeWeights {
         if !self.is_glossy() {
             return LobeWeights { base: 1.0, lobe: Vec3::ZERO };
         }
         let weights = self.brdf.weights(normal, self.eye, light);
-        if self.counts { weights } else { LobeWeights { lobe: Vec3::ZERO, ..weights } }
+        if counts { weights } else { LobeWeights { lobe: Vec3::ZERO, ..weights } }
     }
 
     /// What the lobe reflects of light that is the same from all directions; 0 where it does not count.

@@ -9,6 +9,7 @@ mod ground;
 mod interleave;
 mod lightmap;
 mod list;
+pub mod packets;
 mod traced;
 mod vertices;
 

@@ -8,7 +8,7 @@
 
 use glam::Vec3;
 
-use super::{Bvh, Hit, Material, PacketHits, RayPacket, Scene, SharedDirection};
+use super::{Bvh, Hit, LANES, Lanes, Material, PacketHits, RayPacket, Scene, ShadowPacket, SharedDirection};
 use crate::random::{hash, stratified};
 
 /// Which choice surfaces make.
@@ -131,6 +131,26 @@ impl<'a> Rays<'a> {
         } else {
             self.bvh.nearest_of_packet::<false>(packet, direction, active, hits, |_, _| true);
         }
+    }
+
+    /// The share of the light that all surfaces together let pass along each ray; 0 where there is no ray. `CUT_OUTS`: [`Self::meet_cut_outs`].
+    #[inline(always)]
+    pub fn transmittance_of_packet<const CUT_OUTS: bool>(&self, rays: &ShadowPacket) -> Lanes {
+        let mut passed = [1.0; LANES];
+        let reached = if CUT_OUTS {
+            self.bvh.reach_of_packet::<true>(rays, |lane, hit| {
+                let direction = Vec3::from(rays.directions.map(|axis| axis[lane]));
+                let position = rays.origins.origin(lane) + hit.distance * direction;
+                passed[lane] *= 1.0 - self.cut_outs.map_or(1.0, |scene| scene.opacity(hit.triangle, position));
+                passed[lane] == 0.0
+            })
+        } else {
+            self.bvh.reach_of_packet::<false>(rays, |_, _| true)
+        };
+        for lane in 0..LANES {
+            passed[lane] = if reached >> lane & 1 == 1 { passed[lane] } else { 0.0 };
+        }
+        passed
     }
 
     /// As [`Bvh::nearest`], of the surfaces that do not let this ray pass.

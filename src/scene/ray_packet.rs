@@ -20,9 +20,9 @@ pub type Lanes = [f32; LANES];
 pub const NO_TRIANGLE: u32 = u32::MAX;
 
 /// Boxes are taken larger by this, in the tree's units: two hundred roundings of the largest coordinate.
-const SLACK: f32 = 2e-4;
+pub(super) const SLACK: f32 = 2e-4;
 /// A component of a direction below this counts as this, so that its inverse is finite.
-const LEAST: f32 = 1e-20;
+pub(super) const LEAST: f32 = 1e-20;
 
 /// The origins of parallel rays.
 #[derive(Clone, Copy)]
@@ -42,6 +42,16 @@ impl RayPacket {
         let (low, high) = scaled.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), &o| (low.min(o), high.max(o)));
         let [origins, scaled] = [origins, &scaled].map(|all| [0, 1, 2].map(|axis| all.map(|origin| origin[axis])));
         Self { origins, scaled, low, high }
+    }
+
+    /// The origins, in the tree's units.
+    pub(super) fn scaled(&self) -> &[Lanes; 3] {
+        &self.scaled
+    }
+
+    /// The least and the greatest coordinate of the origins along an axis, in the tree's units.
+    pub(super) fn bounds(&self, axis: usize) -> [f32; 2] {
+        [self.low[axis], self.high[axis]]
     }
 
     /// The origins, in unit space.
@@ -132,15 +142,29 @@ impl Bvh {
     }
 }
 
+/// Those of the children `left` that are met, as the tree codes them: leaves by their triangles, inner nodes by their place in the order.
+#[inline(always)]
+pub(super) fn decode(node: &CwBvhNode, order: u32, mut left: u32, is_met: impl Fn(usize) -> bool) -> u32 {
+    let (counts, places) = node.get_child_and_index_bits(order);
+    let mut code = 0;
+    while left != 0 {
+        let child = left.trailing_zeros() as usize;
+        left &= left - 1;
+        let byte = |bytes: u64| (bytes >> (8 * child)) as u32 & 0xff;
+        code |= if is_met(child) { byte(counts) << byte(places) } else { 0 };
+    }
+    code
+}
+
 /// The greater of two numbers, in one instruction: [`f32::max`] takes more, for NaN.
 #[inline(always)]
-fn greater(a: f32, b: f32) -> f32 {
+pub(super) fn greater(a: f32, b: f32) -> f32 {
     if a > b { a } else { b }
 }
 
 /// The greatest of all, by halves: each step is one of vectors.
 #[inline(always)]
-fn greatest(mut numbers: Lanes) -> f32 {
+pub(super) fn greatest(mut numbers: Lanes) -> f32 {
     let mut half = LANES / 2;
     while half > 0 {
         for lane in 0..half {
@@ -151,9 +175,15 @@ fn greatest(mut numbers: Lanes) -> f32 {
     numbers[0]
 }
 
+/// The least of all.
+#[inline(always)]
+pub(super) fn least(numbers: Lanes) -> f32 {
+    -greatest(numbers.map(|number| -number))
+}
+
 /// The lesser of two numbers.
 #[inline(always)]
-fn less(a: f32, b: f32) -> f32 {
+pub(super) fn less(a: f32, b: f32) -> f32 {
     if a < b { a } else { b }
 }
 
@@ -204,12 +234,8 @@ impl<'a> Search<'a> {
             let [x, y, z] = [0, 1, 2].map(|axis| leave[axis][child] - self.exit[axis]);
             meets[child] = u32::from(near <= less(less(x, y), less(z, self.reach)));
         }
-        let mut left = (0..8).fold(0, |bits, child| bits | meets[child] << child);
-        let (counts, places) = node.get_child_and_index_bits(order);
-        let mut code = 0;
-        while left != 0 {
-            let child = left.trailing_zeros() as usize;
-            left &= left - 1;
+        let left = (0..8).fold(0, |bits, child| bits | meets[child] << child);
+        decode(node, order, left, |child| {
             let mut met = 0;
             for lane in 0..LANES {
                 let [x, y, z] = [0, 1, 2].map(|axis| enter[axis][child] - self.over[axis][lane]);
@@ -217,10 +243,8 @@ impl<'a> Search<'a> {
                 let [x, y, z] = [0, 1, 2].map(|axis| leave[axis][child] - self.over[axis][lane]);
                 met |= u32::from(near <= less(less(x, y), less(z, self.distances[lane])));
             }
-            let byte = |bytes: u64| (bytes >> (8 * child)) as u32 & 0xff;
-            code |= if met != 0 { byte(counts) << byte(places) } else { 0 };
-        }
-        code
+            met != 0
+        })
     }
 
     /// Tests all rays against a triangle, as [`Bvh::nearest`] tests one (Möller and Trumbore 1997).

@@ -3,8 +3,9 @@
 use glam::Vec3;
 use rayon::prelude::*;
 
+use super::GatherPoint;
 use crate::direction::Direction;
-use crate::points::GatherPoint;
+use crate::random::hash;
 use crate::scene::{Chance, LANES, Lanes, PacketHits, RAY_OFFSET, RayPacket, Rays, SharedDirection};
 
 /// Packets that one task takes along all directions. Their rays meet the same part of the scene.
@@ -15,6 +16,7 @@ const BITS: u32 = 16;
 /// Up to 16 points near each other, whose surfaces face about the same way.
 pub struct PointPacket {
     rays: RayPacket,
+    positions: [Lanes; 3],
     surface_normals: [Lanes; 3],
     normals: [Lanes; 3],
     /// The number of each point.
@@ -65,6 +67,7 @@ pub fn packets(points: &[(u32, GatherPoint)]) -> Vec<PointPacket> {
         let origin = |(_, point): &(u32, GatherPoint)| point.position + RAY_OFFSET * point.surface_normal;
         PointPacket {
             rays: RayPacket::new(&lanes.map(origin)),
+            positions: [0, 1, 2].map(|axis| lanes.map(|(_, point)| point.position[axis])),
             surface_normals: [0, 1, 2].map(|axis| lanes.map(|(_, point)| point.surface_normal[axis])),
             normals: [0, 1, 2].map(|axis| lanes.map(|(_, point)| point.normal[axis])),
             points: lanes.map(|&(number, _)| number),
@@ -173,6 +176,32 @@ impl PointPacket {
     /// The numbers of the points.
     pub fn points(&self) -> &[u32] {
         &self.points[..self.count]
+    }
+
+    /// The rays of the points, of whatever direction.
+    pub fn rays(&self) -> &RayPacket {
+        &self.rays
+    }
+
+    /// The cosine of a unit vector of each point, 0 below its surface: [`GatherPoint::cosine`].
+    #[inline(always)]
+    pub fn cosines(&self, [x, y, z]: &[Lanes; 3]) -> Lanes {
+        let mut cosines = [0.0; LANES];
+        for lane in 0..LANES {
+            let dot = |normals: &[Lanes; 3]| normals[0][lane] * x[lane] + normals[1][lane] * y[lane] + normals[2][lane] * z[lane];
+            let (side, cosine) = (dot(&self.surface_normals), dot(&self.normals));
+            cosines[lane] = if (side > 0.0) & (cosine > 0.0) { cosine } else { 0.0 };
+        }
+        cosines
+    }
+
+    /// A number in [0, 1) from the position of each point. The twin of `hash` in `glsl/direct.frag`.
+    pub fn hashes(&self) -> Lanes {
+        std::array::from_fn(|lane| {
+            let [x, y, z] = self.positions.map(|axis| axis[lane].to_bits());
+            let bits = x.wrapping_mul(73_856_093) ^ y.wrapping_mul(19_349_663) ^ z.wrapping_mul(83_492_791);
+            (hash(bits) >> 8) as f32 / (1 << 24) as f32
+        })
     }
 
     /// The shading normal of a point.
