@@ -20,11 +20,11 @@ mod on_gl;
 use crate::random::{shuffled, sobol};
 use crate::scene::{LightChoice, LightSample, Lights};
 
-pub use on_cpu::{LitPoints, direct_light_on_cpu};
+pub use on_cpu::direct_light_on_cpu;
 pub use on_gl::Direct;
 
 /// Side in pixels of the squares whose pixels have different samples.
-const STRIDE: u32 = 4;
+pub const STRIDE: u32 = 4;
 /// Most samples in a batch: `LIGHTS` in the shader.
 const LIGHTS: usize = 32;
 /// Emitting triangles for each sample that shares a ray. One lamp of two triangles needs no choice.

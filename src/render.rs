@@ -25,7 +25,7 @@ use rayon::prelude::*;
 use serde_json::{Value, json};
 
 use crate::blocks::Part;
-use crate::direct::{Direct, LitPoints, SampleShare, direct_light_on_cpu};
+use crate::direct::{Direct, STRIDE, SampleShare, direct_light_on_cpu};
 use crate::direction::{Direction, Directions};
 use crate::error::{Error, Result};
 use crate::film::{Film, FilmSum};
@@ -35,6 +35,7 @@ use crate::gpu::Gpu;
 use crate::image::Image;
 use crate::photon::{CausticMap, PhotonCounts};
 use crate::photon_map::PhotonMap;
+use crate::points::packets::SubsetPackets;
 use crate::points::{GBuffer, GatherPoint, Interleave, sides};
 use crate::prepared::{Photons, Prepared};
 use crate::random::sobol;
@@ -368,11 +369,12 @@ impl Render {
 
         let start = Instant::now();
         let share = SampleShare { samples: self.settings.direct.light_samples, part: index, parts: blocks.count() };
-        let pixels = g_buffer.pixels();
+        let (pixels, mut packets) = (g_buffer.pixels(), None);
         let [mut direct, lobes] = if self.gpu.is_software() {
             let Prepared { scene, bvh, lights } = &*self.all;
-            let lit = LitPoints { size: self.settings.film.size, points: &pixels, gloss: &g_buffer.gloss };
-            direct_light_on_cpu(Rays::new(scene, bvh), lights, (share, self.settings.seed), lit)
+            let of_squares = SubsetPackets::of_picture(&pixels, self.settings.film.size, STRIDE);
+            let packets = packets.insert(of_squares);
+            direct_light_on_cpu(Rays::new(scene, bvh), lights, (share, self.settings.seed), packets, &g_buffer.gloss)
         } else {
             self.passes.direct.light(&self.geometry, &self.all.lights, share, points)?
         };
@@ -382,7 +384,7 @@ impl Render {
         let [caustics, focused] = self.caustics(index, &g_buffer);
         self.statistics.seconds.caustics += start.elapsed().as_secs_f64();
 
-        self.passes.gather.begin_glossy(|| pixels.clone(), &g_buffer.gloss);
+        self.passes.gather.begin_glossy(&pixels, &g_buffer.gloss, packets);
         self.statistics.gather.points = g_buffer.count;
         self.statistics.gather.cut += u64::from(g_buffer.cut);
         let mut left: Vec<u32> = self.passes.interleave.numbers(directions).rev().collect();

@@ -32,13 +32,14 @@ use self::memory::stores_hits;
 use self::schedule::{BlockInProgress, PointSet, Round, Schedule};
 use self::vertex_cache::VertexCache;
 use crate::blocks::{Part, sha256};
-use crate::direct::{Direct, LitPoints, SampleShare, direct_light_on_cpu};
+use crate::direct::{Direct, STRIDE, SampleShare, direct_light_on_cpu};
 use crate::error::{Error, Result};
 use crate::gather::{MissRadiance, chosen_for_bake};
 use crate::geometry::Geometry;
 use crate::gpu::Gpu;
 use crate::image::Channel;
 use crate::photon::PhotonCounts;
+use crate::points::packets::SubsetPackets;
 use crate::points::{GatherPoint, sides};
 use crate::prepared::{Photons, Prepared};
 use crate::scene::{Rays, Scene};
@@ -349,8 +350,8 @@ impl Bake {
             let points = tile.list.points();
             let lit = if self.gpu.is_software() {
                 let rays = Rays::new(&self.prepared.scene, &self.prepared.bvh);
-                let lit = LitPoints { size: points.size(), points: &points.read(), gloss: &[] };
-                let [lit, _] = direct_light_on_cpu(rays, lights, (share, self.settings.seed), lit);
+                let packets = SubsetPackets::of_list(&points.read(), points.size(), STRIDE);
+                let [lit, _] = direct_light_on_cpu(rays, lights, (share, self.settings.seed), &packets, &[]);
                 lit
             } else {
                 self.direct.irradiance(geometry, lights, share, points)?

@@ -90,7 +90,7 @@ impl Entrant {
     /// Clears the sums.
     pub fn begin(&mut self, bench: &Bench) {
         match self {
-            Self::Shared(gather) => gather.begin(|| bench.pixels.clone()),
+            Self::Shared(gather) => gather.begin(&bench.pixels),
             Self::CosineRays { sums, taken, .. } => {
                 sums.fill(Vec4::ZERO);
                 *taken = 0;

@@ -4,8 +4,8 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::{Batch, BatchSamples, GOLDEN, STRIDE, SamplePlan, SampleShare, offsets};
-use crate::points::packets::{PointPacket, packets};
-use crate::points::{GatherPoint, Interleave, PointGloss, Subset};
+use crate::points::packets::{PointPacket, SubsetPackets};
+use crate::points::{PointGloss, Subset};
 use crate::scene::{LANES, Lanes, LightSample, Lights, Rays, ShadowPacket};
 
 /// The length of a ray to a light outside the scene, whose diameter is 2 in unit space.
@@ -13,38 +13,34 @@ const FARTHEST: f32 = 4.0;
 /// Packets that one task takes with all its samples.
 const TASK: usize = 16;
 
-/// The points of a picture or of a list, row by row.
-#[derive(Clone, Copy)]
-pub struct LitPoints<'a> {
-    pub size: [u32; 2],
-    pub points: &'a [Option<GatherPoint>],
-    /// That of each point; empty in scenes without gloss.
-    pub gloss: &'a [PointGloss],
-}
-
 /// The mean irradiance of a share of the samples at each point, and the radiance that its lobe reflects, as [`super::Direct::light`]. `rays` are those of
-/// the scene.
-pub fn direct_light_on_cpu(rays: Rays, lights: &Lights, (share, seed): (SampleShare, u64), lit: LitPoints) -> [Vec<Vec3>; 2] {
-    let mut all = [vec![Vec3::ZERO; lit.points.len()], vec![Vec3::ZERO; lit.gloss.len()]];
+/// the scene. `gloss`: that of each point; empty in scenes without gloss.
+///
+/// # Panics
+/// When the packets are not of subsets of this stride: [`STRIDE`].
+pub fn direct_light_on_cpu(
+    rays: Rays,
+    lights: &Lights,
+    (share, seed): (SampleShare, u64),
+    packets: &SubsetPackets,
+    gloss: &[PointGloss],
+) -> [Vec<Vec3>; 2] {
+    let mut all = [vec![Vec3::ZERO; packets.places], vec![Vec3::ZERO; gloss.len()]];
     if !lights.are_sampled() {
         return all;
     }
+    assert_eq!(packets.stride, STRIDE, "neighbours have different samples");
     let plan = SamplePlan::new(lights, share, seed);
-    let squares = Interleave::new(STRIDE, lit.size, seed);
     let mean = 1.0 / plan.samples() as f32;
-    let mut subsets = vec![Vec::new(); squares.subsets()];
-    for (number, point) in (0..).zip(lit.points) {
-        subsets[squares.subset_of(number as usize).index()].extend(point.map(|point| (number, point)));
-    }
     for offset in offsets() {
-        let packets = packets(&subsets[Subset { stride: STRIDE, offset }.index()]);
+        let packets = &packets.subsets[Subset { stride: STRIDE, offset }.index()];
         let batches = plan.batches(offset);
         let lights_of = |packets: &[PointPacket]| {
             let arch = pulp::Arch::new();
             if rays.meet_cut_outs() {
-                arch.dispatch(Task::<true> { rays, lights, packets, batches: &batches, gloss: lit.gloss })
+                arch.dispatch(Task::<true> { rays, lights, packets, batches: &batches, gloss })
             } else {
-                arch.dispatch(Task::<false> { rays, lights, packets, batches: &batches, gloss: lit.gloss })
+                arch.dispatch(Task::<false> { rays, lights, packets, batches: &batches, gloss })
             }
         };
         let lit: Vec<Vec<PacketLight>> = packets.par_chunks(TASK).map(lights_of).collect();
@@ -114,7 +110,7 @@ impl<const CUT_OUTS: bool> Task<'_, CUT_OUTS> {
             BatchSamples::Chosen(samples) => samples.len(),
         };
         let mut first = batch.choice;
-        let shifts = if batch.of_ray > 1 { packet.hashes() } else { [0.0; LANES] };
+        let shifts = packet.hashes();
         for start in (0..count).step_by(batch.of_ray) {
             let mut shared = PacketLight::NONE;
             let mut chosen = ShadowPacket { origins: packet.rays(), directions: [[0.0; LANES]; 3], reaches: [-1.0; LANES] };

@@ -14,7 +14,7 @@ use crate::error::Result;
 use crate::geometry::Geometry;
 use crate::gpu::Gpu;
 use crate::photon::PhotonTexture;
-use crate::points::packets::{Ends, PointHits, PointPacket, cast, packets};
+use crate::points::packets::{Ends, PointHits, PointPacket, SubsetPackets, cast};
 use crate::points::{Accumulator, GatherPoint, Interleave, PointGloss, Points};
 use crate::reference::Reference;
 use crate::scene::{Bvh, LANES, NO_TRIANGLE, Scene};
@@ -130,31 +130,27 @@ impl IrradianceGather {
         }
     }
 
-    /// Clears the sums. `points` are all points, row by row from the bottom; layers and the oracle ask for them.
-    pub fn begin(&mut self, points: impl Fn() -> Vec<Option<GatherPoint>>) {
-        self.begin_glossy(points, &[]);
+    /// Clears the sums. `points` are all points, row by row from the bottom; layers and packets ask for them.
+    pub fn begin(&mut self, points: &[Option<GatherPoint>]) {
+        self.begin_glossy(points, &[], None);
     }
 
-    /// The same for points with gloss, which only the oracle reads here; empty without it.
-    pub fn begin_glossy(&mut self, points: impl Fn() -> Vec<Option<GatherPoint>>, of_points: &[PointGloss]) {
+    /// The same for points with gloss, which only packets read here; empty without it. `packets`: the points in packets, if the caller has them. Those of
+    /// other subsets are made anew.
+    pub fn begin_glossy(&mut self, points: &[Option<GatherPoint>], of_points: &[PointGloss], packets: Option<SubsetPackets>) {
         match &mut self.method {
             Method::Shader { finder, sums, .. } => {
-                finder.fit(&|| points().into_iter().flatten().map(|point| point.position).collect());
+                finder.fit(&|| points.iter().flatten().map(|point| point.position).collect());
                 sums.clear();
             }
             Method::Packets { subsets, gloss, places } => {
-                let points = points();
-                let mut of_subsets = vec![Vec::new(); self.interleave.subsets()];
-                for (number, point) in points.iter().enumerate() {
-                    of_subsets[self.interleave.subset_of(number).index()].extend(point.map(|point| (number as u32, point)));
-                }
+                let (size, stride) = self.interleave.squares();
+                let same = packets.filter(|packets| packets.stride == stride);
+                let packets = same.unwrap_or_else(|| SubsetPackets::of_picture(points, size, stride));
                 let lobes = (!of_points.is_empty()).then(|| Box::new([[Vec4::ZERO; 2]; LANES]));
                 let empty = PacketSums { sums: [Vec4::ZERO; LANES], lobes };
-                let subset = |points: Vec<(u32, GatherPoint)>| {
-                    let packets = packets(&points);
-                    PacketSubset { sums: vec![empty.clone(); packets.len()], packets }
-                };
-                *subsets = of_subsets.into_iter().map(subset).collect();
+                let subset = |packets: Vec<PointPacket>| PacketSubset { sums: vec![empty.clone(); packets.len()], packets };
+                *subsets = packets.subsets.into_iter().map(subset).collect();
                 (*gloss, *places) = (of_points.to_vec(), points.len());
             }
         }

@@ -81,6 +81,11 @@ impl Interleave {
         numbers / self.spread
     }
 
+    /// The size of the picture, and the side of its squares.
+    pub fn squares(&self) -> ([u32; 2], u32) {
+        (self.size, self.stride)
+    }
+
     /// Number of subsets.
     pub fn subsets(&self) -> usize {
         (self.stride * self.stride) as usize

@@ -10,13 +10,18 @@ use crate::scene::{Chance, LANES, Lanes, PacketHits, RAY_OFFSET, RayPacket, Rays
 
 /// Packets that one task takes along all directions. Their rays meet the same part of the scene.
 const TASK: usize = 32;
+/// Side of a square of pixels that makes a packet.
+const SIDE: u32 = 4;
+/// Least cosine of the normals of a square that makes a packet, and its largest step away from a plane, as a share of its width.
+const LIKE: f32 = 0.7;
+const FLAT: f32 = 0.3;
 /// Bits of a coordinate in the order of points.
 const BITS: u32 = 16;
 
 /// Up to 16 points near each other, whose surfaces face about the same way.
 pub struct PointPacket {
     rays: RayPacket,
-    positions: [Lanes; 3],
+    hashes: Lanes,
     surface_normals: [Lanes; 3],
     normals: [Lanes; 3],
     /// The number of each point.
@@ -56,25 +61,91 @@ impl Ends {
     }
 }
 
+/// All points in packets, each of one subset.
+pub struct SubsetPackets {
+    /// The step between the points of a subset, along each axis of the textures.
+    pub stride: u32,
+    /// Those of each subset, in the order of [`Subset::index`].
+    pub subsets: Vec<Vec<PointPacket>>,
+    /// Number of points, with those that are none.
+    pub places: usize,
+}
+
+impl SubsetPackets {
+    /// The points of a picture, row by row. Squares of a subset's pixels make packets as they are, where they see one surface.
+    pub fn of_picture(points: &[Option<GatherPoint>], size: [u32; 2], stride: u32) -> Self {
+        let [columns, rows] = size.map(|side| side.div_ceil(stride * SIDE));
+        let subset = |number: u32| {
+            let [left, bottom] = [number % stride, number / stride];
+            let row = |row: u32| {
+                let (mut whole, mut rest) = (Vec::new(), Vec::new());
+                for column in 0..columns {
+                    let pixel = |i: u32| {
+                        let x = left + stride * (column * SIDE + i % SIDE);
+                        let y = bottom + stride * (row * SIDE + i / SIDE);
+                        let number = y * size[0] + x;
+                        let point = (x < size[0] && y < size[1]).then(|| points[number as usize]).flatten();
+                        point.map(|point| (number, point))
+                    };
+                    let square: [Option<(u32, GatherPoint)>; LANES] = std::array::from_fn(|i| pixel(i as u32));
+                    if sees_one_surface(&square) {
+                        whole.push(PointPacket::new(&square.map(|point| point.expect("the square is full")), LANES));
+                    } else {
+                        rest.extend(square.into_iter().flatten());
+                    }
+                }
+                (whole, rest)
+            };
+            let of_rows: Vec<_> = (0..rows).into_par_iter().map(row).collect();
+            let rest: Vec<(u32, GatherPoint)> = of_rows.iter().flat_map(|(_, rest)| rest).copied().collect();
+            of_rows.into_iter().flat_map(|(whole, _)| whole).chain(packets(&rest)).collect()
+        };
+        Self { stride, subsets: (0..stride * stride).map(subset).collect(), places: points.len() }
+    }
+
+    /// Points of a list, row by row in textures of this size. Neighbours in the list need not be neighbours in space.
+    pub fn of_list(points: &[Option<GatherPoint>], size: [u32; 2], stride: u32) -> Self {
+        let mut subsets = vec![Vec::new(); (stride * stride) as usize];
+        for (number, point) in (0..).zip(points) {
+            let [x, y] = [number % size[0] % stride, number / size[0] % stride];
+            subsets[(y * stride + x) as usize].extend(point.map(|point| (number, point)));
+        }
+        Self { stride, subsets: subsets.iter().map(|points| packets(points)).collect(), places: points.len() }
+    }
+}
+
+/// Whether a square is full and flat: its normals about the same, and no point far from the plane of the first.
+fn sees_one_surface(square: &[Option<(u32, GatherPoint)>; LANES]) -> bool {
+    let Some((_, first)) = square[0] else { return false };
+    let mut step = 0.0f32;
+    let mut width = 0.0f32;
+    for point in square {
+        let Some((_, point)) = point else { return false };
+        if point.surface_normal.dot(first.surface_normal) < LIKE {
+            return false;
+        }
+        let way = point.position - first.position;
+        step = step.max(way.dot(first.surface_normal).abs());
+        width = width.max(way.length_squared());
+    }
+    step * step <= FLAT * FLAT * width
+}
+
 /// Puts points, given by their numbers, into packets of neighbours.
 pub fn packets(points: &[(u32, GatherPoint)]) -> Vec<PointPacket> {
     // A key's lowest bits are the place in the list, so equal keys have one order.
     let mut keys: Vec<(u64, u32)> = points.par_iter().zip(0..points.len() as u32).map(|((_, p), i)| (key(p), i)).collect();
     keys.par_sort_unstable();
     let packet = |keys: &[(u64, u32)]| {
-        let of_lane = |lane: usize| &points[keys[lane.min(keys.len() - 1)].1 as usize];
-        let lanes: [&(u32, GatherPoint); LANES] = std::array::from_fn(of_lane);
-        let origin = |(_, point): &(u32, GatherPoint)| point.position + RAY_OFFSET * point.surface_normal;
-        PointPacket {
-            rays: RayPacket::new(&lanes.map(origin)),
-            positions: [0, 1, 2].map(|axis| lanes.map(|(_, point)| point.position[axis])),
-            surface_normals: [0, 1, 2].map(|axis| lanes.map(|(_, point)| point.surface_normal[axis])),
-            normals: [0, 1, 2].map(|axis| lanes.map(|(_, point)| point.normal[axis])),
-            points: lanes.map(|&(number, _)| number),
-            count: keys.len(),
-        }
+        PointPacket::new(&std::array::from_fn(|lane| points[keys[lane.min(keys.len() - 1)].1 as usize]), keys.len())
     };
     keys.par_chunks(LANES).map(packet).collect()
+}
+
+/// A number in [0, 1) from a position. The twin of `hash` in `glsl/direct.frag`.
+fn hash_of(position: Vec3) -> f32 {
+    let [x, y, z] = position.to_array().map(f32::to_bits);
+    (hash(x.wrapping_mul(73_856_093) ^ y.wrapping_mul(19_349_663) ^ z.wrapping_mul(83_492_791)) >> 8) as f32 / (1 << 24) as f32
 }
 
 /// The octant of a point's normal, then its place along a curve that fills the unit cube (Morton 1966).
@@ -139,6 +210,19 @@ impl<S, T: Fn(&PointPacket, &mut S, usize, &PointHits), const CUT_OUTS: bool> pu
 }
 
 impl PointPacket {
+    /// The first `count` of these points. The others fill the packet up.
+    fn new(points: &[(u32, GatherPoint); LANES], count: usize) -> Self {
+        let origin = |(_, point): (u32, GatherPoint)| point.position + RAY_OFFSET * point.surface_normal;
+        Self {
+            rays: RayPacket::new(&points.map(origin)),
+            hashes: points.map(|(_, point)| hash_of(point.position)),
+            surface_normals: [0, 1, 2].map(|axis| points.map(|(_, point)| point.surface_normal[axis])),
+            normals: [0, 1, 2].map(|axis| points.map(|(_, point)| point.normal[axis])),
+            points: points.map(|(number, _)| number),
+            count,
+        }
+    }
+
     /// The hits along a direction; `None` if it counts at no point.
     #[inline(always)]
     fn look<const CUT_OUTS: bool>(&self, rays: Rays, direction: &Ends) -> Option<PointHits> {
@@ -163,7 +247,7 @@ impl PointPacket {
                 rays.nearest_of_packet::<CUT_OUTS>(&self.rays, end, active, direction.chance, &mut hits);
             }
         }
-        let mut positions = *self.rays.origins();
+        let mut positions = self.rays.origins();
         for (axis, positions) in positions.iter_mut().enumerate() {
             for lane in 0..LANES {
                 let step = if against >> lane & 1 == 1 { -vector[axis] } else { vector[axis] };
@@ -195,13 +279,9 @@ impl PointPacket {
         cosines
     }
 
-    /// A number in [0, 1) from the position of each point. The twin of `hash` in `glsl/direct.frag`.
-    pub fn hashes(&self) -> Lanes {
-        std::array::from_fn(|lane| {
-            let [x, y, z] = self.positions.map(|axis| axis[lane].to_bits());
-            let bits = x.wrapping_mul(73_856_093) ^ y.wrapping_mul(19_349_663) ^ z.wrapping_mul(83_492_791);
-            (hash(bits) >> 8) as f32 / (1 << 24) as f32
-        })
+    /// A number in [0, 1) from the position of each point.
+    pub fn hashes(&self) -> &Lanes {
+        &self.hashes
     }
 
     /// The shading normal of a point.

@@ -27,10 +27,8 @@ pub(super) const LEAST: f32 = 1e-20;
 /// The origins of parallel rays.
 #[derive(Clone, Copy)]
 pub struct RayPacket {
-    /// In unit space, and in the tree's units.
-    origins: [Lanes; 3],
+    /// In the tree's units, and the box around them.
     scaled: [Lanes; 3],
-    /// The box around them, in the tree's units.
     low: Vec3,
     high: Vec3,
 }
@@ -40,8 +38,7 @@ impl RayPacket {
     pub fn new(origins: &[Vec3; LANES]) -> Self {
         let scaled = origins.map(|origin| SCALE * origin);
         let (low, high) = scaled.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), &o| (low.min(o), high.max(o)));
-        let [origins, scaled] = [origins, &scaled].map(|all| [0, 1, 2].map(|axis| all.map(|origin| origin[axis])));
-        Self { origins, scaled, low, high }
+        Self { scaled: [0, 1, 2].map(|axis| scaled.map(|origin| origin[axis])), low, high }
     }
 
     /// The origins, in the tree's units.
@@ -55,13 +52,14 @@ impl RayPacket {
     }
 
     /// The origins, in unit space.
-    pub fn origins(&self) -> &[Lanes; 3] {
-        &self.origins
+    #[inline(always)]
+    pub fn origins(&self) -> [Lanes; 3] {
+        self.scaled.map(|axis| axis.map(|coordinate| coordinate / SCALE))
     }
 
     /// The origin of a ray, in unit space.
     pub fn origin(&self, lane: usize) -> Vec3 {
-        Vec3::from(self.origins.map(|axis| axis[lane]))
+        Vec3::from(self.scaled.map(|axis| axis[lane])) / SCALE
     }
 }
 

@@ -357,7 +357,7 @@ fn gather_by(
     // No GL pipeline uses it.
     let oracle = Reference::new(scene, &bvh, &grid);
     let mut gather = IrradianceGather::new(gpu, &settings, scene, &bvh, Interleave::new(1, points.size(), 0)).unwrap();
-    gather.begin(|| points.read());
+    gather.begin(&points.read());
     let layers = gather.add(GatherInputs { scene, geometry, photons, oracle, points }, directions).unwrap();
     gpu.check("gathering").unwrap();
     (list.in_order(gather.read()), layers)
