@@ -12,6 +12,7 @@ mod ground;
 mod layer_view;
 mod merge;
 mod method;
+mod restart;
 mod source;
 mod statistics;
 
@@ -27,20 +28,20 @@ use serde_json::{Value, json};
 use crate::blocks::Part;
 use crate::direct::{Direct, STRIDE, SampleShare, direct_light_on_cpu};
 use crate::direction::{Direction, Directions};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::film::{Film, FilmSum};
 use crate::gather::{GatherInputs, IrradianceGather};
 use crate::geometry::Geometry;
 use crate::gpu::Gpu;
 use crate::image::Image;
-use crate::photon::{CausticMap, PhotonCounts};
+use crate::photon::CausticMap;
 use crate::photon_map::PhotonMap;
 use crate::points::packets::SubsetPackets;
 use crate::points::{GBuffer, GatherPoint, Interleave, sides};
 use crate::prepared::{Photons, Prepared};
 use crate::random::sobol;
 use crate::reference::Reference;
-use crate::scene::{Camera, Rays, World, WorldCamera};
+use crate::scene::{Camera, Rays, World};
 use crate::settings::{DIRECTIONS_PER_PHOTON_MAP, Estimator, PhotonMapKind, Settings};
 
 use self::gloss::caustic_light;
@@ -58,8 +59,9 @@ pub use statistics::{GatherCounts, RenderStatistics, SceneCounts, StageSeconds};
 /// A render in progress.
 pub struct Render {
     gpu: Gpu,
-    /// With the pipeline that `auto` stands for.
+    /// With the pipeline that `auto` stands for, and as they were given.
     settings: Settings,
+    asked: Settings,
     all: Rc<Prepared>,
     /// The scene without glass, for gather rays.
     gathered: Rc<Prepared>,
@@ -134,6 +136,7 @@ impl Render {
         };
         let (scene, camera) = (&all.scene, all.scene.camera(settings.film.size));
         let seen = seen(&gathered, &camera, settings.film.size);
+        let asked = *settings;
         let (settings, interleave) = &method(gpu.is_software(), [&all, &gathered], (&camera, &seen), settings);
         let mut passes = Passes::new(gpu, &gathered, settings, *interleave)?;
 
@@ -153,6 +156,7 @@ impl Render {
             gpu: gpu.clone(),
             directions: Directions::new(settings.directions.sequence, settings.seed),
             settings: *settings,
+            asked,
             digest: scene.digest(),
             guided: view_of(&camera, settings),
             catcher: ShadowCatcher::new(scene, &camera, settings.film.ground),
@@ -170,56 +174,6 @@ impl Render {
             reached: false,
             statistics,
         })
-    }
-
-    /// Begins again with another `camera`, in world space, and other `settings`. Keeps the surfaces, the first photons, and the passes where the
-    /// settings allow. A render that has already replaced the first photons traces them again.
-    ///
-    /// # Errors
-    /// As [`Self::new`], and when `settings` change the photons; then nothing has changed.
-    pub fn restart(&mut self, camera: WorldCamera, settings: &Settings) -> Result<()> {
-        if (settings.photons, settings.seed) != (self.settings.photons, self.settings.seed) {
-            return Err(Error::usage("the photons of a render in progress cannot change", "open the scene again"));
-        }
-        settings.validate()?;
-        let camera = self.all.scene.space.enter_camera(camera);
-        let seen = seen(&self.gathered, &camera, settings.film.size);
-        let (settings, interleave) = &method(self.gpu.is_software(), [&self.all, &self.gathered], (&camera, &seen), settings);
-        let passes = |of: &Settings| (of.film, of.gather, of.layers());
-        if (passes(settings), *interleave) != (passes(&self.settings), self.passes.interleave) {
-            self.passes = Passes::new(&self.gpu, &self.gathered, settings, *interleave)?;
-        }
-        self.directions = Directions::new(settings.directions.sequence, settings.seed);
-        self.settings = *settings;
-        self.camera = camera;
-        self.catcher = ShadowCatcher::new(&self.all.scene, &camera, settings.film.ground);
-        self.forget();
-        Ok(())
-    }
-
-    /// Compiles all programs again, after [`crate::shaders::reload`], and begins again.
-    ///
-    /// # Errors
-    /// When a program does not compile; then nothing has changed.
-    pub fn reload(&mut self) -> Result<()> {
-        self.passes = Passes::new(&self.gpu, &self.gathered, &self.settings, self.passes.interleave)?;
-        self.forget();
-        Ok(())
-    }
-
-    /// Discards all gathered sums.
-    fn forget(&mut self) {
-        self.block = None;
-        self.done = 0;
-        self.film = FilmSum::default();
-        self.reached = false;
-        // The next block traces the first photons again, and that counts them.
-        if self.photons.number > 0 {
-            self.photons.counts = PhotonCounts::default();
-        }
-        self.statistics =
-            RenderStatistics { scene: self.statistics.scene, photons: self.photons.counts, ..RenderStatistics::default() };
-        self.statistics.gather.layer_size = layer_size(&self.settings);
     }
 
     /// Warnings for the user.

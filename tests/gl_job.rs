@@ -25,7 +25,7 @@ fn scene(folder: &Path) -> SceneRequest {
 }
 
 fn request(scene: SceneRequest, work: Work, outputs: &[PathBuf]) -> JobRequest {
-    JobRequest { scene, work, outputs: vec![outputs.to_vec()], memory: None, device: Default::default() }
+    JobRequest { scene, work, outputs: vec![outputs.to_vec()], memory: None, time: None, device: Default::default() }
 }
 
 /// Stops once this many directions are done, and keeps what it is told.

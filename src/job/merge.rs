@@ -30,6 +30,7 @@ pub fn merge(parts: &[PathBuf], outputs: &[String], change: impl Fn(&mut Display
     let (_, errors) = match first.job["what"].as_str() {
         Some("render") => {
             let request = JobRequest {
+                time: None,
                 scene: SceneRequest::default(),
                 work: Work::Render,
                 outputs: vec![outputs.iter().map(PathBuf::from).collect()],

@@ -14,6 +14,7 @@ mod remaining;
 mod report;
 mod request;
 mod task;
+mod time;
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -153,6 +154,12 @@ impl Job {
             let [done, total] = task.directions();
             watch.say(&format!("going on from {done} of {total} directions in {}", checkpoint.path().display()));
         }
+        if let Some(seconds) = request.time {
+            watch.stage("choosing directions");
+            task.choose_directions(seconds - started.elapsed().as_secs_f64(), watch)?;
+            let blocks = request.blocks(task.settings());
+            remaining = Remaining::new(blocks.directions(0..blocks.count()).len() as f64 / f64::from(blocks.count()));
+        }
         let already = checkpoint.may_be_finished() && task.is_written();
         if checkpoint.may_be_finished() && !already {
             checkpoint.say_beginning(watch);
@@ -226,7 +233,7 @@ impl Job {
         let (report, stages) = task.report(already, names);
         let report = JobReport {
             gl: gpu.identity(),
-            settings,
+            settings: *task.settings(),
             pipeline: task.pipeline(),
             task: report,
             seconds: JobSeconds { load, stages, write, total: started.elapsed().as_secs_f64() },

@@ -33,6 +33,9 @@ pub struct JobRequest {
     /// MiB for the whole job, GL side and CPU together.
     #[serde(skip)]
     pub memory: Option<usize>,
+    /// Seconds for the whole job, of a picture. The directions are then as many as it can gather along; those of the settings do not matter.
+    #[serde(skip)]
+    pub time: Option<f64>,
     #[serde(skip)]
     pub device: DeviceRequest,
 }
@@ -244,6 +247,12 @@ impl JobRequest {
         }
         if settings.film.ground {
             warning_of_ground(world).iter().for_each(|warning| watch.say(warning));
+        }
+        if self.time.is_some() && shard.is_some() {
+            return Err(Error::usage(
+                "shards of a job have the same directions, whatever their time",
+                "give --directions in place of --time",
+            ));
         }
         if shard.is_some() && settings.directions.target_error > 0.0 {
             return Err(Error::usage("a shard cannot tell the error of the whole picture", "give --target-error 0"));

@@ -11,6 +11,7 @@ use super::inside_out::inside_out;
 use super::outputs::are_finished;
 use super::receiver::{is_picture, is_png};
 use super::report::{ReceiverReport, TaskReport};
+use super::time::choose_directions;
 use super::{BakeRequest, JobRequest, Per, Receiver, ReceiverKind, Watch, Work, check_kept, per_source};
 use crate::bake::Bake;
 use crate::blocks::Part;
@@ -32,7 +33,7 @@ const DISPLAY: &str = "display";
 
 pub(super) struct Task<'a> {
     request: &'a JobRequest,
-    settings: &'a Settings,
+    settings: Settings,
     gather: Gather,
     /// Number of directions of a render or of its shard.
     directions: u32,
@@ -73,7 +74,7 @@ impl<'a> Task<'a> {
         request: &'a JobRequest,
         gpu: &Gpu,
         world: &World,
-        settings: &'a Settings,
+        settings: &Settings,
         shard: Option<Range<u32>>,
         watch: &mut dyn Watch,
     ) -> Result<Self> {
@@ -122,12 +123,30 @@ impl<'a> Task<'a> {
         if let (Gather::Bake(bake, _), Some(most)) = (&mut gather, request.memory) {
             bake.fit(most)?;
         }
-        Ok(Self { request, settings, gather, directions, is_shard, counts: Vec::new(), stops: None, placing })
+        Ok(Self { request, settings: *settings, gather, directions, is_shard, counts: Vec::new(), stops: None, placing })
     }
 
     /// The pipeline of the gather, never `auto`.
     pub fn pipeline(&self) -> Pipeline {
         either!(&self.gather, gather => gather.settings().gather.pipeline)
+    }
+
+    /// The settings of the job, with the number of directions that was chosen for `--time`.
+    pub fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
+    /// Chooses as many directions as a picture can gather along in `seconds`, and begins anew with them. A bake has no choice.
+    ///
+    /// # Errors
+    /// When the device fails.
+    pub fn choose_directions(&mut self, seconds: f64, watch: &mut dyn Watch) -> Result<()> {
+        if let Gather::Render(render) = &mut self.gather {
+            self.directions = choose_directions(render, seconds)?;
+            self.settings.directions.count = self.directions;
+            watch.say(&format!("as many directions as fit: {}", self.directions));
+        }
+        Ok(())
     }
 
     /// What is gathered, and how.

@@ -141,12 +141,60 @@ impl Interleave {
         }
         let all = taken.iter().sum::<u32>() as f32;
         let points = g_buffer.pixels();
+        let joins = self.joins(&points);
         let of = |pixel: usize| (sums[pixel], taken[self.subset_of(pixel).index()] as f32);
         let share = |here: usize| {
-            let (total, directions) = self.shared(&points, here, &of);
+            let whole = self.whole_window(&points, &joins, here, &of);
+            let (total, directions) = whole.unwrap_or_else(|| self.shared(&points, here, &of));
             if directions > 0.0 { total * (all / directions) } else { Vec4::ZERO }
         };
         (0..sums.len()).into_par_iter().map(share).collect()
+    }
+
+    /// Whether each pixel sees the same surface as the next one along x, and along y.
+    fn joins(&self, points: &[Option<GatherPoint>]) -> Vec<[bool; 2]> {
+        let join = |here: usize| [[1, 0], [0, 1]].map(|step| self.see_same(points, here, step));
+        (0..points.len()).into_par_iter().map(join).collect()
+    }
+
+    /// As [`Self::shared`], for most pixels, whose whole window sees one surface: all its neighbours do, and so do its corners and the middles of its sides
+    /// with the pixel. `None` of other pixels.
+    fn whole_window(
+        &self,
+        points: &[Option<GatherPoint>],
+        joins: &[[bool; 2]],
+        here: usize,
+        of: &dyn Fn(usize) -> (Vec4, f32),
+    ) -> Option<(Vec4, f32)> {
+        let (reach, width) = (self.stride as usize / 2, self.size[0] as usize);
+        let [x, y] = [here % width, here / width];
+        if x < reach || y < reach || x + reach >= width || y + reach >= self.size[1] as usize {
+            return None;
+        }
+        let (left, below, side) = (x - reach, y - reach, 2 * reach);
+        let row = |dy: usize| (below + dy) * width + left;
+        let is_joined = (0..=side).all(|dy| {
+            (0..=side).all(|dx| {
+                let [along_x, along_y] = joins[row(dy) + dx];
+                (along_x || dx == side) && (along_y || dy == side)
+            })
+        });
+        let far = |d: i32| d * reach as i32;
+        let ends = [[1, 0], [0, 1], [1, 1], [1, -1]].map(|[dx, dy]| [far(dx), far(dy)]);
+        let reaches = |[dx, dy]: [i32; 2]| self.see_same(points, here, [dx, dy]) && self.see_same(points, here, [-dx, -dy]);
+        if !is_joined || !ends.into_iter().all(reaches) {
+            return None;
+        }
+        let (mut total, mut directions) = (Vec4::ZERO, 0.0);
+        let weight = |d: usize| if d == 0 || d == side { 0.5 } else { 1.0 };
+        for dy in 0..=side {
+            for dx in 0..=side {
+                let (sums, taken) = of(row(dy) + dx);
+                let weight = weight(dx) * weight(dy);
+                (total, directions) = (total + weight * sums, directions + weight * taken);
+            }
+        }
+        Some((total, directions))
     }
 
     /// The sums and the number of directions of a pixel's window.

@@ -179,7 +179,7 @@ pub fn run(mut args: BakeArgs) -> Result<u8> {
         report::say(&format!("warning: --{} has no effect here: {reason}", key.replace('_', "-")));
     });
     let work = Work::Bake(BakeRequest { receivers, plan, light_map, per: args.per });
-    let request = JobRequest { scene, work, outputs, memory: args.memory, device };
+    let request = JobRequest { scene, work, outputs, memory: args.memory, time: None, device };
     terminal::run(Job::new(request, &keeping)?, args.json, stdout)
 }
 

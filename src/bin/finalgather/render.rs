@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use finalgather::error::Result;
 use finalgather::job::{Job, JobRequest, SceneRequest, Work};
 
-use crate::args::{DeviceArgs, JobArgs, Overrides, PhotonMapArg, count};
+use crate::args::{DeviceArgs, JobArgs, Overrides, PhotonMapArg, count, duration};
 use crate::streams::{STREAM, ToStdout};
 use crate::terminal;
 
@@ -30,6 +30,10 @@ pub struct RenderArgs {
     /// Refuse a render that may take more than this many MiB, on the GL side and the CPU together. Not counted: layers beyond the first eight, photons of caustics, and the checkpoint that --resume reads
     #[arg(long, value_name = "MIB", value_parser = count::<usize>)]
     memory: Option<usize>,
+
+    /// Take at most about this long, in seconds, or as 90s, 5m or 1h: as many directions as fit, in place of --directions. The report tells how many
+    #[arg(long, value_name = "TIME", value_parser = duration, conflicts_with_all = ["directions", "resume"])]
+    time: Option<f64>,
 
     #[command(flatten)]
     overrides: Overrides,
@@ -73,7 +77,7 @@ pub fn run(args: &RenderArgs) -> Result<u8> {
     if stdout.is_some() {
         ToStdout::keep(&mut keeping)?;
     }
-    let request = JobRequest { scene, work: Work::Render, outputs: vec![outputs], memory: args.memory, device };
+    let request = JobRequest { scene, work: Work::Render, outputs: vec![outputs], memory: args.memory, time: args.time, device };
     terminal::run(Job::new(request, &keeping)?, args.json, stdout)
 }
 

@@ -21,7 +21,7 @@ use serde_json::Value;
 use crate::streams::{self, STREAM};
 
 use values::{OrAuto, name, number, or_auto, setting, sky, smooth_angle, sun, switch, vector};
-pub use values::{auto_or, checked, count, named, side, size, stops};
+pub use values::{auto_or, checked, count, duration, named, share, side, size, stops};
 
 /// The source of OpenGL.
 #[derive(Clone, Copy, Debug, clap::Args)]
@@ -98,7 +98,7 @@ pub struct Overrides {
     #[arg(long, hide_short_help = true, value_name = "F", value_parser = number::<f32>, help = setting("Stop peeling when fewer than this fraction of the points sample a layer", |s| s.gather.stop_fraction))]
     stop_fraction: Option<f32>,
 
-    #[arg(long, alias = "until", value_name = "ERROR", value_parser = number::<f64>, help = setting("Stop when the relative standard error of the picture is at most this. It is estimated a few times. Layers of `auto` size are then as large as this error needs. 0: never stop early", |s| s.directions.target_error))]
+    #[arg(long, visible_alias = "error", alias = "until", value_name = "ERROR", value_parser = share, help = setting("Stop when the relative standard error of the picture is at most this, as 0.01 or 1%. It is estimated a few times. Layers of `auto` size are then as large as this error needs. 0: never stop early", |s| s.directions.target_error))]
     target_error: Option<f64>,
 
     /// Exposure of .png in stops. auto: as bright as the surfaces can be without losing detail [default: the scene file's, else 0; auto for a bare model

@@ -47,6 +47,25 @@ pub fn count<T: TryFrom<u64>>(text: &str) -> Result<T, String> {
     T::try_from(number).map_err(|_| "too large".into())
 }
 
+/// Parses a time: a number of seconds, or a number with s, m or h. In seconds.
+pub fn duration(text: &str) -> Result<f64, String> {
+    let units = [("s", 1.0), ("m", 60.0), ("h", 3600.0)];
+    let unit = units.into_iter().find_map(|(unit, seconds)| Some((text.strip_suffix(unit)?, seconds)));
+    let (number, seconds) = unit.unwrap_or((text, 1.0));
+    let right = |number: &f64| number.is_finite() && *number > 0.0;
+    checked::<f64>(number, right, "not a time such as 10, 90s, 5m or 1h").map(|number| number * seconds)
+}
+
+/// Parses a share: a number, or a percentage.
+pub fn share(text: &str) -> Result<f64, String> {
+    let (number, of) = text.strip_suffix('%').map_or((text, 1.0), |number| (number, 100.0));
+    number
+        .trim_end()
+        .parse::<f64>()
+        .map(|number| number / of)
+        .map_err(|_| "not a number such as 0.01, or a percentage such as 1%".into())
+}
+
 /// Parses a value that satisfies `right`. The error is `wrong`.
 pub fn checked<T: std::str::FromStr>(text: &str, right: impl Fn(&T) -> bool, wrong: &str) -> Result<T, String> {
     text.parse().ok().filter(right).ok_or_else(|| wrong.to_owned())
