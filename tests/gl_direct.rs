@@ -4,12 +4,11 @@ mod common;
 
 use std::f32::consts::PI;
 
-use common::{Model, form_factor_of_disc, form_factor_of_polygon, gpu, points_on};
+use common::{Model, direct_light_of, form_factor_of_disc, form_factor_of_polygon, gpu, points_on};
 use finalgather::Environment;
-use finalgather::direct::{Direct, SampleShare};
-use finalgather::geometry::Geometry;
-use finalgather::points::{GatherPoint, PointList};
-use finalgather::scene::{Lights, Scene};
+use finalgather::direct::SampleShare;
+use finalgather::points::GatherPoint;
+use finalgather::scene::Scene;
 use glam::{DVec3, Vec3, dvec3, vec3};
 
 /// Radiance of the lamp.
@@ -31,13 +30,7 @@ fn lit_by(center: Vec3, half_u: Vec3, half_v: Vec3) -> Model {
 
 /// Irradiance at each point, red, by all samples or a part of them.
 fn direct_of(scene: &Scene, points: &[GatherPoint], share: SampleShare) -> Vec<f32> {
-    let gpu = gpu();
-    let geometry = Geometry::upload(&gpu, scene).unwrap();
-    let list = PointList::upload(&gpu, points).unwrap();
-    let direct = Direct::new(&gpu, 0).unwrap();
-    let found = direct.irradiance(&geometry, &Lights::new(scene), share, list.points()).unwrap();
-    gpu.check("direct light").unwrap();
-    list.in_order(found).into_iter().map(|irradiance| irradiance.x).collect()
+    direct_light_of(&gpu(), scene, points, share).into_iter().map(|irradiance| irradiance.x).collect()
 }
 
 fn direct(scene: &Scene, points: &[GatherPoint]) -> Vec<f32> {

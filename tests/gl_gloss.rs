@@ -4,19 +4,20 @@ mod common;
 
 use std::rc::Rc;
 
-use common::{Model, gpu, sized};
+use common::{Difference, Model, gpu, sized};
 use finalgather::Environment;
-use finalgather::direct::{Direct, SampleShare};
+use finalgather::direct::{Direct, STRIDE, SampleShare, direct_light_on_cpu};
 use finalgather::gather::{GatherInputs, IrradianceGather};
 use finalgather::geometry::Geometry;
 use finalgather::gpu::Gpu;
 use finalgather::image::Image;
 use finalgather::photon::PhotonTexture;
+use finalgather::points::packets::SubsetPackets;
 use finalgather::points::{CameraPoints, GlossTextures, Interleave, PointGloss, PointTextures};
 use finalgather::reference::Reference;
 use finalgather::render::Render;
 use finalgather::scene::{
-    Brdf, Bvh, Camera, Gloss, ImageTexture, Lights, NormalMap, PunctualKind, PunctualLight, Sampler, World,
+    Brdf, Bvh, Camera, Gloss, ImageTexture, Lights, NormalMap, PunctualKind, PunctualLight, Rays, Sampler, World,
 };
 use finalgather::settings::{LayerSize, Pipeline, PointSource, Sequence, Settings};
 use glam::{Vec2, Vec3, vec2, vec3};
@@ -197,6 +198,14 @@ fn lobes_reflect_the_light_of_a_lamp() {
     let points = PointTextures::upload(&gpu, [8, 8], &position, &normal, 64).unwrap().with_gloss(Some(textures));
     let direct = Direct::new(&gpu, 0).unwrap();
     let [base, lobe] = direct.light(&geometry, &Lights::new(&scene), SampleShare::whole(4096), points.points()).unwrap();
+    let (bvh, pixels) = (Bvh::new(&scene.mesh), points.points().read());
+    let packets = SubsetPackets::of_list(&pixels, [8, 8], STRIDE);
+    let share = (SampleShare::whole(4096), 0);
+    let on_cpu = direct_light_on_cpu(Rays::new(&scene, &bvh), &Lights::new(&scene), share, &packets, &gloss);
+    for (on_cpu, found) in on_cpu.iter().zip([&base, &lobe]) {
+        let difference = Difference::between(on_cpu, found);
+        assert!(difference.mean < 1e-4, "rays on the CPU bring other light: {difference:?}");
+    }
     for i in 0..64 {
         const SIDE: usize = 64;
         let (at, brdf, eye) = (position[i].truncate(), gloss[i].brdf, gloss[i].eye);
@@ -241,7 +250,7 @@ fn pipelines_weigh_lobes_alike() {
         (settings.gather.pipeline, settings.gather.layer_size) = (pipeline, LayerSize::Texels(256));
         let interleave = Interleave::new(1, SIZE, 0);
         let mut gather = IrradianceGather::with(&gpu, &settings, (&scene, &bvh), interleave, true).unwrap();
-        gather.begin_glossy(|| seen.pixels(), &seen.gloss);
+        gather.begin_glossy(&seen.pixels(), &seen.gloss, None);
         for batch in directions.chunks(gather.batch()) {
             let oracle = Reference::new(&scene, &bvh, &grid);
             let inputs = GatherInputs { scene: &scene, geometry: &geometry, photons: &photons, oracle, points: points.points() };

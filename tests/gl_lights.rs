@@ -4,15 +4,15 @@ mod common;
 
 use std::f64::consts::PI;
 
-use common::{Model, gather_rays, gpu, photon_grid, points_on, sized};
+use common::{Model, direct_light_of, gather_rays, gpu, photon_grid, points_on, sized};
 use finalgather::bake::{Bake, Plan, RadianceCache};
-use finalgather::direct::{Direct, SampleShare};
+use finalgather::direct::SampleShare;
 use finalgather::direction::Direction;
 use finalgather::geometry::Geometry;
 use finalgather::gpu::Gpu;
 use finalgather::harmonics::basis;
 use finalgather::photon::PhotonTexture;
-use finalgather::points::{GatherPoint, PointList};
+use finalgather::points::GatherPoint;
 use finalgather::prepared::Prepared;
 use finalgather::quantity::Quantity;
 use finalgather::random::sobol;
@@ -26,12 +26,7 @@ const STRENGTH: Vec3 = vec3(7.0, 3.0, 1.0);
 
 /// Irradiance at each point.
 fn direct(gpu: &Gpu, scene: &Scene, points: &[GatherPoint], samples: u32) -> Vec<Vec3> {
-    let geometry = Geometry::upload(gpu, scene).unwrap();
-    let list = PointList::upload(gpu, points).unwrap();
-    let direct = Direct::new(gpu, 0).unwrap();
-    let found = direct.irradiance(&geometry, &Lights::new(scene), SampleShare::whole(samples), list.points()).unwrap();
-    gpu.check("direct light").unwrap();
-    list.in_order(found)
+    direct_light_of(gpu, scene, points, SampleShare::whole(samples))
 }
 
 /// The same without shadows, by the twin of the shader.

@@ -12,19 +12,20 @@ use std::path::Path;
 use std::rc::Rc;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-use finalgather::direct::{Direct, SampleShare};
+use finalgather::direct::{Direct, STRIDE, SampleShare, direct_light_on_cpu};
 use finalgather::direction::{Direction, Directions};
 use finalgather::error::Result;
 use finalgather::gather::{GatherInputs, IrradianceGather};
 use finalgather::geometry::Geometry;
 use finalgather::gpu::{Backend, DeviceChoice, Gpu};
 use finalgather::photon::{PhotonGrid, PhotonTexture, PhotonTracer};
+use finalgather::points::packets::SubsetPackets;
 use finalgather::points::{GatherPoint, Interleave, PointList};
 use finalgather::random::Random;
 use finalgather::reference::Reference;
 use finalgather::scene::{
-    Bvh, Camera, GlossMeans, ImageTexture, Instance, Lights, Material, Mesh, Sampler, Scene, SourceLists, Triangle, UnitSpace,
-    World, WorldCamera, WrapMode,
+    Bvh, Camera, GlossMeans, ImageTexture, Instance, Lights, Material, Mesh, Rays, Sampler, Scene, SourceLists, Triangle,
+    UnitSpace, World, WorldCamera, WrapMode,
 };
 use finalgather::settings::{GatherSettings, LayerSize, Pipeline, Sequence, Settings};
 use glam::{DVec3, Vec2, Vec3, Vec4, vec2, vec3};
@@ -426,11 +427,21 @@ impl Difference {
 
 /// The irradiance from the lights of a scene at each point, by so many samples.
 pub fn direct_light(scene: &Scene, points: &[GatherPoint], samples: u32) -> Vec<Vec3> {
-    let gpu = gpu();
-    let geometry = Geometry::upload(&gpu, scene).unwrap();
-    let list = PointList::upload(&gpu, points).unwrap();
-    let direct = Direct::new(&gpu, 0).unwrap();
-    let found = direct.irradiance(&geometry, &Lights::new(scene), SampleShare::whole(samples), list.points()).unwrap();
+    direct_light_of(&gpu(), scene, points, SampleShare::whole(samples))
+}
+
+/// The same by a share of the samples. Rays on the CPU must bring the same light, but for a few that graze an edge, or where a point chooses another lamp.
+pub fn direct_light_of(gpu: &Gpu, scene: &Scene, points: &[GatherPoint], share: SampleShare) -> Vec<Vec3> {
+    let (geometry, lights) = (Geometry::upload(gpu, scene).unwrap(), Lights::new(scene));
+    let list = PointList::upload(gpu, points).unwrap();
+    let direct = Direct::new(gpu, 0).unwrap();
+    let found = list.in_order(direct.irradiance(&geometry, &lights, share, list.points()).unwrap());
     gpu.check("direct light").unwrap();
-    list.in_order(found)
+    let bvh = Bvh::new(&scene.mesh);
+    let packets = SubsetPackets::of_list(&list.points().read(), list.points().size(), STRIDE);
+    let [on_cpu, _] = direct_light_on_cpu(Rays::new(scene, &bvh), &lights, (share, 0), &packets, &[]);
+    let difference = Difference::between(&list.in_order(on_cpu), &found);
+    let most = if lights.tree().is_some() { 5e-3 } else { 5e-4 };
+    assert!(!(difference.mean > most), "rays on the CPU bring other light: {difference:?}");
+    found
 }

@@ -74,7 +74,7 @@ pub struct Overrides {
     #[arg(long, value_parser = named::<PointSource>(&["auto", "camera", "traced"]), help = setting("How the camera finds its points: by rasterisation, or by rays through mirrors, glass and the lens", |s| name(s.film.points)))]
     points: Option<PointSource>,
 
-    #[arg(long, value_parser = named::<Pipeline>(&["auto", "fused", "kill", "early-kill", "raycast", "raycast-gl"]), help = setting("How to gather. auto: fused where its layers resolve what the points see, else raycast-gl. fused: several directions in one pass, both ends of each. kill: the method of 2004. early-kill: the same with early KILL. raycast: exact rays on the CPU. raycast-gl: exact rays on the GL side, both ends of each direction", |s| s.gather.pipeline))]
+    #[arg(long, value_parser = named::<Pipeline>(&["auto", "fused", "kill", "early-kill", "raycast", "raycast-gl"]), help = setting("How to gather. auto: raycast with a software driver; on a GPU fused where its layers resolve what the points see, else raycast-gl. fused: several directions in one pass, both ends of each. kill: the method of 2004. early-kill: the same with early KILL. raycast: exact rays on the CPU. raycast-gl: exact rays on the GL side, both ends of each direction", |s| s.gather.pipeline))]
     pipeline: Option<Pipeline>,
 
     #[arg(long, value_name = "N", value_parser = count::<u64>, help = setting("Photons that the lights emit, new ones for every 1024 directions. 1e6 and 1_000_000 are numbers too", |s| s.photons.count))]
