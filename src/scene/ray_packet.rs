@@ -99,7 +99,7 @@ impl PacketHits {
 }
 
 /// What a packet knows while it goes through the tree.
-struct Search<'a> {
+struct ParallelSearch<'a> {
     packet: &'a RayPacket,
     direction: &'a SharedDirection,
     /// Origins and their bounds, divided by the direction. `entry` and `exit` are the corners where the packet's rays enter boxes first and leave last.
@@ -127,7 +127,7 @@ impl Bvh {
         hits: &mut PacketHits,
         stops: impl Fn(usize, Hit) -> bool,
     ) {
-        let mut search = Search::new(packet, direction, active);
+        let mut search = ParallelSearch::new(packet, direction, active);
         let mut state = self.tree.new_traversal(direction.vector.into());
         let mut node;
         traverse!(self.tree, node, state, search.children(node), {
@@ -185,7 +185,7 @@ pub(super) fn less(a: f32, b: f32) -> f32 {
     if a < b { a } else { b }
 }
 
-impl<'a> Search<'a> {
+impl<'a> ParallelSearch<'a> {
     #[inline(always)]
     fn new(packet: &'a RayPacket, direction: &'a SharedDirection, active: u32) -> Self {
         let inverse = direction.inverse;

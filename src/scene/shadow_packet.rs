@@ -18,7 +18,7 @@ pub struct ShadowPacket<'a> {
 }
 
 /// What the packet knows while it goes through the tree.
-struct Search<'a> {
+struct ShadowSearch<'a> {
     rays: &'a ShadowPacket<'a>,
     inverses: [Lanes; 3],
     /// Bounds of the origins and of the inverses, over all rays. Along an axis where the signs of directions differ the inverses have none.
@@ -37,7 +37,7 @@ impl Bvh {
     /// Inlined, so that it is compiled for the vectors of the caller.
     #[inline(always)]
     pub fn reach_of_packet<const CUT_OUTS: bool>(&self, rays: &ShadowPacket, mut stops: impl FnMut(usize, Hit) -> bool) -> u32 {
-        let mut search = Search::new(rays);
+        let mut search = ShadowSearch::new(rays);
         let order = Vec3A::from_array([0, 1, 2].map(|axis| rays.directions[axis][0]));
         let mut state = self.tree.new_traversal(order);
         let mut node;
@@ -54,7 +54,7 @@ impl Bvh {
     }
 }
 
-impl<'a> Search<'a> {
+impl<'a> ShadowSearch<'a> {
     #[inline(always)]
     fn new(rays: &'a ShadowPacket<'a>) -> Self {
         let mut inverses = [[0.0; LANES]; 3];
