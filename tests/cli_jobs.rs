@@ -339,7 +339,7 @@ fn memory_of_a_bake_is_bounded() {
         (&["--to", "vertices", "-o", "a.npy"], "24", "prt,prt-unshadowed"),
     ] {
         let within = |memory: u64| {
-            let args = ["--what", what, "--size", size, "--directions", "64", "--layer-size", "128", "--photons", "1e4"];
+            let args = ["--what", what, "--size", size, "--directions", "16", "--layer-size", "128", "--photons", "1e4"];
             let memory = ["--gl-device", "sw", "--json", "--memory", &memory.to_string()];
             run(&folder, &[&["bake", SCENE], &args, to, &memory])
         };

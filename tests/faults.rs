@@ -213,7 +213,7 @@ fn a_lost_context_stops_a_bake_cleanly() {
 #[test]
 fn memory_that_ends_at_any_allocation_stops_a_render_or_leaves_the_picture_as_it_is() {
     // Blocks of eight directions, as many as a store holds; and traced points, which each block uploads.
-    let jobs = [("--directions 256", 6), ("--directions 256 --pipeline kill", -1), ("--directions 4 --points traced", 10)];
+    let jobs = [("--directions 32", 6), ("--directions 32 --pipeline kill", -1), ("--directions 4 --points traced", 10)];
     for (args, least) in jobs {
         let job = Job::new("render", &format!("--size 24 {args}"));
         let allocations = job.make("whole.exr", &[]).number("allocations") as u32;

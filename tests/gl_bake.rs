@@ -86,7 +86,7 @@ fn cornell_points(world: &World, count: usize) -> Vec<GatherPoint> {
 fn every_quantity_is_that_of_exact_rays() {
     let gpu = gpu();
     let world = cornell();
-    let (count, along) = sized(&gpu, (8192, 256), (256, 16));
+    let (count, along) = sized(&gpu, (4096, 128), (256, 16));
     let points = cornell_points(&world, count);
     let plan = Plan { what: Quantity::ALL.to_vec(), gather_bounces: 2, ao_distance: Some(100.0), ..PLAN };
     let by = |pipeline| {
@@ -195,10 +195,12 @@ fn gathered_bounces_are_the_geometric_series() {
         }
     }
     let world = model.world();
-    let points = points_on(&Prepared::without_glass(&world).unwrap().scene, 512);
+    let points = points_on(&Prepared::without_glass(&world).unwrap().scene, sized(&gpu, 512, 128));
     // Layers keep vertices half a texel off the other walls, where samples on these still tell their light.
-    let samples = sized(&gpu, 512, 128);
-    let settings = settings(along).with(|s| (s.direct.light_samples, s.gather.pipeline) = (samples, Pipeline::Fused));
+    let (samples, size) = sized(&gpu, (512, 512), (128, 128));
+    let settings = settings(along).with(|s| {
+        (s.direct.light_samples, s.gather.pipeline, s.gather.layer_size) = (samples, Pipeline::Fused, LayerSize::Texels(size));
+    });
     let series = |bounces: u32| (1..=bounces).map(|k| albedo.powi(k as i32)).sum::<f32>();
     let mean = |bounces: u32| {
         let plan =
@@ -351,15 +353,16 @@ fn bent_normals_and_ao_beside_a_wall() {
 fn rounds_change_nothing() {
     let gpu = gpu();
     let world = cornell();
-    let points = cornell_points(&world, sized(&gpu, 600_000, 300_000));
-    let settings = settings(sized(&gpu, 16, 8));
-    // Rays to lights take minutes on softpipe.
-    let what = sized(&gpu, vec![Quantity::Ao, Quantity::Irradiance], vec![Quantity::Ao]);
-    let plan = Plan { what, ..PLAN };
-    let small = begin(&gpu, &world, &points, &settings, &Plan { memory: 64, ..plan.clone() });
+    // Rounds are of whole tiles, or of fewer points than one: on softpipe only of these, of which the least memory takes 4096.
+    let (points, memory, along) = sized(&gpu, (600_000, 64, 8), (10_000, 0, 8));
+    let points = cornell_points(&world, points);
+    // Each round peels all directions.
+    let settings = settings(along).with(|s| s.gather.layer_size = LayerSize::Texels(128));
+    let plan = Plan { what: vec![Quantity::Ao, Quantity::Irradiance], ..PLAN };
+    let small = begin(&gpu, &world, &points, &settings, &Plan { memory, ..plan.clone() });
     assert!(small.statistics().rounds > 1, "one round");
     // Nor does it where there turns out to be more.
-    let mut fitted = begin(&gpu, &world, &points, &settings, &Plan { memory: 8, ..plan.clone() });
+    let mut fitted = begin(&gpu, &world, &points, &settings, &Plan { memory: memory / 8, ..plan.clone() });
     let before = fitted.statistics().rounds;
     fitted.fit(4096).unwrap();
     while !fitted.is_done() {
@@ -368,7 +371,7 @@ fn rounds_change_nothing() {
     assert!(fitted.statistics().rounds < before);
     let at_once = bake(&gpu, &world, &points, &settings, &plan);
     assert!(fitted.columns().unwrap() == at_once, "other values with more memory");
-    assert!(bake(&gpu, &world, &points, &settings, &Plan { memory: 64, ..plan }) == at_once, "other values with less");
+    assert!(bake(&gpu, &world, &points, &settings, &Plan { memory, ..plan }) == at_once, "other values with less");
 }
 
 /// Vertices of a box have the three normals of the faces that meet there, those of a ball its own; and what lies in something is filled.

@@ -4,7 +4,7 @@ mod common;
 
 use std::f32::consts::PI;
 
-use common::{Model, direct_light_of, form_factor_of_disc, form_factor_of_polygon, gpu, points_on};
+use common::{Model, direct_light_of, form_factor_of_disc, form_factor_of_polygon, gpu, points_on, sized};
 use finalgather::Environment;
 use finalgather::direct::SampleShare;
 use finalgather::points::GatherPoint;
@@ -31,6 +31,11 @@ fn lit_by(center: Vec3, half_u: Vec3, half_v: Vec3) -> Model {
 /// Irradiance at each point, red, by all samples or a part of them.
 fn direct_of(scene: &Scene, points: &[GatherPoint], share: SampleShare) -> Vec<f32> {
     direct_light_of(&gpu(), scene, points, share).into_iter().map(|irradiance| irradiance.x).collect()
+}
+
+/// Points on a scene: so many, or on softpipe a quarter of them.
+fn spread(scene: &Scene, count: usize) -> Vec<GatherPoint> {
+    points_on(scene, sized(&gpu(), count, count / 4))
 }
 
 fn direct(scene: &Scene, points: &[GatherPoint]) -> Vec<f32> {
@@ -68,7 +73,7 @@ fn open_floor_and_walls() {
     model.plate(vec3(-1.0, 0.0, 0.0), 0.5 * Vec3::Y, Vec3::Z, 0);
     model.plate(vec3(0.0, 0.0, -1.0), Vec3::X, 0.5 * Vec3::Y, 0);
     let scene = model.finish();
-    let points: Vec<_> = points_on(&scene, 500).into_iter().filter(|point| sees_whole_lamp(&scene, point)).collect();
+    let points: Vec<_> = spread(&scene, 500).into_iter().filter(|point| sees_whole_lamp(&scene, point)).collect();
     check("floor and walls", &scene, &points, under_square(&scene));
 }
 
@@ -81,7 +86,7 @@ fn disc_lamp() {
     model.plate(vec3(0.0, -0.5, 0.0), Vec3::Z, Vec3::X, 0);
     let scene = model.finish();
     let (center, area) = (scene.mesh.positions[0], (0..32).map(|triangle| scene.mesh.area(triangle)).sum::<f32>());
-    let points: Vec<_> = points_on(&scene, 500).into_iter().filter(|point| point.position.y < center.y - 0.1).collect();
+    let points: Vec<_> = spread(&scene, 500).into_iter().filter(|point| point.position.y < center.y - 0.1).collect();
     check("disc", &scene, &points, |point| {
         RADIANCE * PI * form_factor_of_disc(center - point.position, f64::from(area / PI), point.normal) as f32
     });
@@ -93,7 +98,7 @@ fn a_surface_does_not_shadow_itself() {
     let mut model = lit();
     model.sphere(vec3(0.1, -0.5, 0.2), 0.4, 16, false, 0);
     let scene = model.finish();
-    let points: Vec<_> = points_on(&scene, 2000).into_iter().filter(|point| sees_whole_lamp(&scene, point)).collect();
+    let points: Vec<_> = spread(&scene, 2000).into_iter().filter(|point| sees_whole_lamp(&scene, point)).collect();
     check("ball", &scene, &points, under_square(&scene));
 }
 
@@ -106,7 +111,7 @@ fn full_shadow_is_black_and_ends_where_it_should() {
     let scene = model.finish();
     // In unit space the lamp's half side of 0.25 has another length.
     let scale = (scene.mesh.positions[1] - scene.mesh.positions[0]).length() / 0.5;
-    let floor: Vec<_> = points_on(&scene, 4000).into_iter().filter(|point| point.normal.y > 0.9).collect();
+    let floor: Vec<_> = spread(&scene, 4000).into_iter().filter(|point| point.normal.y > 0.9).collect();
     let reach = |point: &GatherPoint| (point.position.x.abs().max(point.position.z.abs())) / scale;
     let shadowed: Vec<_> = floor.iter().copied().filter(|point| reach(point) < 0.3499).collect();
     assert!(shadowed.len() > 20);
@@ -158,11 +163,9 @@ fn check_shadows(name: &str, scene: &Scene, points: &[GatherPoint], boxes: &[Blo
     let points = &points.iter().filter(far).copied().collect::<Vec<_>>();
     let found = direct(scene, points);
     let expected: Vec<f64> = points.iter().map(|point| by_integration(scene, point, boxes)).collect();
-    let brightest = points.iter().map(|point| by_integration(scene, point, &[])).fold(0.0, f64::max);
-    let partial = points.iter().zip(&expected).filter(|(point, part)| {
-        let open = by_integration(scene, point, &[]);
-        (0.02 * open..0.98 * open).contains(*part)
-    });
+    let open: Vec<f64> = points.iter().map(|point| by_integration(scene, point, &[])).collect();
+    let brightest = open.iter().copied().fold(0.0, f64::max);
+    let partial = open.iter().zip(&expected).filter(|&(&open, part)| (0.02 * open..0.98 * open).contains(part));
     let (partial, lit) = (partial.count(), expected.iter().filter(|&&irradiance| irradiance > 0.0).count());
     let errors = found.iter().zip(&expected).map(|(found, expected)| f64::from(*found) - expected);
     let worst = errors.clone().map(f64::abs).fold(0.0, f64::max) / brightest;
@@ -175,7 +178,7 @@ fn check_shadows(name: &str, scene: &Scene, points: &[GatherPoint], boxes: &[Blo
         100.0 * bias
     );
     assert!(worst < limit && bias.abs() < 0.002 && leaks == 0, "{name}");
-    assert!(lit < points.len() && partial > 50, "{name}: no shadow to test");
+    assert!(lit < points.len() && partial > sized(&gpu(), 50, 12), "{name}: no shadow to test");
 }
 
 /// The lamp lies in the very plane of the ceiling, which lies under a slab. Below, it is as bright as if it hung there alone. Above, all is dark.
@@ -188,8 +191,8 @@ fn a_lamp_flush_with_a_slab() {
     model.plate(vec3(0.0, 1.5, 0.0), 1.5 * Vec3::X, 1.5 * Vec3::Z, 0);
     let scene = model.finish();
     let level = scene.mesh.positions[0].y;
-    let (above, below): (Vec<_>, Vec<_>) = points_on(&scene, 4000).into_iter().partition(|point| point.position.y > level - 1e-5);
-    assert!(above.len() > 1000);
+    let (above, below): (Vec<_>, Vec<_>) = spread(&scene, 4000).into_iter().partition(|point| point.position.y > level - 1e-5);
+    assert!(above.len() > 250);
     assert_eq!(direct(&scene, &above).iter().filter(|&&irradiance| irradiance != 0.0).count(), 0);
     let below: Vec<_> = below.into_iter().filter(|point| sees_whole_lamp(&scene, point)).collect();
     check("below a flush lamp", &scene, &below, under_square(&scene));
@@ -229,7 +232,7 @@ fn a_lamp_let_into_a_slab() {
         let at = scene.space.to_world(point.position + 1e-4 * point.normal);
         boxes.iter().any(|[low, high]| at.cmpge(*low).all() && at.cmple(*high).all())
     };
-    let points: Vec<_> = points_on(&scene, 4000).into_iter().filter(|point| !inside(point)).collect();
+    let points: Vec<_> = spread(&scene, 4000).into_iter().filter(|point| !inside(point)).collect();
     check_shadows("let into a slab", &scene, &points, &boxes, 0.02);
 }
 
@@ -244,7 +247,7 @@ fn the_leg_of_a_table() {
     model.plate(vec3(0.15, -0.5, 0.05), 0.3 * Vec3::Z, 0.3 * Vec3::X, 0);
     let scene = model.finish();
     let points: Vec<_> =
-        points_on(&scene, 8000).into_iter().filter(|point| point.position.y < scene.mesh.positions[0].y - 1.0).collect();
+        spread(&scene, 8000).into_iter().filter(|point| point.position.y < scene.mesh.positions[0].y - 1.0).collect();
     check_shadows("leg of a table", &scene, &points, &[leg, top], 0.02);
 }
 
@@ -303,7 +306,7 @@ fn many_lamps_and_a_sun_that_walls_hide() {
     model.cuboid(Vec3::ZERO, Vec3::ONE, 0.0, true, 0);
     let mut scene = model.finish();
     let points: Vec<_> =
-        points_on(&scene, 1000).into_iter().filter(|point| point.normal.y > 0.9 && point.position.y < 0.0).collect();
+        spread(&scene, 1000).into_iter().filter(|point| point.normal.y > 0.9 && point.position.y < 0.0).collect();
     let corners = |lamp: usize| &scene.mesh.positions[4 * lamp..4 * lamp + 4];
     let of_lamps = |point: &GatherPoint| -> f64 {
         (0..16).map(|lamp| form_factor_of_polygon(corners(lamp), point.position, point.normal)).sum::<f64>()
@@ -319,6 +322,6 @@ fn many_lamps_and_a_sun_that_walls_hide() {
         let errors: Vec<f64> = found.iter().zip(&expected).map(|(&found, expected)| f64::from(found) / expected - 1.0).collect();
         let rms = (errors.iter().map(|error| error * error).sum::<f64>() / errors.len() as f64).sqrt();
         eprintln!("{} points, sun {has_sun}: RMS {:.3} %", points.len(), 100.0 * rms);
-        assert!(points.len() > 100 && rms < 0.01, "with a sun {has_sun}: {rms}");
+        assert!(points.len() > 25 && rms < 0.01, "with a sun {has_sun}: {rms}");
     }
 }

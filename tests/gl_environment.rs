@@ -74,7 +74,7 @@ fn a_block_under_a_gradient() {
 #[test]
 fn a_floor_beside_a_black_wall() {
     let gpu = gpu();
-    let (count, spread, limit) = sized(&gpu, (1024, 1024, 0.002), (64, 128, 0.01));
+    let (count, spread, limit) = sized(&gpu, (512, 1024, 0.002), (64, 128, 0.01));
     let mut model = Model::new();
     model.plate(vec3(-0.5, 0.6, 0.1), 0.6 * Vec3::Y, 0.9 * Vec3::Z, 0);
     model.plate(vec3(0.25, 0.0, 0.0), Vec3::Z, 0.75 * Vec3::X, 0);
@@ -100,7 +100,7 @@ fn a_floor_beside_a_black_wall() {
 #[test]
 fn a_bowl_lights_itself() {
     let gpu = gpu();
-    let (count, spread, photons, limit) = sized(&gpu, (512, 1024, 1_000_000, 0.01), (64, 128, 200_000, 0.03));
+    let (count, spread, photons, limit) = sized(&gpu, (256, 512, 1_000_000, 0.01), (64, 128, 200_000, 0.03));
     let albedo = vec3(0.2, 0.5, 0.9);
     let mut model = Model::new();
     let material = model.material(albedo, Vec3::ZERO);

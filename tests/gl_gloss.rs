@@ -107,12 +107,12 @@ fn still_life(roughness: f32, metallic: f32) -> World {
 #[test]
 fn bundles_and_traced_paths_agree() {
     let gpu = gpu();
-    let (size, directions) = sized(&gpu, (48, 2048), (12, 256));
+    let (size, directions, photons) = sized(&gpu, (48, 512, 500_000), (12, 256, 100_000));
     for metallic in [1.0, 0.0].into_iter().take(sized(&gpu, 2, 1)) {
         // Below the limit, so that paths follow the lobe.
         let world = still_life(0.42, metallic);
         let images = [PointSource::Camera, PointSource::Traced].map(|points| {
-            render(&gpu, &world, &settings(size, directions, points).with(|settings| settings.photons.count = 500_000))
+            render(&gpu, &world, &settings(size, directions, points).with(|settings| settings.photons.count = photons))
         });
         // The points of paths lie on what the floor reflects, so the first picture tells where it is.
         let [normal, height] = ["N.Y", "P.Y"].map(|name| channel(&images[0], name));
@@ -138,7 +138,7 @@ fn bundles_and_traced_paths_agree() {
 #[test]
 fn lights_without_a_surface_shine_on_narrow_lobes() {
     let gpu = gpu();
-    let (size, directions) = sized(&gpu, (32, 2048), (12, 256));
+    let (size, directions) = sized(&gpu, (32, 256), (12, 256));
     let light = |kind, position: Vec3, strength: f32| PunctualLight {
         name: String::new(),
         kind,
@@ -302,9 +302,10 @@ fn a_normal_map_turns_what_a_pixel_gathers() {
         }
         model.world()
     };
+    let directions = sized(&gpu, 64, 16);
     for gloss in [None, Some(Gloss { roughness: 0.6, metallic: 1.0, ..Gloss::default() })] {
         for points in [PointSource::Camera, PointSource::Traced] {
-            let images = [true, false].map(|mapped| render(&gpu, &build(mapped, gloss), &settings(16, 64, points)));
+            let images = [true, false].map(|mapped| render(&gpu, &build(mapped, gloss), &settings(16, directions, points)));
             for name in ["R", "Direct.R", "Indirect.R"] {
                 let [mapped, shaded] = [0, 1].map(|image| channel(&images[image], name));
                 let total: f32 = shaded.iter().sum();

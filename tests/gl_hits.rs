@@ -35,8 +35,8 @@ fn both_ways(gpu: &Gpu, scene: &Scene, points: &[GatherPoint], count: u32, sizes
 }
 
 /// The mean difference is aliasing: at an outline the texel's centre may see another surface than the point's ray, so it falls with
-/// the size of a texel (measured: 0.34 to 0.37 % at 512², 0.66 to 0.71 % at 256²). It must hardly favour light or dark, hence the lower limit on
-/// bias (measured within 0.029 % and 0.058 %).
+/// the size of a texel (measured: 0.34 to 0.38 % at 512², 0.66 to 0.76 % at 256²). It must hardly favour light or dark, hence the lower limit on
+/// bias (measured within 0.038 % and 0.058 %).
 const AT_512: Difference = Difference { mean: 0.006, bias: 0.001 };
 const AT_256: Difference = Difference { mean: 0.01, bias: 0.001 };
 /// Among few points and directions, the light that a few rays find or miss no longer averages out: with softpipe's sizes, llvmpipe
@@ -64,7 +64,7 @@ fn camera_points(gpu: &Gpu, scene: &Scene, side: u32) -> Vec<GatherPoint> {
 #[test]
 fn cornell_box() {
     let gpu = gpu();
-    let (side, count, at_512, at_256) = sized(&gpu, (128, 256, AT_512, AT_256), (32, 16, SMALL_512, SMALL_256));
+    let (side, count, at_512, at_256) = sized(&gpu, (128, 128, AT_512, AT_256), (32, 16, SMALL_512, SMALL_256));
     let scene = cornell();
     let points = camera_points(&gpu, &scene, side);
     let (layers, oracle) = both_ways(&gpu, &scene, &points, count, &[512, 256]);
@@ -77,7 +77,7 @@ fn cornell_box() {
 #[test]
 fn textured_floor() {
     let gpu = gpu();
-    let (side, count, at_512) = sized(&gpu, (128, 256, AT_512), (32, 16, SMALL_512));
+    let (side, count, at_512) = sized(&gpu, (128, 128, AT_512), (32, 16, SMALL_512));
     let scene = World::load("scenes/cornell_textured.toml".as_ref()).unwrap().world.flatten();
     assert!(!scene.textures.is_empty());
     let points = camera_points(&gpu, &scene, side);
@@ -173,7 +173,7 @@ fn thin_wall() {
 #[test]
 fn far_from_the_origin() {
     let gpu = gpu();
-    let (side, count, at_512) = sized(&gpu, (128, 256, AT_512), (32, 16, SMALL_512));
+    let (side, count, at_512) = sized(&gpu, (128, 128, AT_512), (32, 16, SMALL_512));
     let mut world = World::load("scenes/cornell.toml".as_ref()).unwrap().world;
     let away = Vec3::splat(1e5);
     for position in world.meshes.iter_mut().flat_map(|mesh| &mut mesh.positions) {
@@ -191,12 +191,12 @@ fn far_from_the_origin() {
 #[test]
 fn both_ends_in_one_pass() {
     let gpu = gpu();
-    let (side, count, at_512, at_256) = sized(&gpu, (128, 256, AT_512, AT_256), (32, 16, SMALL_512, SMALL_256));
+    let (side, count, at_512, at_256) = sized(&gpu, (128, 128, AT_512, AT_256), (32, 16, SMALL_512, SMALL_256));
     let scene = cornell();
     let points = camera_points(&gpu, &scene, side);
     let directions = directions(Sequence::R2, count);
     let (photons, oracle) = lit(&gpu, &scene, &points, &both_ends(&directions));
-    for (size, most) in [(512, at_512), (256, at_256)] {
+    for (size, most) in [(256, at_256), (512, at_512)].into_iter().take(sized(&gpu, 2, 1)) {
         let fused = irradiance(&gather_fused(&gpu, &scene, &photons, &points, &directions, size).0);
         check("Cornell box, fused", size, &fused, &oracle, most);
     }
@@ -231,12 +231,12 @@ fn points_off_the_scene() {
 #[test]
 fn early_kill() {
     let gpu = gpu();
-    let (side, count, at_512, at_256) = sized(&gpu, (128, 256, AT_512, AT_256), (32, 16, SMALL_512, SMALL_256));
+    let (side, count, at_512, at_256) = sized(&gpu, (128, 128, AT_512, AT_256), (32, 16, SMALL_512, SMALL_256));
     let scene = cornell();
     let points = camera_points(&gpu, &scene, side);
     let directions = directions(Sequence::R2, count);
     let (photons, oracle) = lit(&gpu, &scene, &points, &directions);
-    for (size, most) in [(512, at_512), (256, at_256)] {
+    for (size, most) in [(256, at_256), (512, at_512)].into_iter().take(sized(&gpu, 2, 1)) {
         let early = irradiance(&gather_early(&gpu, &scene, &photons, &points, &directions, size));
         check("Cornell box, early KILL", size, &early, &oracle, most);
     }
@@ -319,7 +319,7 @@ fn deeper_than_what_is_kept_at_first() {
     // (measured 2.1 %); the 2004 method, which keeps no layers, sets the limit, with a fifth for the
     // layers of the other end lying otherwise on their texels.
     let gpu = gpu();
-    let (points, count, size) = sized(&gpu, (4096, 16, 256), (1024, 16, 64));
+    let (points, count, size) = sized(&gpu, (4096, 16, 256), (1024, 8, 64));
     let mut model = Model::new();
     let plate = model.material(vec3(0.7, 0.6, 0.5), Vec3::ZERO);
     let lamp = model.material(Vec3::ZERO, Vec3::splat(10.0));

@@ -270,7 +270,7 @@ fn many_lamps_together() {
     let scene = world.flatten();
     let lights = Lights::new(&scene);
     assert_eq!(lights.count(), 200);
-    let points = points_on(&scene, 400);
+    let points = points_on(&scene, sized(&gpu, 400, 150));
     let expected: Vec<Vec3> = points
         .iter()
         .map(|point| {
