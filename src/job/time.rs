@@ -83,8 +83,8 @@ mod tests {
     fn the_directions_are_as_many_as_fit() {
         let blocks = |directions| Blocks::new(directions, 1);
         let costs = |direction, block, photons| Costs { direction, block, photons };
-        // 32 blocks of a tenth of a second leave 6.8 s for directions of 0.01 s.
-        assert_eq!(most_within(10.0, costs(0.01, 0.1, 0.0), blocks), 640);
+        // 22 blocks of 32 directions: 2.2 + 7.04 s. 24 of them would take 10.08 s.
+        assert_eq!(most_within(10.0, costs(0.01, 0.1, 0.0), blocks), 704);
         // With photons of 2 s after 1024 directions.
         assert_eq!(most_within(12.5, costs(0.01, 0.0, 0.0), blocks), 1152);
         assert_eq!(most_within(12.5, costs(0.01, 0.0, 2.0), blocks), 1024);
