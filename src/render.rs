@@ -234,7 +234,7 @@ impl Render {
     /// Replaces all gathered sums by the finished blocks of `part`, read from `path`, and goes on from there.
     ///
     /// # Errors
-    /// [`Error::Input`] when `part` belongs to another job or is damaged.
+    /// [`crate::Error::Input`] when `part` belongs to another job or is damaged.
     pub fn resume(&mut self, path: &Path, part: &Part) -> Result<()> {
         part.check(path, &self.job())?;
         let film = film_of_part(path, part, &self.settings, blocks_of(&self.settings))?;
