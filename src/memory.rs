@@ -51,7 +51,7 @@ pub fn of_render(scene: &Scene, settings: &Settings, blocks: u32, shard: bool) -
     // The photon map; at the end of a block the gather's sums as read, and the same in pixel order; direct light and caustics.
     let block = GBuffer::bytes(pixels) + texels(3) + 2 * size_of::<Vec3>() * pixels;
     let lens = scene.camera.is_some_and(|camera| camera.lens.is_some());
-    let rays = match (settings.gather.pipeline, chosen_source(scene, lens, settings.film.points)) {
+    let rays = match (settings.gather.pipeline, chosen_source(scene, lens, &settings.film)) {
         _ if settings.film.ground => size_of::<Option<GatherPoint>>() * pixels + PointTextures::bytes(size),
         (Pipeline::Raycast, _) | (_, PointSource::Traced) => {
             size_of::<Option<GatherPoint>>() * pixels + PointTextures::bytes(size)
@@ -65,7 +65,8 @@ pub fn of_render(scene: &Scene, settings: &Settings, blocks: u32, shard: bool) -
         PointTextures::bytes(size) + GlossTextures::bytes(size) + Accumulator::bytes(size, 3) + read
     };
     let gloss = if glossy { of_gloss() } else { 0 };
-    let film = |nodes: usize| Film::bytes(nodes * pixels, glossy);
+    let rare = scene.has_caustics() || scene.environment.is_some();
+    let film = |nodes: usize| Film::bytes(nodes * pixels, glossy, rare);
     let channels = 32 + if scene.environment.is_some() { 3 } else { 0 } + usize::from(settings.film.ground);
     let films = FilmSum::most_nodes(blocks) as usize;
     // The tree, when its size is no power of two, and its two halves or its whole; the picture's channels, a copy for the writer, and the file.

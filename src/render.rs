@@ -15,6 +15,7 @@ mod method;
 mod restart;
 mod source;
 mod statistics;
+mod sums;
 
 use std::ops::Range;
 use std::path::Path;
@@ -29,11 +30,10 @@ use crate::blocks::Part;
 use crate::direct::{Direct, STRIDE, SampleShare, direct_light_on_cpu};
 use crate::direction::{Direction, Directions};
 use crate::error::Result;
-use crate::film::{Film, FilmSum};
+use crate::film::FilmSum;
 use crate::gather::{GatherInputs, IrradianceGather};
 use crate::geometry::Geometry;
 use crate::gpu::Gpu;
-use crate::image::Image;
 use crate::photon::CausticMap;
 use crate::photon_map::PhotonMap;
 use crate::points::packets::SubsetPackets;
@@ -42,7 +42,7 @@ use crate::prepared::{Photons, Prepared};
 use crate::random::sobol;
 use crate::reference::Reference;
 use crate::scene::{Camera, Rays, World};
-use crate::settings::{DIRECTIONS_PER_PHOTON_MAP, Estimator, PhotonMapKind, Settings};
+use crate::settings::{DIRECTIONS_PER_PHOTON_MAP, PhotonMapKind, Settings};
 
 use self::gloss::caustic_light;
 use self::ground::ShadowCatcher;
@@ -110,9 +110,9 @@ struct Block {
     direct: Vec<Vec3>,
     /// Irradiance of the photon map at the visible points.
     photon_map: Vec<Vec4>,
-    /// Irradiance of caustics at the visible points.
+    /// Irradiance of caustics at the visible points; empty in scenes without.
     caustics: Vec<Vec3>,
-    /// In scenes with gloss what lobes reflect of lights and of caustics; else empty.
+    /// In scenes with gloss what lobes reflect of lights, and in those with caustics of caustics; else empty.
     lobes: [Vec<Vec3>; 2],
     /// The directions left, grouped by subset of the pixels, so that a batch has one subset. The last one is next.
     left: Vec<u32>,
@@ -127,6 +127,7 @@ impl Render {
     /// [`crate::Error::Usage`] when a setting is out of range or beyond the device's limits; [`crate::Error::Gl`] when the device
     /// fails.
     pub fn new(gpu: &Gpu, world: &World, settings: &Settings) -> Result<Self> {
+        let begun = Instant::now();
         settings.validate()?;
         let [all, gathered] = Prepared::both(world)?;
         let geometry = Rc::new(Geometry::upload(gpu, &all.scene)?);
@@ -148,11 +149,11 @@ impl Render {
             photons: photons.counts,
             ..RenderStatistics::default()
         };
-        statistics.seconds.photons = start.elapsed().as_secs_f64();
-        statistics.gather.layer_size = layer_size(settings);
         gpu.finish();
         gpu.check("preparing a render")?;
-        Ok(Self {
+        statistics.seconds.photons = start.elapsed().as_secs_f64();
+        statistics.gather.layer_size = layer_size(settings);
+        let mut render = Self {
             gpu: gpu.clone(),
             directions: Directions::new(settings.directions.sequence, settings.seed),
             settings: *settings,
@@ -173,7 +174,10 @@ impl Render {
             film: FilmSum::default(),
             reached: false,
             statistics,
-        })
+        };
+        let StageSeconds { prepare, photons, .. } = &mut render.statistics.seconds;
+        *prepare = begun.elapsed().as_secs_f64() - *photons;
+        Ok(render)
     }
 
     /// Warnings for the user.
@@ -230,7 +234,7 @@ impl Render {
     /// Replaces all gathered sums by the finished blocks of `part`, read from `path`, and goes on from there.
     ///
     /// # Errors
-    /// [`Error::Input`] when `part` belongs to another job or is damaged.
+    /// [`crate::Error::Input`] when `part` belongs to another job or is damaged.
     pub fn resume(&mut self, path: &Path, part: &Part) -> Result<()> {
         part.check(path, &self.job())?;
         let film = film_of_part(path, part, &self.settings, blocks_of(&self.settings))?;
@@ -279,23 +283,11 @@ impl Render {
             (None, None) => return Ok(()),
         };
         self.gather_directions(&mut block)?;
-        if block.left.is_empty() {
-            let film = self.film_of(&block);
-            self.gpu.check("reading sums")?;
-            self.film.insert_block(block.index, film);
-            self.estimate_error();
-        } else {
+        if !block.left.is_empty() {
             self.block = Some(block);
+            return Ok(());
         }
-        Ok(())
-    }
-
-    /// The mean so far, with the channels of `Film::image`; black before the first direction.
-    pub fn picture(&self) -> Image {
-        let Some(block) = &self.block else { return self.film.image(self.settings.film.size, &self.all.scene.space) };
-        let mut film = self.film.clone();
-        film.insert_block(block.index, self.film_of(block));
-        film.image(self.settings.film.size, &self.all.scene.space)
+        self.end_block(block)
     }
 
     /// Prepares block `index`: photons, visible points, direct light and caustics.
@@ -338,7 +330,9 @@ impl Render {
         let [caustics, focused] = self.caustics(index, &g_buffer);
         self.statistics.seconds.caustics += start.elapsed().as_secs_f64();
 
+        let start = Instant::now();
         self.passes.gather.begin_glossy(&pixels, &g_buffer.gloss, packets);
+        self.statistics.seconds.gather += start.elapsed().as_secs_f64();
         self.statistics.gather.points = g_buffer.count;
         self.statistics.gather.cut += u64::from(g_buffer.cut);
         let mut left: Vec<u32> = self.passes.interleave.numbers(directions).rev().collect();
@@ -348,10 +342,10 @@ impl Render {
     }
 
     /// Irradiance by way of mirrors, glass and narrow lobes at the points of a block, and what their lobes reflect of it. Each block has its own caustic
-    /// photons.
+    /// photons. Both are empty in a scene without caustics.
     fn caustics(&self, block: u32, g_buffer: &GBuffer) -> [Vec<Vec3>; 2] {
         if !self.all.scene.has_caustics() {
-            return [g_buffer.normal.len(), g_buffer.gloss.len()].map(|pixels| vec![Vec3::ZERO; pixels]);
+            return [Vec::new(), Vec::new()];
         }
         let (settings, seed) = (&self.settings.photons, self.settings.seed);
         let photons = self.all.photons(settings, seed).caustics(settings.numbers(block.into()));
@@ -398,42 +392,6 @@ impl Render {
     /// Directions of a block so far, as the settings count them.
     fn taken(&self, block: &Block) -> u32 {
         self.passes.interleave.directions(block.taken.iter().sum())
-    }
-
-    fn film_of(&self, block: &Block) -> Film {
-        let mut gathered = self.passes.gather.read();
-        if self.settings.directions.estimator == Estimator::Plain {
-            gathered.iter_mut().enumerate().for_each(|(pixel, sum)| sum.w = self.expected_weight(block, pixel));
-        }
-        let lobes = self.lobe_sums(block, &mut gathered);
-        let gathered = self.passes.interleave.share(gathered, &block.taken, &block.g_buffer);
-        let directions = self.taken(block);
-        let ground = self.ground_lights(block, &gathered);
-        Film::of_block(
-            self.settings.film.size,
-            &block.g_buffer,
-            [&block.direct, &block.caustics],
-            &block.photon_map,
-            &ground,
-            (&gathered, directions),
-            lobes.as_ref(),
-        )
-    }
-
-    /// The plain estimator divides by the expected sum of the weights. Over the sphere the mean of max(n·d, 0) is 1/4, that of |n·d| 1/2.
-    fn expected_weight(&self, block: &Block, pixel: usize) -> f32 {
-        let mean = if self.passes.gather.both_ends() { 0.5 } else { 0.25 };
-        mean * block.taken[self.passes.interleave.subset_of(pixel).index()] as f32
-    }
-
-    /// Estimates the error after every eighth block and the last one, for the report and to stop at the target error.
-    fn estimate_error(&mut self) {
-        let blocks = self.film.blocks();
-        if blocks.is_multiple_of(8) || self.next_block().is_none() {
-            self.statistics.error = self.film.error();
-            let target = self.settings.directions.target_error;
-            self.reached = target > 0.0 && self.statistics.error.is_some_and(|error| error <= target);
-        }
     }
 
     /// Waits for the device and returns the seconds since `start`.

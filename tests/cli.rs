@@ -209,7 +209,7 @@ fn json_tells_all_about_the_run() {
     assert_eq!(keys(&report["gl"]), "backend renderer version");
     for (section, numbers) in [
         ("scene", "triangles lights"),
-        ("seconds", "load photons visible_points direct gather write total"),
+        ("seconds", "load device prepare photons visible_points direct caustics gather film write total"),
         ("gather", "points directions distinct_directions rays_per_point layer_size layers_mean layers_max"),
         ("gather", "ms_per_direction samples_per_second"),
         ("photons", "emitted stored absorbed escaped cut"),
@@ -218,6 +218,10 @@ fn json_tells_all_about_the_run() {
             assert!(report[section][key].is_number(), "{section}.{key} is {}", report[section][key]);
         }
     }
+    let seconds = report["seconds"].as_object().unwrap();
+    let stages: f64 = seconds.iter().filter(|(stage, _)| *stage != "total").map(|(_, seconds)| seconds.as_f64().unwrap()).sum();
+    let share = stages / seconds["total"].as_f64().unwrap();
+    assert!((0.9..=1.0).contains(&share), "the stages take {share} of the total: {seconds:?}");
     assert_eq!(report["settings"]["size"], serde_json::json!([32, 24]));
     assert_eq!(report["settings"]["seed"], 7);
     assert_eq!(report["settings"]["directions"], 16);

@@ -36,15 +36,23 @@ impl<T> Node<T> {
 }
 
 /// The blocks so far, as the largest nodes of them. The last two nodes are not joined, because their difference estimates the error.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub struct PairwiseSum<T> {
     /// Sorted by their blocks.
     nodes: Vec<Node<T>>,
+    /// A value that is no longer needed, for its memory.
+    spare: Option<T>,
 }
 
 impl<T> Default for PairwiseSum<T> {
     fn default() -> Self {
-        Self { nodes: Vec::new() }
+        Self { nodes: Vec::new(), spare: None }
+    }
+}
+
+impl<T: Clone> Clone for PairwiseSum<T> {
+    fn clone(&self) -> Self {
+        Self { nodes: self.nodes.clone(), spare: None }
     }
 }
 
@@ -58,13 +66,21 @@ impl<T: Sum> PairwiseSum<T> {
             return Err(node);
         }
         self.nodes.insert(place, node);
+        self.join();
+        Ok(())
+    }
+
+    /// Joins what can be joined. Returns a value that is no longer needed.
+    fn join(&mut self) -> Option<T> {
+        let mut spare = None;
         while let Some(pair) = self.pair() {
             let later = self.nodes.remove(pair + 1);
             let earlier = &mut self.nodes[pair];
             earlier.sum.add(&later.sum);
             earlier.blocks *= 2;
+            spare = Some(later.sum);
         }
-        Ok(())
+        spare
     }
 
     /// Adds a block.
@@ -74,6 +90,38 @@ impl<T: Sum> PairwiseSum<T> {
     pub fn insert_block(&mut self, index: u32, sum: T) {
         let inserted = self.insert(Node { first: index, blocks: 1, sum });
         assert!(inserted.is_ok(), "block {index} is there already");
+    }
+
+    /// Adds a block with few values at a time: `add` adds it to the block before, if the two are to be joined. Else `new` makes its value, in the memory of
+    /// one that is no longer needed, if there is one.
+    ///
+    /// # Panics
+    /// As [`Self::insert_block`].
+    pub fn insert_with(&mut self, index: u32, add: impl FnOnce(&mut T), new: impl FnOnce(Option<T>) -> T) {
+        let partner =
+            |nodes: &[Node<T>]| nodes.iter().position(|node| node.blocks == 1 && Some(node.first) == index.checked_sub(1));
+        let is_missing = !self.missing(index..index + 1).is_empty();
+        let partner = partner(&self.nodes).filter(|_| self.nodes.len() > 1 && index % 2 == 1 && is_missing);
+        let unused = match partner {
+            Some(partner) => {
+                let node = &mut self.nodes[partner];
+                add(&mut node.sum);
+                node.blocks = 2;
+                self.join()
+            }
+            None => {
+                assert!(is_missing, "block {index} is there already");
+                let node = Node { first: index, blocks: 1, sum: new(self.spare.take()) };
+                self.nodes.insert(self.nodes.partition_point(|earlier| earlier.first < index), node);
+                self.join()
+            }
+        };
+        self.spare = unused.or(self.spare.take());
+    }
+
+    /// Frees memory that [`Self::insert_with`] keeps.
+    pub fn shrink(&mut self) {
+        self.spare = None;
     }
 
     /// The index of the first of two nodes that can be joined, unless these are all nodes.
@@ -118,12 +166,6 @@ impl<T: Sum> PairwiseSum<T> {
     /// The sum of all blocks; `None` if there are none. It has the bits of the tree only if no block before the last is missing.
     pub fn total(&self) -> Option<T> {
         total(&self.nodes).map(Cow::into_owned)
-    }
-
-    /// Two parts of the whole sum: the halves of a complete tree, else its first node and the rest. `None` for fewer than two blocks.
-    pub fn halves(&self) -> Option<(&T, Cow<'_, T>)> {
-        let (earlier, rest) = self.nodes.split_first()?;
-        Some((&earlier.sum, total(rest)?))
     }
 
     /// The most nodes at a time while `blocks` blocks are inserted in order, with the inserted one.
@@ -186,10 +228,6 @@ mod tests {
         assert_eq!(in_order(0).total(), None);
     }
 
-    fn halves(count: u32) -> Option<[String; 2]> {
-        in_order(count).halves().map(|(earlier, later)| [earlier.clone(), later.into_owned()])
-    }
-
     #[test]
     fn most_nodes_are_not_passed_and_one_too_many_at_most() {
         for count in 1..200 {
@@ -215,10 +253,22 @@ mod tests {
     }
 
     #[test]
-    fn halves_are_those_of_the_tree_or_its_largest_node_and_the_rest() {
-        assert_eq!(halves(1), None);
-        assert_eq!(halves(4).unwrap(), ["(0+1)", "(2+3)"]);
-        assert_eq!(halves(7).unwrap(), ["((0+1)+(2+3))", "((4+5)+6)"]);
+    fn blocks_added_to_their_partners_make_the_same_tree() {
+        let mut numbers = Random::new(4, 0);
+        for trial in 0..2000 {
+            let count = 1 + numbers.bits() as u32 % 70;
+            let mut blocks: Vec<u32> = (0..count).collect();
+            if trial % 2 == 0 {
+                shuffle(&mut blocks, &mut numbers);
+            }
+            let (mut sum, mut plain) = (PairwiseSum::default(), PairwiseSum::default());
+            for index in blocks {
+                let new = || index.to_string();
+                sum.insert_with(index, |earlier: &mut String| earlier.add(&new()), |_| new());
+                plain.insert_block(index, new());
+                assert_eq!(sum.nodes(), plain.nodes(), "trial {trial}");
+            }
+        }
     }
 
     #[test]
@@ -242,7 +292,7 @@ mod tests {
             let mut sum = PairwiseSum::default();
             nodes.into_iter().for_each(|node| sum.insert(node).unwrap());
             assert_eq!(sum.total(), in_order(count).total(), "trial {trial}");
-            assert_eq!(sum.halves(), in_order(count).halves(), "trial {trial}");
+            assert_eq!(sum.nodes(), in_order(count).nodes(), "trial {trial}");
             assert_eq!(sum.missing(0..count), []);
         }
     }

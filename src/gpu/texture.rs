@@ -205,16 +205,24 @@ impl Texture {
 
     /// Returns the texels, first row at t = 0, the elements of an array one after the other. Waits for draws into the texture.
     pub fn read<T: Pod>(&self) -> Vec<T> {
+        let mut texels = Vec::new();
+        self.read_into(&mut texels);
+        texels
+    }
+
+    /// The same, into the memory of a list, which is replaced.
+    pub fn read_into<T: Pod>(&self, texels: &mut Vec<T>) {
         let (_, layout, component) = self.format.gl();
         let bytes = self.size.iter().map(|&side| side as usize).product::<usize>() * self.format.bytes();
-        let mut texels = vec![T::zeroed(); bytes / size_of::<T>()];
+        if texels.len() != bytes / size_of::<T>() {
+            *texels = vec![T::zeroed(); bytes / size_of::<T>()];
+        }
         let gl = self.resource.gl();
         unsafe {
             gl.bind_texture(self.kind, Some(self.name()));
-            let data = PixelPackData::Slice(Some(bytemuck::cast_slice_mut(&mut texels)));
+            let data = PixelPackData::Slice(Some(bytemuck::cast_slice_mut(texels)));
             self.resource.context().wait(|| gl.get_tex_image(self.kind, 0, layout, component, data));
         }
-        texels
     }
 
     pub(super) fn has_stencil(&self) -> bool {

@@ -3,11 +3,13 @@
 use std::io::Cursor;
 use std::path::Path;
 
+use ::exr::block::lines::LineRefMut;
+use ::exr::image::write::samples::{SamplesWriter, WritableSamples};
 use ::exr::image::{self, AnyChannel, AnyChannels, Encoding, FlatSamples, Layer};
-use ::exr::math::Vec2;
+use ::exr::math::{RoundingMode, Vec2};
 use ::exr::meta::MetaData;
-use ::exr::meta::attribute::{AttributeValue, Chromaticities, Text};
-use ::exr::meta::header::LayerAttributes;
+use ::exr::meta::attribute::{AttributeValue, Chromaticities, LevelMode, SampleType, Text};
+use ::exr::meta::header::{Header, LayerAttributes};
 use ::exr::prelude::{ReadChannels, ReadLayers, WritableImage};
 
 use super::{Channel, Image, MOST_SAMPLES};
@@ -23,6 +25,37 @@ const METADATA: &str = "finalgather";
 
 const CURE: &str = "give a flat OpenEXR picture";
 
+/// The samples of a channel, row by row. The crate's own type would own a copy.
+#[derive(Clone, Copy)]
+struct Samples<'a> {
+    samples: &'a [f32],
+    width: usize,
+}
+
+impl WritableSamples<'_> for Samples<'_> {
+    type Writer = Self;
+
+    fn sample_type(&self) -> SampleType {
+        SampleType::F32
+    }
+
+    fn infer_level_modes(&self) -> (LevelMode, RoundingMode) {
+        (LevelMode::Singular, RoundingMode::Down)
+    }
+
+    fn create_samples_writer(&self, _: &Header) -> Self::Writer {
+        *self
+    }
+}
+
+impl SamplesWriter for Samples<'_> {
+    fn extract_line(&self, line: LineRefMut<'_>) {
+        let first = line.location.position.y() * self.width + line.location.position.x();
+        let samples = &self.samples[first..first + line.location.sample_count];
+        line.write_samples_from_slice(samples).expect("the line is as long as its samples");
+    }
+}
+
 fn metadata(path: &Path, bytes: &[u8]) -> Result<MetaData> {
     MetaData::read_from_buffered(Cursor::new(bytes), false)
         .map_err(|error| Error::input(path, None, format!("not readable as OpenEXR: {error}"), CURE))
@@ -37,7 +70,7 @@ impl Image {
         let channels = self
             .channels
             .iter()
-            .map(|channel| AnyChannel::new(text(&channel.name), FlatSamples::F32(channel.samples.clone())))
+            .map(|channel| AnyChannel::new(text(&channel.name), Samples { samples: &channel.samples, width: self.width }))
             .collect();
         let layer = Layer::new(
             (self.width, self.height),

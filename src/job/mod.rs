@@ -146,7 +146,9 @@ impl Job {
         let found = checkpoint.find(watch)?;
 
         watch.stage("starting OpenGL");
+        let starting = Instant::now();
         let gpu = request.device.open()?;
+        let device = starting.elapsed().as_secs_f64();
         watch.detail(&format!("OpenGL: {}", gpu.info().renderer));
         let mut task = Task::begin(&request, &gpu, &world, &settings, shard, watch)?;
         if let Some(part) = found {
@@ -165,7 +167,7 @@ impl Job {
             checkpoint.say_beginning(watch);
         }
 
-        let mut failure = None;
+        let (mut failure, mut write) = (None, 0.0);
         watch.stage("gathering");
         watch.detail(&task.about());
         let progress = |task: &Task, remaining: &Remaining| {
@@ -182,7 +184,9 @@ impl Job {
                 watch.has_result();
             }
             watch.progress(progress(&task, &remaining));
+            let writing = Instant::now();
             checkpoint.keep(watch, || task.save());
+            write += writing.elapsed().as_secs_f64();
         }
         let [done, total] = task.directions();
         // Sums from before the device failed are worth keeping.
@@ -197,8 +201,8 @@ impl Job {
             _ => Ending::Finished,
         };
         watch.stage("writing");
-        let mut kept = if ended { checkpoint.stop(|| task.save()) } else { Ok(false) };
         let writing = Instant::now();
+        let mut kept = if ended { checkpoint.stop(|| task.save()) } else { Ok(false) };
         let writes = !already && !is_shard && task.has_values();
         let unwritten = if writes { task.write(watch) } else { Vec::new() };
         let names: Vec<_> = outputs.iter().map(|path| path.display().to_string()).collect();
@@ -229,14 +233,14 @@ impl Job {
         }
         all_written(failure.into_iter().chain(unwritten).chain(kept.err()), watch)?;
 
-        let write = writing.elapsed().as_secs_f64();
+        write += writing.elapsed().as_secs_f64();
         let (report, stages) = task.report(already, names);
         let report = JobReport {
             gl: gpu.identity(),
             settings: *task.settings(),
             pipeline: task.pipeline(),
             task: report,
-            seconds: JobSeconds { load, stages, write, total: started.elapsed().as_secs_f64() },
+            seconds: JobSeconds { load, device, stages, write, total: started.elapsed().as_secs_f64() },
             peak_memory_bytes: peak_memory_bytes(),
             interrupted: ended,
         };

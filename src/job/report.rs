@@ -68,9 +68,12 @@ pub struct ReceiverReport {
 #[derive(Clone, Debug, Serialize)]
 pub struct JobSeconds {
     pub load: f64,
+    /// Starting OpenGL.
+    pub device: f64,
     /// Seconds of stages that only a render or only a bake has.
     #[serde(flatten)]
     pub stages: Value,
+    /// Results and checkpoints.
     pub write: f64,
     pub total: f64,
 }

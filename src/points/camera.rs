@@ -18,6 +18,7 @@ pub struct CameraPoints {
 }
 
 /// The G-buffer: the surface that each pixel sees, read back from the device, row by row from the bottom.
+#[derive(Default)]
 pub struct GBuffer {
     /// xyz: position in unit space; w as in [`Points`].
     pub position: Vec<Vec4>,
@@ -52,6 +53,11 @@ impl CameraPoints {
 
     /// Rasterises one point a pixel, at `offset`, in [0, 1)², from its lower left corner. `block` numbers the points of a pixel.
     pub fn see(&self, geometry: &Geometry, camera: &Camera, offset: Vec2, block: u32) -> GBuffer {
+        self.see_into(GBuffer::default(), geometry, camera, offset, block)
+    }
+
+    /// The same, in the memory of another G-buffer.
+    pub fn see_into(&self, spare: GBuffer, geometry: &Geometry, camera: &Camera, offset: Vec2, block: u32) -> GBuffer {
         let size = self.target.size().map(|side| side as f32);
         let forward = (camera.target - camera.eye).normalize();
         let (projection, near) = projection(camera, geometry, size[0] / size[1]);
@@ -74,12 +80,18 @@ impl CameraPoints {
             depth: DepthTest::Greater,
             uniforms: &uniforms,
         });
-        let normal: Vec<Vec4> = self.target.color(1).read();
-        let mut albedo: Vec<Vec4> = self.target.color(2).read();
-        let seen = albedo.iter_mut().zip(&normal).filter(|(_, normal)| normal.truncate() != Vec3::ZERO);
-        seen.for_each(|(albedo, _)| albedo.w = (geometry.order[albedo.w as usize] + 1) as f32);
-        let count = normal.iter().filter(|normal| normal.truncate() != Vec3::ZERO).count() as u32;
-        let [position, emission] = [0, 3].map(|color| self.target.color(color).read());
+        let GBuffer { mut position, mut normal, mut albedo, mut emission, .. } = spare;
+        let columns = [&mut position, &mut normal, &mut albedo, &mut emission];
+        columns.into_iter().enumerate().for_each(|(color, column)| self.target.color(color).read_into(column));
+        let order = &geometry.order;
+        let number = |(albedo, normal): (&mut Vec4, &Vec4)| {
+            let seen = normal.truncate() != Vec3::ZERO;
+            if seen {
+                albedo.w = (order[albedo.w as usize] + 1) as f32;
+            }
+            u32::from(seen)
+        };
+        let count = albedo.par_iter_mut().zip(&normal).map(number).sum();
         GBuffer { position, normal, albedo, emission, gloss: Vec::new(), count, cut: 0 }
     }
 
@@ -155,8 +167,8 @@ fn ray_of(i: usize, camera: &Camera, [width, height]: [u32; 2], offset: Vec2) ->
 /// it. The shader computes the depth of the target, see `glsl/visible_points.frag`.
 fn projection(camera: &Camera, geometry: &Geometry, aspect: f32) -> (Mat4, f32) {
     let view = view::look_at_mat4(camera.eye, camera.target, camera.up);
-    let depths = geometry.positions.iter().map(|&position| -view.transform_point3(position).z);
-    let farthest = depths.fold(0.0, f32::max).max(1e-3) * 1.001;
+    let depths = geometry.positions.par_iter().map(|&position| -view.transform_point3(position).z);
+    let farthest = depths.reduce(|| 0.0, f32::max).max(1e-3) * 1.001;
     let near = farthest * 1e-6;
     let mut projection = proj::opengl::perspective(camera.fov_y_degrees.to_radians(), aspect, near, farthest);
     (projection.z_axis.z, projection.w_axis.z) = (0.0, -near);

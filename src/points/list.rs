@@ -2,6 +2,7 @@
 
 use bytemuck::{Pod, Zeroable};
 use glam::{Vec2, Vec3, Vec4};
+use rayon::prelude::*;
 
 use super::{GBuffer, PointTextures, Points};
 use crate::error::Result;
@@ -54,7 +55,7 @@ impl GBuffer {
 
     /// The point of each pixel, row by row from the bottom.
     pub fn pixels(&self) -> Vec<Option<GatherPoint>> {
-        self.position.iter().zip(&self.normal).map(|(&position, &normal)| GatherPoint::decode(position, normal)).collect()
+        self.position.par_iter().zip(&self.normal).map(|(&position, &normal)| GatherPoint::decode(position, normal)).collect()
     }
 }
 

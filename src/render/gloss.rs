@@ -15,7 +15,7 @@ use crate::settings::Estimator;
 impl Render {
     /// Divides the gather's sums by what the points pass or reflect of even light, and returns those of the lobes; `None` in a scene without gloss. `sums`
     /// are those of the bases.
-    pub(super) fn lobe_sums(&self, block: &Block, sums: &mut [Vec4]) -> Option<LobeSums> {
+    pub(super) fn lobe_sums<'a>(&self, block: &'a Block, sums: &mut [Vec4]) -> Option<LobeSums<'a>> {
         let gloss = &block.g_buffer.gloss;
         let [mut lobes, mut weights] = self.passes.gather.read_lobes()?;
         let over =
@@ -37,7 +37,7 @@ impl Render {
             }
         });
         let share = |sums| self.passes.interleave.share(sums, &block.taken, &block.g_buffer);
-        Some(LobeSums { lobes: share(lobes), weights: share(weights), direct: block.lobes.clone() })
+        Some(LobeSums { lobes: share(lobes), weights: share(weights), direct: block.lobes.each_ref().map(Vec::as_slice) })
     }
 }
 

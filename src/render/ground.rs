@@ -32,7 +32,7 @@ impl ShadowCatcher {
 }
 
 impl Render {
-    /// Luminous irradiance of each pixel that sees the ground, and the same without the scene, for [`Film::of_block`](crate::film::Film::of_block).
+    /// Luminous irradiance of each pixel that sees the ground, and the same without the scene, for [`BlockLight`](crate::film::BlockLight).
     /// `gathered` are the sums of the pixels. Both are sums along the same directions, so without a shadow they are equal.
     pub(super) fn ground_lights(&self, block: &Block, gathered: &[Vec4]) -> Vec<Option<[f32; 2]>> {
         let Some((ShadowCatcher { ground, bright }, environment)) =
@@ -62,7 +62,8 @@ impl Render {
             let irradiance = |sum: Vec4, direct: Vec3| luminance((scale * sum.truncate() + direct).to_array());
             is_ground.then(|| {
                 let open = irradiance(open[pixel], *bright);
-                let light = irradiance(gathered[pixel], block.direct[pixel] + block.caustics[pixel]);
+                let caustics = block.caustics.get(pixel).copied().unwrap_or_default();
+                let light = irradiance(gathered[pixel], block.direct[pixel] + caustics);
                 [open + ground.fade(buffer.position[pixel].truncate()) * (light - open), open]
             })
         };

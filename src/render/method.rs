@@ -21,7 +21,7 @@ pub(super) fn method(
     asked: &Settings,
 ) -> (Settings, Interleave) {
     let mut settings = *asked;
-    settings.film.points = chosen_source(&all.scene, camera.lens.is_some(), asked.film.points);
+    settings.film.points = chosen_source(&all.scene, camera.lens.is_some(), &asked.film);
     if asked.gather.pipeline == Pipeline::Auto {
         settings.gather.pipeline = chosen_for_picture(software, asked, &gathered.scene, &gathered.bvh, seen);
     }

@@ -12,8 +12,13 @@ use crate::settings::{PointSource, Settings};
 
 /// The source of a block's gather points.
 pub(super) enum PixelSource {
-    /// With the points of the block in progress, if they are not only those of the rasteriser.
-    Camera(CameraPoints, Option<PointTextures>),
+    Camera {
+        points: CameraPoints,
+        /// The points of the block in progress, if they are not only those of the rasteriser.
+        uploaded: Option<PointTextures>,
+        /// The G-buffer of an earlier block, whose memory the next one takes: fresh memory costs as much time as its content.
+        spare: GBuffer,
+    },
     /// The points of the block in progress, once there is one.
     Traced(Option<PointTextures>),
 }
@@ -33,7 +38,9 @@ impl PixelSource {
     /// If the picture exceeds the device's limits.
     pub fn new(gpu: &Gpu, settings: &Settings) -> Result<Self> {
         Ok(match settings.film.points {
-            PointSource::Camera => Self::Camera(CameraPoints::new(gpu, settings.film.size)?, None),
+            PointSource::Camera => {
+                Self::Camera { points: CameraPoints::new(gpu, settings.film.size)?, uploaded: None, spare: GBuffer::default() }
+            }
             PointSource::Auto => unreachable!("auto is replaced when a job begins"),
             PointSource::Traced => Self::Traced(None),
         })
@@ -52,8 +59,8 @@ impl PixelSource {
             Ok(PointTextures::upload(gpu, size, position, normal, *count)?.with_gloss(gloss))
         };
         Ok(match self {
-            Self::Camera(points, uploaded) => {
-                let mut g_buffer = points.see(geometry, camera, offset, index);
+            Self::Camera { points, uploaded, spare } => {
+                let mut g_buffer = points.see_into(std::mem::take(spare), geometry, camera, offset, index);
                 g_buffer.add_pictures_of_emission(scene);
                 g_buffer.add_environment(scene, camera, size, offset);
                 let shaded = scene.is_glossy() || scene.has_normal_maps();
@@ -76,11 +83,18 @@ impl PixelSource {
         })
     }
 
+    /// Takes back the G-buffer of a finished block.
+    pub fn recycle(&mut self, g_buffer: GBuffer) {
+        if let Self::Camera { spare, .. } = self {
+            *spare = g_buffer;
+        }
+    }
+
     /// The points of the block in progress.
     pub fn points<'a>(&'a self, g_buffer: &GBuffer) -> Points<'a> {
         match self {
-            Self::Camera(points, None) => points.points(g_buffer),
-            Self::Camera(_, uploaded) | Self::Traced(uploaded) => {
+            Self::Camera { points, uploaded: None, .. } => points.points(g_buffer),
+            Self::Camera { uploaded, .. } | Self::Traced(uploaded) => {
                 uploaded.as_ref().expect("a block begins with its points").points()
             }
         }

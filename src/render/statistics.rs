@@ -27,11 +27,15 @@ pub struct SceneCounts {
 /// Wall-clock seconds.
 #[derive(Clone, Copy, Debug, Default, Serialize)]
 pub struct StageSeconds {
+    /// The scene's tree, what the device needs of the scene, programs, the choice of a pipeline.
+    pub prepare: f64,
     pub photons: f64,
     pub visible_points: f64,
     pub direct: f64,
     pub caustics: f64,
     pub gather: f64,
+    /// Sums of blocks, and the estimate of their error.
+    pub film: f64,
 }
 
 #[derive(Clone, Copy, Debug, Default, Serialize)]
