@@ -76,7 +76,7 @@ struct SamplePlan<'a> {
 }
 
 /// Samples of all points of a subset.
-struct Batch {
+struct LightBatch {
     samples: BatchSamples,
     of_ray: usize,
     /// In [0, 1): to which of its samples the first ray goes.
@@ -109,7 +109,7 @@ impl<'a> SamplePlan<'a> {
     }
 
     /// Those of the pixels at this offset in their square.
-    fn batches(&self, offset: [u32; 2]) -> Vec<Batch> {
+    fn batches(&self, offset: [u32; 2]) -> Vec<LightBatch> {
         // Lamps and environment share no ray: indoors nearly all rays would go to a sun that walls hide.
         let (mut numbers, mut lamps, mut sky) = (Vec::new(), Vec::new(), Vec::new());
         let places = self.lights.are_chosen().then(|| self.share.places(rank(offset), self.of_ray as u32));
@@ -124,7 +124,7 @@ impl<'a> SamplePlan<'a> {
         }
         let in_batch = LIGHTS / self.of_ray * self.of_ray;
         // A point's choices are spread evenly over its rays, by multiples of the golden ratio.
-        let batch = |(index, samples)| Batch {
+        let batch = |(index, samples)| LightBatch {
             samples,
             of_ray: self.of_ray,
             choice: (GOLDEN * (index * in_batch / self.of_ray) as f32).fract(),
@@ -132,7 +132,7 @@ impl<'a> SamplePlan<'a> {
         let chosen = lamps.chunks(in_batch).chain(sky.chunks(in_batch)).map(|samples| BatchSamples::Chosen(samples.to_vec()));
         let by_tree = numbers.chunks(in_batch).map(|numbers| BatchSamples::Tree(numbers.to_vec()));
         let exact = self.exact.chunks(LIGHTS);
-        let exact = exact.map(|samples| Batch { samples: BatchSamples::Chosen(samples.to_vec()), of_ray: 1, choice: 0.0 });
+        let exact = exact.map(|samples| LightBatch { samples: BatchSamples::Chosen(samples.to_vec()), of_ray: 1, choice: 0.0 });
         by_tree.enumerate().chain(chosen.enumerate()).map(batch).chain(exact).collect()
     }
 }

@@ -3,7 +3,7 @@
 use glam::Vec3;
 use rayon::prelude::*;
 
-use super::{Batch, BatchSamples, GOLDEN, STRIDE, SamplePlan, SampleShare, offsets};
+use super::{BatchSamples, GOLDEN, LightBatch, STRIDE, SamplePlan, SampleShare, offsets};
 use crate::points::packets::{PointPacket, SubsetPackets};
 use crate::points::{PointGloss, Subset};
 use crate::scene::{LANES, Lanes, LightSample, Lights, Rays, ShadowPacket};
@@ -80,7 +80,7 @@ struct Task<'a, const CUT_OUTS: bool> {
     rays: Rays<'a>,
     lights: &'a Lights,
     packets: &'a [PointPacket],
-    batches: &'a [Batch],
+    batches: &'a [LightBatch],
     gloss: &'a [PointGloss],
 }
 
@@ -104,7 +104,7 @@ impl<const CUT_OUTS: bool> pulp::NullaryFnOnce for Task<'_, CUT_OUTS> {
 impl<const CUT_OUTS: bool> Task<'_, CUT_OUTS> {
     /// Adds the light of a batch. Some samples share a ray, which goes to one of them, chosen by the light that it would bring.
     #[inline(always)]
-    fn add(&self, packet: &PointPacket, batch: &Batch, sums: &mut PacketLight) {
+    fn add(&self, packet: &PointPacket, batch: &LightBatch, sums: &mut PacketLight) {
         let count = match &batch.samples {
             BatchSamples::Tree(numbers) => numbers.len(),
             BatchSamples::Chosen(samples) => samples.len(),

@@ -6,7 +6,7 @@ use std::rc::Rc;
 
 use glam::{Vec3, Vec4};
 
-use super::{Batch, BatchSamples, STRIDE, SamplePlan, SampleShare, offsets};
+use super::{BatchSamples, LightBatch, STRIDE, SamplePlan, SampleShare, offsets};
 use crate::error::Result;
 use crate::geometry::Geometry;
 use crate::gpu::{Gpu, Program, Uniform};
@@ -93,7 +93,7 @@ impl Direct {
             }
         };
         for offset in offsets() {
-            for Batch { samples, of_ray, choice } in plan.batches(offset) {
+            for LightBatch { samples, of_ray, choice } in plan.batches(offset) {
                 let common = |count: usize| {
                     [
                         ("sample_count", Uniform::Int(count as i32)),
