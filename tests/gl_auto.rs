@@ -16,9 +16,9 @@ use finalgather::scene::{Bvh, Environment, Scene};
 use finalgather::settings::{LayerSize, PhotonSettings, Pipeline, Sequence, Settings};
 use glam::{Vec3, vec3};
 
-/// What a bake of points on the scene's surfaces chooses.
+/// What a bake of points on the scene's surfaces chooses on a GPU.
 fn for_bake(scene: &Scene, points: &[GatherPoint]) -> Pipeline {
-    chosen_for_bake(&Settings::default(), &scene.mesh, &Bvh::new(&scene.mesh), points)
+    chosen_for_bake(false, &Settings::default(), &scene.mesh, &Bvh::new(&scene.mesh), points)
 }
 
 /// Points of a room whose walls, floor and ceiling are `thickness` thick. Half the points look into the room.
@@ -37,10 +37,21 @@ fn layers_serve_large_surfaces_and_many_points() {
     assert_eq!(for_bake(&scene, &points), Pipeline::Fused);
     assert_eq!(for_bake(&scene, &points[..1000]), Pipeline::RaycastGl, "peeling does not pay for few points");
     let bvh = Bvh::new(&scene.mesh);
-    assert_eq!(chosen_for_picture(&Settings::default(), &scene, &bvh, &points), Pipeline::Fused);
+    assert_eq!(chosen_for_picture(false, &Settings::default(), &scene, &bvh, &points), Pipeline::Fused);
     // Texels of 3 % of the room.
     let coarse = Settings::default().with(|s| s.gather.layer_size = LayerSize::Texels(32));
-    assert_eq!(chosen_for_picture(&coarse, &scene, &bvh, &points), Pipeline::RaycastGl);
+    assert_eq!(chosen_for_picture(false, &coarse, &scene, &bvh, &points), Pipeline::RaycastGl);
+}
+
+/// Whatever the points and the scene.
+#[test]
+fn software_drivers_need_no_rule() {
+    let scene = cornell();
+    let (bvh, points) = (Bvh::new(&scene.mesh), points_on(&scene, 20_000));
+    for points in [&points[..], &points[..100]] {
+        assert_eq!(chosen_for_bake(true, &Settings::default(), &scene.mesh, &bvh, points), Pipeline::Raycast);
+        assert_eq!(chosen_for_picture(true, &Settings::default(), &scene, &bvh, points), Pipeline::Raycast);
+    }
 }
 
 #[test]
@@ -123,7 +134,8 @@ fn neighbours_with_different_directions_merge_and_resume_to_the_same_bits() {
         render
     };
     let whole = run(begin());
-    assert_eq!(whole.settings().gather.pipeline, Pipeline::RaycastGl, "it sees an environment");
+    let expected = if gpu.is_software() { Pipeline::Raycast } else { Pipeline::RaycastGl };
+    assert_eq!(whole.settings().gather.pipeline, expected, "it sees an environment");
     let counts = whole.statistics().gather;
     assert_eq!((whole.directions_done(), counts.directions, counts.distinct_directions), (72, 72, 8 * 72));
     assert_eq!(counts.rays_per_point, 36.0);
@@ -143,7 +155,7 @@ fn neighbours_with_different_directions_merge_and_resume_to_the_same_bits() {
     resumed.resume(path, &parts[0].save()).unwrap();
     assert!(run(resumed).picture() == whole.picture(), "a resumed render differs from the whole");
 
-    let named = settings.with(|s| s.gather.pipeline = Pipeline::RaycastGl);
+    let named = settings.with(|s| s.gather.pipeline = expected);
     let named = Render::new(&gpu, &world, &named).unwrap();
     assert!(named.job() != whole.job(), "a named pipeline does not interleave by itself");
 }

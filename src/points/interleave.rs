@@ -141,60 +141,59 @@ impl Interleave {
         }
         let all = taken.iter().sum::<u32>() as f32;
         let points = g_buffer.pixels();
-        let joins = self.joins(&points);
+        let runs = self.runs(&points);
         let of = |pixel: usize| (sums[pixel], taken[self.subset_of(pixel).index()] as f32);
         let share = |here: usize| {
-            let whole = self.whole_window(&points, &joins, here, &of);
-            let (total, directions) = whole.unwrap_or_else(|| self.shared(&points, here, &of));
+            if let Some(whole) = self.whole_window(&points, &runs, here, &sums) {
+                return whole;
+            }
+            let (total, directions) = self.shared(&points, here, &of);
             if directions > 0.0 { total * (all / directions) } else { Vec4::ZERO }
         };
         (0..sums.len()).into_par_iter().map(share).collect()
     }
 
-    /// Whether each pixel sees the same surface as the next one along x, and along y.
-    fn joins(&self, points: &[Option<GatherPoint>]) -> Vec<[bool; 2]> {
-        let join = |here: usize| [[1, 0], [0, 1]].map(|step| self.see_same(points, here, step));
-        (0..points.len()).into_par_iter().map(join).collect()
+    /// For each pixel, how many of the next ones along x, and along y, see the same surface one after the other, up to the width of a window.
+    fn runs(&self, points: &[Option<GatherPoint>]) -> Vec<[u8; 2]> {
+        let [width, height] = self.size.map(|side| side as usize);
+        let steps = [(1, [1, 0]), (width, [0, 1])];
+        let most = [width, height].map(|side| self.stride.min(side as u32) as u8);
+        let joins: Vec<[bool; 2]> =
+            (0..points.len()).into_par_iter().map(|here| steps.map(|(_, step)| self.see_same(points, here, step))).collect();
+        let run = |here: usize| {
+            [0, 1].map(|axis| {
+                let is_joined = |step: &u8| joins[here + usize::from(*step) * steps[axis].0][axis];
+                (0..most[axis]).take_while(is_joined).count() as u8
+            })
+        };
+        (0..points.len()).into_par_iter().map(run).collect()
     }
 
-    /// As [`Self::shared`], for most pixels, whose whole window sees one surface: all its neighbours do, and so do its corners and the middles of its sides
-    /// with the pixel. `None` of other pixels.
-    fn whole_window(
-        &self,
-        points: &[Option<GatherPoint>],
-        joins: &[[bool; 2]],
-        here: usize,
-        of: &dyn Fn(usize) -> (Vec4, f32),
-    ) -> Option<(Vec4, f32)> {
+    /// The sums of a pixel's window, as those of [`Self::shared`], if it sees one surface: neighbours do along all its rows and columns, and the pixel does
+    /// with the corners and the middles of the sides. So it is for most pixels. The window then holds all subsets alike, and all directions of the block.
+    fn whole_window(&self, points: &[Option<GatherPoint>], runs: &[[u8; 2]], here: usize, sums: &[Vec4]) -> Option<Vec4> {
         let (reach, width) = (self.stride as usize / 2, self.size[0] as usize);
         let [x, y] = [here % width, here / width];
         if x < reach || y < reach || x + reach >= width || y + reach >= self.size[1] as usize {
             return None;
         }
-        let (left, below, side) = (x - reach, y - reach, 2 * reach);
-        let row = |dy: usize| (below + dy) * width + left;
-        let is_joined = (0..=side).all(|dy| {
-            (0..=side).all(|dx| {
-                let [along_x, along_y] = joins[row(dy) + dx];
-                (along_x || dx == side) && (along_y || dy == side)
-            })
-        });
+        let (first, side) = ((y - reach) * width + x - reach, 2 * reach);
+        let is_joined =
+            (0..=side).all(|d| usize::from(runs[first + d * width][0]) >= side && usize::from(runs[first + d][1]) >= side);
         let far = |d: i32| d * reach as i32;
         let ends = [[1, 0], [0, 1], [1, 1], [1, -1]].map(|[dx, dy]| [far(dx), far(dy)]);
         let reaches = |[dx, dy]: [i32; 2]| self.see_same(points, here, [dx, dy]) && self.see_same(points, here, [-dx, -dy]);
         if !is_joined || !ends.into_iter().all(reaches) {
             return None;
         }
-        let (mut total, mut directions) = (Vec4::ZERO, 0.0);
-        let weight = |d: usize| if d == 0 || d == side { 0.5 } else { 1.0 };
+        let mut total = Vec4::ZERO;
         for dy in 0..=side {
-            for dx in 0..=side {
-                let (sums, taken) = of(row(dy) + dx);
-                let weight = weight(dx) * weight(dy);
-                (total, directions) = (total + weight * sums, directions + weight * taken);
-            }
+            let row = &sums[first + dy * width..][..=side];
+            // The two ends of the window belong to the same subset, so each counts half.
+            let inner = row[1..side].iter().fold(0.5 * (row[0] + row[side]), |sum, value| sum + *value);
+            total += if dy == 0 || dy == side { 0.5 * inner } else { inner };
         }
-        Some((total, directions))
+        Some(total)
     }
 
     /// The sums and the number of directions of a pixel's window.

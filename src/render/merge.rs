@@ -75,7 +75,14 @@ pub(super) fn film_of_part(path: &Path, part: &Part, settings: &Settings, blocks
     part.tree(path, FILM, blocks, film)
 }
 
+/// Fewer directions than this have so many blocks at most.
+const MANY: u32 = 256;
+const FEW_BLOCKS: u32 = 16;
+
 /// The blocks of a render's directions. A block has its own sub-pixel offset, and at least one direction for each interleaved subset.
 pub fn blocks_of(settings: &Settings) -> Blocks {
-    Blocks::new(settings.directions.count, settings.film.interleave.pixels())
+    let count = settings.directions.count;
+    // A block costs as much as some directions. The noise of few directions hides what more sub-pixel offsets would gain.
+    let least = if count < MANY { count.div_ceil(FEW_BLOCKS) } else { 1 };
+    Blocks::new(count, settings.film.interleave.pixels().max(least))
 }
