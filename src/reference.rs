@@ -94,9 +94,4 @@ impl<'a> Reference<'a> {
     pub fn rays(&self) -> Rays<'a> {
         self.rays
     }
-
-    /// The scene that it sees.
-    pub fn scene(&self) -> &'a Scene {
-        self.scene
-    }
 }

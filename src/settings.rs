@@ -252,7 +252,8 @@ auto_or_number! {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Pipeline {
-    /// [`Self::Fused`] where its layers resolve what the points see, else [`Self::RaycastGl`]. The choice is made when a job begins.
+    /// [`Self::Raycast`] with a software driver; on a GPU [`Self::Fused`] where its layers resolve what the points see, else [`Self::RaycastGl`]. The choice is
+    /// made when a job begins.
     #[default]
     Auto,
     /// The method of 2004: peels layers from far to near, with one culling (KILL) pass over the points for each layer.
@@ -262,9 +263,9 @@ pub enum Pipeline {
     /// Samples all layers of several directions in one pass, for rays at both ends of each direction. So half the directions give the same number of
     /// samples. It peels to the last layer and ignores the stop fraction. It stores all layers, at least eight, in 12 bytes for each texel.
     Fused,
-    /// Exact rays on the CPU along the same directions. The layers approximate these. Layer size and stop fraction have no effect.
+    /// Exact rays on the CPU, at both ends of each direction. The layers approximate these. Layer size and stop fraction have no effect.
     Raycast,
-    /// As `raycast`, on the GL side and for both ends of each direction, as in `fused`: ray shooting on the same device.
+    /// As `raycast`, on the GL side: ray shooting on the same device.
     RaycastGl,
 }
 

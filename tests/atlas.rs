@@ -5,9 +5,9 @@ mod common;
 use std::f32::consts::PI;
 
 use common::{Model, form_factor_of_polygon, points_on};
-use finalgather::photon::{PhotonAtlas, PhotonTracer};
+use finalgather::photon::{PhotonAtlas, PhotonStore, PhotonTracer};
 use finalgather::points::GatherPoint;
-use finalgather::scene::{Bvh, Environment, Lights, Scene};
+use finalgather::scene::{Bvh, Environment, LANES, Lights, NO_TRIANGLE, PacketHits, Scene};
 use glam::{Vec3, vec3};
 
 /// An atlas with the light of photons.
@@ -68,6 +68,40 @@ fn areas_are_those_of_the_surfaces() {
     eprintln!("area {found} of {expected}");
     // Corners of clipped polygons are rounded to 6e-8 of the scene, some 1e-5 of a page.
     assert!((found / expected - 1.0).abs() < 1e-5, "{found} of {expected}");
+}
+
+/// Look-ups of packets are those of single hits, to the bit: on pages that contacts divide, on both sides.
+#[test]
+fn packets_look_up_the_same_irradiance() {
+    let mut model = room(0.5);
+    model.cuboid(vec3(0.1, -0.7, 0.2), Vec3::splat(0.3), 0.4, false, 1);
+    model.sphere(vec3(-0.5, -0.4, -0.3), 0.3, 12, false, 1);
+    let Lit { scene, bvh, atlas } = Lit::new(model.finish(), 200_000, 8);
+    let mesh = &scene.mesh;
+    let (mut lit, mut missed) = (0, 0);
+    for points in points_on(&scene, 4000).chunks_exact(LANES) {
+        let mut hits = PacketHits::NONE;
+        let mut positions = [[0.0; LANES]; 3];
+        for (lane, point) in points.iter().enumerate() {
+            let direction = (point.normal + 0.3 * Vec3::from([point.position.y, point.position.z, point.position.x])).normalize();
+            let Some(hit) = bvh.nearest(point.position + 1e-5 * point.normal, direction, None) else { continue };
+            let position = point.position + hit.distance * direction;
+            (0..3).for_each(|axis| positions[axis][lane] = position[axis]);
+            hits.triangles[lane] = hit.triangle as u32;
+            hits.fronts |= u32::from(mesh.meets_front(hit.triangle, direction)) << lane;
+        }
+        let found = atlas.irradiance_of_packet(mesh, &hits, &positions);
+        for lane in 0..LANES {
+            let position = Vec3::from(positions.map(|axis| axis[lane]));
+            let (triangle, front) = (hits.triangles[lane], hits.fronts >> lane & 1 == 1);
+            let is_hit = triangle != NO_TRIANGLE;
+            let single = || atlas.irradiance_of_hit(mesh, triangle as usize, position, front);
+            assert_eq!(found[lane], if is_hit { single() } else { Vec3::ZERO }, "triangle {triangle} at {position}");
+            lit += usize::from(found[lane] != Vec3::ZERO);
+            missed += usize::from(!is_hit);
+        }
+    }
+    assert!(lit > 2000, "{lit} hits are lit, {missed} rays miss");
 }
 
 #[test]

@@ -191,6 +191,28 @@ fn writes_a_png_beside_the_caller() {
     assert_eq!((image.width, image.height), (32, 32));
 }
 
+/// The number of directions that fits into a time is told, and gives the same picture as that number.
+#[test]
+fn a_time_stands_for_a_number_of_directions() {
+    let folder = folder();
+    let render = || {
+        let mut command = tool(&folder);
+        command.arg("render").arg(scene("cornell.toml")).args(["--size", "40x30", "--photons", "1e4", "--json"]);
+        command
+    };
+    let report = json(render().args(["--time", "0.9s", "-o", "timed.exr"]));
+    let directions = report["gather"]["directions"].as_u64().unwrap();
+    assert_eq!(report["settings"]["directions"], directions);
+    assert!(directions >= 16 && report["seconds"]["probes"].as_f64().unwrap() > 0.0, "{report}");
+    success(render().args(["--directions", &directions.to_string(), "-o", "counted.exr"]));
+    assert!(bytes(&folder, "timed.exr") == bytes(&folder, "counted.exr"), "{directions} directions");
+    let said = refusal(render().args(["--time", "1s", "--shard", "0/2", "-o", "a.part"]), 2);
+    assert!(said.contains("give --directions in place of --time"), "{said}");
+    for (time, problem) in [("0", "not a time such as"), ("-1", "not a time"), ("soon", "not a time"), ("nan", "not a time")] {
+        assert!(refusal(render().args(["--time", time]), 2).contains(problem), "{time}");
+    }
+}
+
 #[test]
 fn json_tells_all_about_the_run() {
     let folder = folder();
@@ -209,7 +231,7 @@ fn json_tells_all_about_the_run() {
     assert_eq!(keys(&report["gl"]), "backend renderer version");
     for (section, numbers) in [
         ("scene", "triangles lights"),
-        ("seconds", "load device prepare photons visible_points direct caustics gather film write total"),
+        ("seconds", "load device prepare photons visible_points direct caustics gather film probes write total"),
         ("gather", "points directions distinct_directions rays_per_point layer_size layers_mean layers_max"),
         ("gather", "ms_per_direction samples_per_second"),
         ("photons", "emitted stored absorbed escaped cut"),
@@ -225,7 +247,7 @@ fn json_tells_all_about_the_run() {
     assert_eq!(report["settings"]["size"], serde_json::json!([32, 24]));
     assert_eq!(report["settings"]["seed"], 7);
     assert_eq!(report["settings"]["directions"], 16);
-    assert_eq!([&report["settings"]["pipeline"], &report["pipeline"]], ["auto", "fused"]);
+    assert_eq!([&report["settings"]["pipeline"], &report["pipeline"]], ["auto", "raycast"]);
     assert_eq!(report["outputs"], serde_json::json!(["a.png", "b.exr"]));
     assert_eq!(report["interrupted"], false);
     if cfg!(target_os = "linux") {
@@ -293,7 +315,7 @@ fn info_tells_what_is_in_a_scene() {
     let (density, area) = (info["light_map"]["texels_per_unit"].as_f64().unwrap(), info["area"].as_f64().unwrap());
     assert!((0.3..0.9).contains(&(density * density * area / (512.0 * 512.0))), "{density}");
     let estimate = &info["estimate"];
-    assert!(estimate["pipeline"] == "fused" && estimate["seconds"].as_f64().unwrap() > 0.0, "{estimate}");
+    assert!(estimate["pipeline"] == "raycast" && estimate["seconds"].as_f64().unwrap() > 0.0, "{estimate}");
     assert!((300 << 20..700 << 20).contains(&estimate["memory_bytes"].as_u64().unwrap()), "{estimate}");
     let plain = text(&success(tool(&folder).arg("info").arg(&cornell)).stdout);
     for fragment in [
@@ -304,7 +326,7 @@ fn info_tells_what_is_in_a_scene() {
         "camera: at 278 273 -800",
         "2 sides of triangles emit",
         "512 x 512 texels are about",
-        "1000 directions (fused): about",
+        "1000 directions (raycast): about",
     ] {
         assert!(plain.contains(fragment), "has no {fragment}:\n{plain}");
     }

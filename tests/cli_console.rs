@@ -156,7 +156,7 @@ fn options_without_effect_are_told() {
     let said = refusal(tool(&folder).args(["render", "m.obj", "--size", "64x"]), 2);
     assert!(said.contains("not a size such as 640x480, or 512 for a square"), "{said}");
     let said = refusal(tool(&folder).args(["render", "m.obj", "--target-error", "small"]), 2);
-    assert!(said.contains("not a number such as 0.5"), "{said}");
+    assert!(said.contains("not a number such as 0.01, or a percentage such as 1%"), "{said}");
 }
 
 #[test]

@@ -83,9 +83,9 @@ fn scale_and_place_change_nothing_but_rounding() {
     let (found, _) = difference(&gpu, "2^-10", scale(1.0 / 1024.0), &reference);
     assert_eq!(found.rmse, 0.0, "{found:?}");
     // Other factors round coordinates by 6e-8, and a place away by several times that. A few rays then fall to the other side of an outline or
-    // of a texel's border (measured at most 0.10 % and 0.27 %).
+    // of a texel's border (measured at most 0.10 % and 0.27 % by layers, 0.001 % and 0.04 % by packets of rays).
     let away = Affine3A::from_translation(vec3(1000.0, -2000.0, 500.0));
-    for (name, by, limit) in [("1e-3", scale(1e-3), 0.002), ("1e7", scale(1e7), 0.002), ("away", away, 0.006)] {
+    for (name, by, limit) in [("1e-3", scale(1e-3), 0.002), ("1e7", scale(1e7), 0.002), ("away", away, 0.004)] {
         let (found, error) = difference(&gpu, name, by, &reference);
         assert!(found.relative_rmse < limit && limit < 0.2 * error, "{name}: {found:?}, standard error {error}");
         assert!(found.relative_rmse > 0.0, "{name}: nothing has moved");

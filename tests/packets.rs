@@ -19,7 +19,7 @@ fn hits(scene: &Scene, points: &[GatherPoint], directions: &[Ends]) -> Vec<Vec<O
     let packets = packets(&numbered(points));
     let mut found = vec![vec![[None; LANES]; directions.len()]; packets.len()];
     cast(Rays::new(scene, &bvh), &packets, directions, &mut found, |_, found, direction, hits: &PointHits| {
-        for lane in (0..LANES).filter(|lane| hits.counts >> lane & 1 == 1) {
+        for lane in (0..LANES).filter(|lane| hits.counting >> lane & 1 == 1) {
             let triangle = hits.hits.triangles[lane];
             let hit = Hit { triangle: triangle as usize, distance: hits.hits.distances[lane] };
             found[direction][lane] = Some((triangle != NO_TRIANGLE).then_some(hit));

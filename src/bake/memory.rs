@@ -8,11 +8,11 @@ use super::plan::Plan;
 use super::schedule::{PointSet, Schedule};
 use crate::blocks::{Blocks, PairwiseSum};
 use crate::error::{Error, Result};
-use crate::gather::HIT_BYTES;
+use crate::gather::{CpuRayFinder, HIT_BYTES};
 use crate::memory::common;
 use crate::points::{GatherPoint, PointTextures};
 use crate::scene::Scene;
-use crate::settings::Settings;
+use crate::settings::{Pipeline, Settings};
 use crate::shaders::BATCH;
 
 /// Minimum number of points at a time. Fewer do not justify a pass through all directions.
@@ -82,7 +82,11 @@ impl Plan {
         // Sums of a stage, their total, and cached values.
         let cached = vertices * sums(false) * (nodes(all.clone()) + 2);
         let summed = receivers * sums(true) * nodes(own.clone());
-        let during = common(scene, settings, self.needs_photons()) + PROGRAMS + hits + points + cached + summed;
+        let packets = match settings.gather.pipeline {
+            Pipeline::Raycast | Pipeline::Auto => CpuRayFinder::bytes(vertices.max(receivers), TILE),
+            _ => 0,
+        };
+        let during = common(scene, settings, self.needs_photons()) + PROGRAMS + hits + packets + points + cached + summed;
         // Totals: of a round and of all rounds. Columns: of all points, of one receiver, and in the file.
         let columns: usize = self.what.iter().map(|quantity| quantity.columns(self.order).len()).sum();
         let written = if own == all { 2 * sums(true) + 4 * size_of::<f32>() * columns } else { sums(true) };

@@ -69,7 +69,7 @@ impl PacketLight {
 }
 
 /// One sample, as the points of a packet see it.
-struct Seen {
+struct SeenSample {
     light: PacketLight,
     directions: [Lanes; 3],
     reaches: Lanes,
@@ -162,14 +162,14 @@ impl<const CUT_OUTS: bool> Task<'_, CUT_OUTS> {
 
     /// A sample of all points.
     #[inline(always)]
-    fn see(&self, packet: &PointPacket, sample: &LightSample) -> Seen {
+    fn see(&self, packet: &PointPacket, sample: &LightSample) -> SeenSample {
         let unseen = sample.place.w > 1.0 || sample.cone[1] > 0.0;
         if sample.place.w > 1.0 {
             return self.see_each(packet, unseen, |_, origin| Some(sample.seen_from(origin)));
         }
         let near = sample.place.w > 0.0;
         let [ox, oy, oz] = packet.rays().origins();
-        let mut seen = Seen { light: PacketLight::NONE, directions: [[0.0; LANES]; 3], reaches: [0.0; LANES] };
+        let mut seen = SeenSample { light: PacketLight::NONE, directions: [[0.0; LANES]; 3], reaches: [0.0; LANES] };
         let mut emitted = [0.0; LANES];
         for lane in 0..LANES {
             let from = if near { Vec3::new(ox[lane], oy[lane], oz[lane]) } else { Vec3::ZERO };
@@ -198,7 +198,7 @@ impl<const CUT_OUTS: bool> Task<'_, CUT_OUTS> {
     }
 
     /// A sample on a lamp that each point chooses by the tree.
-    fn see_by_tree(&self, packet: &PointPacket, [u, v, factor]: [f32; 3]) -> Seen {
+    fn see_by_tree(&self, packet: &PointPacket, [u, v, factor]: [f32; 3]) -> SeenSample {
         self.see_each(packet, false, |lane, origin| {
             let (direction, reach, light) = self.lights.sample_tree(origin, packet.normal(lane), [u, v])?.seen_from(origin);
             Some((direction, reach, factor * light))
@@ -206,15 +206,16 @@ impl<const CUT_OUTS: bool> Task<'_, CUT_OUTS> {
     }
 
     /// A sample that each point sees for itself: direction, length of the ray, and irradiance on a surface that faces it.
-    fn see_each(&self, packet: &PointPacket, unseen: bool, see: impl Fn(usize, Vec3) -> Option<(Vec3, f32, Vec3)>) -> Seen {
-        let mut seen = Seen { light: PacketLight::NONE, directions: [[0.0; LANES]; 3], reaches: [-1.0; LANES] };
+    fn see_each(&self, packet: &PointPacket, unseen: bool, see: impl Fn(usize, Vec3) -> Option<(Vec3, f32, Vec3)>) -> SeenSample {
+        let mut seen = SeenSample { light: PacketLight::NONE, directions: [[0.0; LANES]; 3], reaches: [-1.0; LANES] };
         let mut light = [Vec3::ZERO; LANES];
         for lane in 0..packet.points().len() {
             let Some((direction, reach, facing)) = see(lane, packet.rays().origin(lane)) else { continue };
             for axis in 0..3 {
                 seen.directions[axis][lane] = direction[axis];
             }
-            (seen.reaches[lane], light[lane]) = (reach.min(FARTHEST), facing);
+            // A light that touches the point has a ray without length, which nothing stops.
+            (seen.reaches[lane], light[lane]) = (reach.clamp(f32::MIN_POSITIVE, FARTHEST), facing);
         }
         let cosines = packet.cosines(&seen.directions);
         for lane in 0..packet.points().len() {
@@ -228,7 +229,7 @@ impl<const CUT_OUTS: bool> Task<'_, CUT_OUTS> {
     }
 
     /// Divides the light of glossy points between base and lobe. `unseen`: no eye ray that follows a lobe meets the light.
-    fn split(&self, packet: &PointPacket, unseen: bool, seen: &mut Seen) {
+    fn split(&self, packet: &PointPacket, unseen: bool, seen: &mut SeenSample) {
         if self.gloss.is_empty() {
             return;
         }

@@ -1,6 +1,6 @@
 //! A hit finder that casts exact rays on the CPU, in [packets](crate::points::packets). The hits of other finders can be compared with its hits.
 
-use std::rc::Rc;
+use std::rc::{Rc, Weak};
 
 use glam::{Vec2, Vec4};
 use rayon::prelude::*;
@@ -15,7 +15,7 @@ use crate::points::{GatherPoint, Points};
 use crate::scene::{Bvh, LANES, NO_TRIANGLE, Rays, Scene};
 use crate::shaders::BATCH;
 
-/// Point textures whose packets are kept.
+/// Point textures whose packets are kept: as many as a bake of four million points has.
 const KEPT: usize = 16;
 
 /// Casts a ray for each point and direction, towards the end of the direction on the point's side of its surface.
@@ -28,15 +28,13 @@ pub struct CpuRayFinder {
     slots: Vec<u32>,
     directions: Vec<Vec4>,
     ends: Vec<Ends>,
-    /// The last one found is the last.
-    kept: Vec<KeptPoints>,
+    /// With the identities of their textures.
+    kept: Vec<(Weak<()>, Rc<KeptPoints>)>,
     hits: Option<Texture>,
 }
 
 /// Points in packets.
 struct KeptPoints {
-    /// The texels of the points, which tell them from others.
-    texels: [Vec<Vec4>; 2],
     packets: Vec<PointPacket>,
     /// For each texel, its place in the packets, counted from 1; 0: no point.
     places: Vec<u32>,
@@ -62,26 +60,33 @@ impl CpuRayFinder {
         self.hits.as_ref()
     }
 
-    /// Puts the packets of `points` at the end of those that are kept.
-    fn keep(&mut self, points: Points) {
-        let texels = [points.position.read(), points.normal.read()];
-        let known = self.kept.iter().position(|kept| kept.texels == texels);
-        let kept = known.map_or_else(|| KeptPoints::new(texels), |known| self.kept.remove(known));
-        if self.kept.len() == KEPT {
-            self.kept.remove(0);
+    /// Bytes of the packets that are kept of so many points, and of the hits of a batch at `tile` points before they are on the device.
+    pub fn bytes(points: usize, tile: usize) -> usize {
+        let kept = points.min(KEPT * tile) * (size_of::<PointPacket>() / LANES + size_of::<u32>());
+        kept + 2 * points.min(tile) * BATCH as usize * size_of::<Vec2>()
+    }
+
+    /// The packets of `points`.
+    fn packets_of(&mut self, points: Points) -> Rc<KeptPoints> {
+        let Some(identity) = points.identity else { return Rc::new(KeptPoints::new(&points.read())) };
+        if let Some((_, kept)) = self.kept.iter().find(|(kept, _)| kept.as_ptr() == Rc::as_ptr(identity)) {
+            return Rc::clone(kept);
         }
-        self.kept.push(kept);
+        let new = Rc::new(KeptPoints::new(&points.read()));
+        self.kept.retain(|(kept, _)| kept.strong_count() > 0);
+        // Points come in turns, so those that do not fit would only drive others out.
+        if self.kept.len() < KEPT {
+            self.kept.push((Rc::downgrade(identity), Rc::clone(&new)));
+        }
+        new
     }
 }
 
 impl KeptPoints {
-    fn new(texels: [Vec<Vec4>; 2]) -> Self {
-        let [positions, normals] = &texels;
-        let decode =
-            |(number, (&position, &normal)): (u32, (&Vec4, &Vec4))| Some((number, GatherPoint::decode(position, normal)?));
-        let points: Vec<(u32, GatherPoint)> = (0..).zip(positions.iter().zip(normals)).filter_map(decode).collect();
-        let packets = packets(&points);
-        let mut places = vec![0; positions.len()];
+    fn new(points: &[Option<GatherPoint>]) -> Self {
+        let found: Vec<(u32, GatherPoint)> = (0..).zip(points).filter_map(|(number, point)| Some((number, (*point)?))).collect();
+        let packets = packets(&found);
+        let mut places = vec![0; points.len()];
         for (number, packet) in packets.iter().enumerate() {
             packet
                 .points()
@@ -89,7 +94,7 @@ impl KeptPoints {
                 .enumerate()
                 .for_each(|(lane, &point)| places[point as usize] = (number * LANES + lane + 1) as u32);
         }
-        Self { texels, packets, places }
+        Self { packets, places }
     }
 }
 
@@ -106,8 +111,8 @@ impl HitFinder for CpuRayFinder {
     }
 
     fn find(&mut self, _: &Geometry, points: Points) -> Result<Found<'_>> {
-        self.keep(points);
-        let Some(KeptPoints { packets, places, .. }) = self.kept.last() else { unreachable!("points are kept") };
+        let kept = self.packets_of(points);
+        let KeptPoints { packets, places } = &*kept;
         let rays = Rays::through(self.cut_outs.as_ref(), &self.bvh);
         let mut stored: Vec<StoredPacket> = vec![Default::default(); packets.len()];
         cast(rays, packets, &self.ends, &mut stored, |_, stored, direction, found: &PointHits| {

@@ -224,7 +224,7 @@ impl PacketSums {
         gloss: &[PointGloss],
     ) {
         let radiosities = oracle.radiosities(&found.hits, &found.positions);
-        for lane in (0..LANES).filter(|lane| found.counts >> lane & 1 == 1) {
+        for lane in (0..LANES).filter(|lane| found.counting >> lane & 1 == 1) {
             let against = found.against >> lane & 1 == 1;
             let radiance = match found.hits.triangles[lane] {
                 NO_TRIANGLE => misses[usize::from(against)],

@@ -11,7 +11,7 @@ use serde::Serialize;
 
 use crate::gather::chosen_for_picture;
 use crate::math::cosine_direction;
-use crate::points::GatherPoint;
+use crate::points::{GatherPoint, Interleave};
 use crate::prepared::Prepared;
 use crate::random::Random;
 use crate::render::{blocks_of, memory_of};
@@ -24,6 +24,8 @@ const SIDE: usize = 64;
 const RAYS: u64 = 16;
 /// The fastest of these counts.
 const ROUNDS: u64 = 5;
+/// How many of the timed rays cost as much as a shadow ray in a packet.
+const SHADOW: f64 = 0.2;
 /// Rays of a photon: as many surfaces as it meets.
 const PHOTON_RAYS: f64 = 8.0;
 
@@ -65,15 +67,17 @@ pub fn estimate(prepared: &Prepared, settings: &Settings) -> Estimate {
     let directions = f64::from(settings.directions.count);
     let directions_of_pixel = match (settings.film.interleave, pipeline) {
         (Squares::Pixels(side), _) => directions / f64::from(side * side),
-        // Eight times as many directions, in squares of four.
-        (Squares::Auto, Pipeline::Raycast) if settings.gather.pipeline == Pipeline::Auto => directions / 2.0,
+        (Squares::Auto, Pipeline::Raycast) if settings.gather.pipeline == Pipeline::Auto => {
+            let interleave = Interleave::spread(size, settings.seed, settings.directions.count);
+            f64::from(interleave.numbers(0..settings.directions.count).end) / interleave.subsets() as f64
+        }
         (Squares::Auto, _) => directions,
     };
     let maps = f64::from(settings.directions.count.div_ceil(DIRECTIONS_PER_PHOTON_MAP));
     let photon_rays = if lights.is_dark() { 0.0 } else { maps * settings.photons.count as f64 * PHOTON_RAYS };
     let shadow_rays = if lights.are_sampled() { pixels * f64::from(settings.direct.light_samples) } else { 0.0 };
     let gathered = pixels * directions_of_pixel * cost(pipeline, scene.mesh.triangles.len());
-    let rays = photon_rays + gathered + shadow_rays * cost(Pipeline::RaycastGl, 0);
+    let rays = photon_rays + gathered + shadow_rays * SHADOW;
     Estimate {
         pipeline,
         memory_bytes: memory_of(scene, settings, blocks_of(settings).count(), false),
@@ -88,7 +92,7 @@ fn cost(pipeline: Pipeline, triangles: usize) -> f64 {
         // A bundle is a pass over all triangles.
         Pipeline::Fused | Pipeline::Auto => 0.29 * (1.0 + triangles as f64 / 500_000.0),
         Pipeline::RaycastGl => 0.52,
-        Pipeline::Raycast => 0.9,
+        Pipeline::Raycast => 0.15,
         Pipeline::Kill | Pipeline::EarlyKill => 2.0 * (1.0 + triangles as f64 / 250_000.0),
     }
 }

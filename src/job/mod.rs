@@ -215,6 +215,7 @@ impl Job {
                 _ => "nothing kept".to_owned(),
             };
             let resume = match kept {
+                Ok(true) if request.time.is_some() => "; --resume goes on, with --directions and that number in place of --time",
                 Ok(true) => "; --resume goes on",
                 Ok(false) => "; no checkpoint is kept (--checkpoint FILE keeps one)",
                 Err(_) => "",

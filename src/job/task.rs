@@ -142,7 +142,7 @@ impl<'a> Task<'a> {
     /// When the device fails.
     pub fn choose_directions(&mut self, seconds: f64, watch: &mut dyn Watch) -> Result<()> {
         if let Gather::Render(render) = &mut self.gather {
-            self.directions = choose_directions(render, seconds)?;
+            self.directions = choose_directions(render, seconds, watch)?;
             self.settings.directions.count = self.directions;
             watch.say(&format!("as many directions as fit: {}", self.directions));
         }

@@ -1,19 +1,23 @@
-//! `--time`: the number of directions that fit into a time. Two probes measure what a block costs and what a direction costs. The sums begin anew with
-//! the number that follows, so a run that is given this number as `--directions` has the same bits.
+//! `--time`: the number of directions that fit into a time. A probe measures what a block costs and what a direction costs. The sums begin anew with the
+//! number that follows, so a run that is given this number as `--directions` has the same bits.
 
 use std::time::Instant;
 
+use super::Watch;
 use crate::blocks::Blocks;
 use crate::error::Result;
 use crate::render::{Render, blocks_of};
 use crate::settings::DIRECTIONS_PER_PHOTON_MAP;
 
-/// Directions of the jobs of which the probes are a block. Their blocks have few directions and more.
-const PROBES: [u32; 2] = [64, 512];
+/// Directions of the job of which the probe is a block.
+const PROBE: u32 = 256;
 /// The fewest and the most directions.
 const RANGE: [u32; 2] = [16, 1 << 20];
-/// The share of the time that is planned. The rest is for what the probes do not show.
+/// The share of the time that is planned. The rest is for what the probe does not show.
 const PLANNED: f64 = 0.95;
+/// The number of directions is corrected while it takes this many times the time, so often at most.
+const TOO_LONG: f64 = 1.1;
+const CORRECTIONS: u32 = 3;
 /// Seconds to write a pixel.
 const WRITING: f64 = 1e-6;
 
@@ -26,53 +30,76 @@ struct Costs {
     photons: f64,
 }
 
-/// Gives `render`, which has not begun, as many directions as it can gather along in `seconds`, writing included. Returns their number.
+impl Costs {
+    fn of(self, blocks: Blocks) -> f64 {
+        let directions = blocks.directions(0..blocks.count()).end;
+        let maps = (directions.max(1) - 1) / DIRECTIONS_PER_PHOTON_MAP;
+        f64::from(directions) * self.direction + f64::from(blocks.count()) * self.block + f64::from(maps) * self.photons
+    }
+}
+
+/// Gives `render`, which has not begun, as many directions as it can gather along in `seconds`, writing included. Returns their number. It may have
+/// gathered along some of them. When `watch` wants to stop, it returns at once.
 ///
 /// # Errors
 /// When the device fails.
-pub(super) fn choose_directions(render: &mut Render, seconds: f64) -> Result<u32> {
-    let start = Instant::now();
+pub(super) fn choose_directions(render: &mut Render, seconds: f64, watch: &mut dyn Watch) -> Result<u32> {
+    let (start, settings) = (Instant::now(), *render.settings());
     let photons = render.statistics().seconds.photons;
-    let mut probes = [[0.0; 2]; 2];
-    for (directions, probe) in PROBES.into_iter().zip(&mut probes) {
-        render.restart_with(directions)?;
-        let start = Instant::now();
-        loop {
-            render.step()?;
-            if render.is_between_blocks() {
-                break;
-            }
-        }
-        *probe = [f64::from(render.directions_done()), start.elapsed().as_secs_f64()];
+    let writing = WRITING * settings.film.size.map(f64::from).iter().product::<f64>();
+    let left = || PLANNED * (seconds - start.elapsed().as_secs_f64()) - writing;
+    let blocks = |directions: u32| blocks_of(&settings.with(|settings| settings.directions.count = directions));
+    // Programs are compiled when they are first used, so the first block is no measure.
+    let mut block = 0.0;
+    for _ in 0..2 {
+        render.restart_with(PROBE)?;
+        block = one_block(render, watch)?;
     }
-    let [[few, first], [many, second]] = probes;
-    let direction = ((second - first) / (many - few)).max(1e-6);
-    let costs = Costs { direction, block: (first - few * direction).max(0.0), photons };
-    let [width, height] = render.settings().film.size.map(f64::from);
-    let left = PLANNED * (seconds - start.elapsed().as_secs_f64()) - WRITING * width * height;
-    let mut settings = *render.settings();
-    let blocks = |directions: u32| {
-        settings.directions.count = directions;
-        blocks_of(&settings)
-    };
-    let directions = most_within(left, costs, blocks);
+    let (gather, done) = (render.statistics().seconds.gather, f64::from(render.directions_done().max(1)));
+    let costs = Costs { direction: gather / done, block: (block - gather).max(0.0), photons };
+    let mut directions = most_within(left(), |directions| costs.of(blocks(directions)));
+    // Layers grow with the directions, and other blocks have other shares of the light samples. So a block of the job itself corrects the number.
+    for _ in 0..CORRECTIONS {
+        render.restart_with(directions)?;
+        let (before, probing) = (left(), start.elapsed().as_secs_f64());
+        let whole = Costs { direction: 0.0, block: one_block(render, watch)?, photons }.of(blocks(directions));
+        if whole <= TOO_LONG * before || directions == RANGE[0] {
+            if whole > TOO_LONG * before.max(0.0) {
+                watch.say(&format!("warning: {seconds} s are too short, even for {directions} directions"));
+            }
+            render.count_probes(probing);
+            return Ok(directions);
+        }
+        let share = before.max(0.0) / whole;
+        directions = most_within(share * f64::from(directions), f64::from);
+    }
     render.restart_with(directions)?;
+    render.count_probes(start.elapsed().as_secs_f64());
     Ok(directions)
 }
 
-/// The greatest number of directions, of numbers with three binary digits, that takes at most `seconds`.
-fn most_within(seconds: f64, costs: Costs, mut blocks: impl FnMut(u32) -> Blocks) -> u32 {
-    let [least, most] = RANGE;
-    let mut directions = most;
-    loop {
-        let taken = f64::from(directions) * costs.direction
-            + f64::from(blocks(directions).count()) * costs.block
-            + f64::from((directions - 1) / DIRECTIONS_PER_PHOTON_MAP) * costs.photons;
-        if taken <= seconds || directions <= least {
-            return directions.max(least);
+/// Gathers along the directions of one block. Returns the seconds.
+fn one_block(render: &mut Render, watch: &mut dyn Watch) -> Result<f64> {
+    let start = Instant::now();
+    while watch.goes_on(true) {
+        render.step()?;
+        // A step without memory begins again.
+        if render.is_between_blocks() && render.directions_done() > 0 {
+            break;
         }
-        directions -= 1 << (directions.ilog2().max(3) - 3);
     }
+    Ok(start.elapsed().as_secs_f64())
+}
+
+/// The greatest number of directions whose `cost` is at most `most`, of powers of two and of one and a half times these. With other numbers the two halves
+/// of the blocks, whose difference tells the error, are too different.
+fn most_within(most: f64, cost: impl Fn(u32) -> f64) -> u32 {
+    let mut directions = RANGE[1];
+    while directions > RANGE[0] && cost(directions) > most {
+        let power = 1 << directions.ilog2();
+        directions = if directions > power { power } else { power / 4 * 3 };
+    }
+    directions
 }
 
 #[cfg(test)]
@@ -81,14 +108,16 @@ mod tests {
 
     #[test]
     fn the_directions_are_as_many_as_fit() {
-        let blocks = |directions| Blocks::new(directions, 1);
-        let costs = |direction, block, photons| Costs { direction, block, photons };
-        // 22 blocks of 32 directions: 2.2 + 7.04 s. 24 of them would take 10.08 s.
-        assert_eq!(most_within(10.0, costs(0.01, 0.1, 0.0), blocks), 704);
+        let within = |most, direction, block, photons| {
+            most_within(most, |directions| Costs { direction, block, photons }.of(Blocks::new(directions, 1)))
+        };
+        // 24 blocks of 32 directions: 2.4 + 7.68 s.
+        assert_eq!([10.1, 10.0].map(|most| within(most, 0.01, 0.1, 0.0)), [768, 512]);
         // With photons of 2 s after 1024 directions.
-        assert_eq!(most_within(12.5, costs(0.01, 0.0, 0.0), blocks), 1152);
-        assert_eq!(most_within(12.5, costs(0.01, 0.0, 2.0), blocks), 1024);
-        assert_eq!(most_within(0.0, costs(0.01, 0.1, 0.0), blocks), 16);
-        assert_eq!(most_within(1e9, costs(1e-3, 0.0, 0.0), blocks), 1 << 20);
+        assert_eq!(within(15.5, 0.01, 0.0, 0.0), 1536);
+        assert_eq!(within(15.5, 0.01, 0.0, 2.0), 1024);
+        assert_eq!(within(0.0, 0.01, 0.1, 0.0), 16);
+        assert_eq!(within(1e9, 1e-3, 0.0, 0.0), 1 << 20);
+        assert_eq!(within(f64::NEG_INFINITY, 1e-3, 0.0, 0.0), 16);
     }
 }

@@ -103,6 +103,7 @@ impl CameraPoints {
             gloss: None,
             subset: Subset::ALL,
             count: g_buffer.count,
+            identity: None,
         }
     }
 }

@@ -21,6 +21,8 @@ const FARTHEST: i32 = 8;
 const WINDOW: usize = 2 * FARTHEST as usize + 1;
 /// Whether a pixel and its neighbours see the same surface, by row and column of the window, as far as it is known.
 type Joined = [[Option<bool>; WINDOW]; WINDOW];
+/// From so many directions on, squares are small.
+const MANY: u32 = 1000;
 /// Pixels share sums only if the surface between them bends and steps less than this, as the sine of an angle.
 const FLAT: f32 = 0.2;
 
@@ -65,10 +67,12 @@ impl Interleave {
         Self { stride, size, seed, spread: 1 }
     }
 
-    /// For pipelines that lose nothing when neighbours look along different directions: 8 times as many directions, in squares of 4 × 4 pixels, so a pixel
-    /// casts half of the rays. Larger squares blur more than they gain: docs/performance.md.
-    pub fn spread(size: [u32; 2], seed: u64) -> Self {
-        Self { spread: 8, ..Self::new(4, size, seed) }
+    /// For pipelines that lose nothing when neighbours look along different directions. Few directions: 8 times as many, in squares of 4 × 4 pixels, so a
+    /// pixel casts half of the rays. Many directions have fewer bands, and the blur of large squares would show in creases: 4 times as many, in
+    /// squares of 2 × 2, so a pixel casts all of the rays. Measured: docs/performance.md.
+    pub fn spread(size: [u32; 2], seed: u64, directions: u32) -> Self {
+        let (stride, spread) = if directions < MANY { (4, 8) } else { (2, 4) };
+        Self { spread, ..Self::new(stride, size, seed) }
     }
 
     /// The numbers in the sequence of these of the settings' directions. Beyond the last number there are none.
@@ -342,6 +346,39 @@ mod tests {
         }
     }
 
+    /// Whole windows are a short cut: they add up what [`Interleave::shared`] does.
+    #[test]
+    fn whole_windows_have_the_sums_of_their_pixels() {
+        const SIDES: [u32; 2] = [24, 20];
+        let mut random = crate::random::Random::new(7, 0);
+        for (bend, least) in [(0.0, 300), (0.02, 100)] {
+            let point = |pixel: u32| {
+                let [x, y] = [(pixel % SIDES[0]) as f32, (pixel / SIDES[0]) as f32];
+                // A wall beyond column 17, and a floor that bends more and more.
+                let slope = bend * x;
+                let floor = GatherPoint::flat(Vec3::new(x, 0.5 * slope * x, y), Vec3::new(-slope, 1.0, 0.0).normalize());
+                Some(if x > 17.0 { GatherPoint::flat(Vec3::new(17.0, x - 17.0, y), Vec3::NEG_X) } else { floor })
+            };
+            let points: Vec<_> = (0..SIDES[0] * SIDES[1]).map(point).collect();
+            for stride in [2, 4] {
+                let interleave = Interleave::new(stride, SIDES, 0);
+                let taken: Vec<u32> = (0..stride * stride).map(|subset| 3 + subset % 4).collect();
+                let sums: Vec<Vec4> = points.iter().map(|_| Vec4::from([0; 4].map(|_: u32| random.uniform()))).collect();
+                let of = |pixel: usize| (sums[pixel], taken[interleave.subset_of(pixel).index()] as f32);
+                let (runs, all) = (interleave.runs(&points), taken.iter().sum::<u32>() as f32);
+                let mut whole = 0;
+                for here in 0..points.len() {
+                    let Some(found) = interleave.whole_window(&points, &runs, here, &sums) else { continue };
+                    let (total, directions) = interleave.shared(&points, here, &of);
+                    assert_eq!(directions, all, "pixel {here} of {stride}");
+                    assert!((found - total).abs().max_element() < 1e-5, "pixel {here} of {stride}: {found} for {total}");
+                    whole += 1;
+                }
+                assert!(whole > least / stride as usize, "{whole} whole windows of {stride}");
+            }
+        }
+    }
+
     #[test]
     fn a_pixel_without_pairs_takes_single_neighbours() {
         // The corners of the picture. Only one subset found something.
@@ -355,7 +392,9 @@ mod tests {
 
     #[test]
     fn a_longer_sequence_is_dealt_out_evenly() {
-        let interleave = Interleave::spread([48, 40], 5);
+        let many = Interleave::spread([48, 40], 5, 1000);
+        assert_eq!((many.subsets(), many.numbers(32..64)), (4, 128..256));
+        let interleave = Interleave::spread([48, 40], 5, 999);
         let numbers = interleave.numbers(32..64);
         assert_eq!((numbers.clone(), interleave.directions(numbers.len() as u32)), (256..512, 32));
         let mut taken = vec![0; interleave.subsets()];

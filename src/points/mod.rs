@@ -23,6 +23,8 @@ pub use list::{GatherPoint, PointList};
 pub use traced::EyeRays;
 pub use vertices::{VertexCounts, Vertices};
 
+use std::rc::Rc;
+
 use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 
@@ -35,7 +37,8 @@ use crate::settings::{FilmSettings, PointSource};
 /// except on surfaces without thickness, such as leaves, of which about half show their backs.
 const INSIDE: f32 = 0.5;
 
-/// With more triangles than this for each pixel, eye rays are faster than the rasteriser on a CPU: at one million triangles and 512 x 512 pixels, three times.
+/// With more triangles than this for each pixel, eye rays are faster than the rasteriser of a software driver: at one million triangles and 512 x 512
+/// pixels, three times. The rule does not know the device, so that pictures of all have the same points.
 const FINE: usize = 2;
 
 /// Positions of points with the normals of their surfaces, for [`Photons::new`](crate::prepared::Photons::new).
@@ -61,6 +64,7 @@ pub struct PointTextures {
     normal: Texture,
     gloss: Option<GlossTextures>,
     count: u32,
+    identity: Rc<()>,
 }
 
 impl PointTextures {
@@ -70,7 +74,7 @@ impl PointTextures {
     /// If `size` exceeds the device's limits.
     pub fn upload(gpu: &Gpu, size: [u32; 2], position: &[Vec4], normal: &[Vec4], count: u32) -> Result<Self> {
         let upload = |texels| Texture::from_texels(gpu, Format::Rgba32F, size, Filter::Nearest, Wrap::CLAMP, texels);
-        Ok(Self { position: upload(position)?, normal: upload(normal)?, gloss: None, count })
+        Ok(Self { position: upload(position)?, normal: upload(normal)?, gloss: None, count, identity: Rc::default() })
     }
 
     /// The points with their gloss.
@@ -85,7 +89,8 @@ impl PointTextures {
 
     pub fn points(&self) -> Points<'_> {
         let gloss = self.gloss.as_ref().map(GlossTextures::textures);
-        Points { position: &self.position, normal: &self.normal, gloss, subset: Subset::ALL, count: self.count }
+        let (position, normal, subset) = (&self.position, &self.normal, Subset::ALL);
+        Points { position, normal, gloss, subset, count: self.count, identity: Some(&self.identity) }
     }
 }
 
@@ -102,6 +107,8 @@ pub struct Points<'a> {
     pub subset: Subset,
     /// The approximate number of points in the subset.
     pub count: u32,
+    /// Tells textures whose texels never change from all others, while they exist. `None`: they may change.
+    pub identity: Option<&'a Rc<()>>,
 }
 
 impl<'a> Points<'a> {

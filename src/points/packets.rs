@@ -32,7 +32,7 @@ pub struct PointPacket {
 /// The hits of a packet's points along one direction.
 pub struct PointHits {
     /// Whether the direction counts at a point: a bit for each. Its weight is then above 0.
-    pub counts: u32,
+    pub counting: u32,
     /// Whether a point looks against the direction: a bit for each.
     pub against: u32,
     /// The cosine of the direction at each point.
@@ -254,7 +254,7 @@ impl PointPacket {
                 positions[lane] += hits.distances[lane] * step;
             }
         }
-        Some(PointHits { counts, against, weights, hits, positions })
+        Some(PointHits { counting: counts, against, weights, hits, positions })
     }
 
     /// The numbers of the points.

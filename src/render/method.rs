@@ -29,7 +29,7 @@ pub(super) fn method(
     let interleave = match settings.film.interleave {
         Squares::Pixels(side) => Interleave::new(side, size, seed),
         Squares::Auto if asked.gather.pipeline == Pipeline::Auto && !settings.gather.pipeline.has_layers() => {
-            Interleave::spread(size, seed)
+            Interleave::spread(size, seed, settings.directions.count)
         }
         Squares::Auto => Interleave::new(1, size, seed),
     };

@@ -1,7 +1,7 @@
 //! A render begins again: with another camera, other settings, or changed shaders.
 
 use super::method::{method, seen};
-use super::{Passes, Render, RenderStatistics, ShadowCatcher, layer_size};
+use super::{Passes, Render, RenderStatistics, ShadowCatcher, StageSeconds, layer_size};
 use crate::direction::Directions;
 use crate::error::{Error, Result};
 use crate::film::FilmSum;
@@ -32,18 +32,23 @@ impl Render {
         self.begin_again(self.camera, &settings)
     }
 
+    /// Tells the statistics how long blocks took whose sums are not kept.
+    pub fn count_probes(&mut self, seconds: f64) {
+        self.statistics.seconds.probes += seconds;
+    }
+
     /// `camera` is in unit space.
     fn begin_again(&mut self, camera: Camera, settings: &Settings) -> Result<()> {
         settings.validate()?;
-        self.asked = *settings;
+        let asked = *settings;
         let seen = seen(&self.gathered, &camera, settings.film.size);
         let (settings, interleave) = &method(self.gpu.is_software(), [&self.all, &self.gathered], (&camera, &seen), settings);
-        let passes = |of: &Settings| (of.film, of.gather, of.layers());
+        let passes = |of: &Settings| (of.film, of.gather, of.gather.pipeline.has_layers().then(|| of.layers()));
         if (passes(settings), *interleave) != (passes(&self.settings), self.passes.interleave) {
             self.passes = Passes::new(&self.gpu, &self.gathered, settings, *interleave)?;
         }
         self.directions = Directions::new(settings.directions.sequence, settings.seed);
-        self.settings = *settings;
+        (self.asked, self.settings) = (asked, *settings);
         self.camera = camera;
         self.catcher = ShadowCatcher::new(&self.all.scene, &camera, settings.film.ground);
         self.forget();
@@ -70,8 +75,13 @@ impl Render {
         if self.photons.number > 0 {
             self.photons.counts = PhotonCounts::default();
         }
-        self.statistics =
-            RenderStatistics { scene: self.statistics.scene, photons: self.photons.counts, ..RenderStatistics::default() };
+        let StageSeconds { prepare, photons, probes, .. } = self.statistics.seconds;
+        self.statistics = RenderStatistics {
+            scene: self.statistics.scene,
+            photons: self.photons.counts,
+            seconds: StageSeconds { prepare, photons, probes, ..StageSeconds::default() },
+            ..RenderStatistics::default()
+        };
         self.statistics.gather.layer_size = layer_size(&self.settings);
     }
 }

@@ -36,6 +36,8 @@ pub struct StageSeconds {
     pub gather: f64,
     /// Sums of blocks, and the estimate of their error.
     pub film: f64,
+    /// Blocks whose sums were not kept, to choose the number of directions for a time.
+    pub probes: f64,
 }
 
 #[derive(Clone, Copy, Debug, Default, Serialize)]

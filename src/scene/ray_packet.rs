@@ -19,8 +19,8 @@ pub type Lanes = [f32; LANES];
 /// [`PacketHits::triangles`] of a ray without a hit.
 pub const NO_TRIANGLE: u32 = u32::MAX;
 
-/// Boxes are taken larger by this, in the tree's units: two hundred roundings of the largest coordinate.
-pub(super) const SLACK: f32 = 2e-4;
+/// Boxes are taken larger by this, in the tree's units: a [`RAY_OFFSET`](super::RAY_OFFSET), and twice the rounding of a step through the whole scene.
+pub(super) const SLACK: f32 = 1e-3;
 /// A component of a direction below this counts as this, so that its inverse is finite.
 pub(super) const LEAST: f32 = 1e-20;
 
@@ -129,6 +129,8 @@ impl Bvh {
     ) {
         let mut search = ParallelSearch::new(packet, direction, active);
         let mut state = self.tree.new_traversal(direction.vector.into());
+        // The boxes are coded by this order, which takes the least components for positive.
+        state.oct_inv4 = direction.order;
         let mut node;
         traverse!(self.tree, node, state, search.children(node), {
             let leaf = state.primitive_id;
@@ -142,7 +144,7 @@ impl Bvh {
 
 /// Those of the children `left` that are met, as the tree codes them: leaves by their triangles, inner nodes by their place in the order.
 #[inline(always)]
-pub(super) fn decode(node: &CwBvhNode, order: u32, mut left: u32, is_met: impl Fn(usize) -> bool) -> u32 {
+pub(super) fn code_of(node: &CwBvhNode, order: u32, mut left: u32, is_met: impl Fn(usize) -> bool) -> u32 {
     let (counts, places) = node.get_child_and_index_bits(order);
     let mut code = 0;
     while left != 0 {
@@ -233,7 +235,7 @@ impl<'a> ParallelSearch<'a> {
             meets[child] = u32::from(near <= less(less(x, y), less(z, self.reach)));
         }
         let left = (0..8).fold(0, |bits, child| bits | meets[child] << child);
-        decode(node, order, left, |child| {
+        code_of(node, order, left, |child| {
             let mut met = 0;
             for lane in 0..LANES {
                 let [x, y, z] = [0, 1, 2].map(|axis| enter[axis][child] - self.over[axis][lane]);

@@ -6,7 +6,7 @@ use obvhs::traverse;
 use obvhs::triangle::Triangle;
 
 use super::bvh::{Bvh, EDGE, Hit, SCALE};
-use super::ray_packet::{LANES, LEAST, Lanes, RayPacket, SLACK, decode, greater, greatest, least, less};
+use super::ray_packet::{LANES, LEAST, Lanes, RayPacket, SLACK, code_of, greater, greatest, least, less};
 
 /// Shadow rays from the origins of a packet.
 pub struct ShadowPacket<'a> {
@@ -115,7 +115,7 @@ impl<'a> ShadowSearch<'a> {
         for child in 0..8 {
             left |= u32::from(near[child] <= far[child]) << child;
         }
-        decode(node, order, left, |child| {
+        code_of(node, order, left, |child| {
             let mut met = 0;
             for lane in 0..LANES {
                 let (mut near, mut far) = (0.0, self.reaches[lane]);

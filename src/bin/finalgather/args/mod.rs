@@ -21,7 +21,7 @@ use serde_json::Value;
 use crate::streams::{self, STREAM};
 
 use values::{OrAuto, name, number, or_auto, setting, sky, smooth_angle, sun, switch, vector};
-pub use values::{auto_or, checked, count, duration, named, share, side, size, stops};
+pub use values::{auto_or, checked, count, duration, named, percentage, side, size, stops};
 
 /// The source of OpenGL.
 #[derive(Clone, Copy, Debug, clap::Args)]
@@ -89,7 +89,7 @@ pub struct Overrides {
     #[arg(long, hide_short_help = true, value_parser = named::<Sequence>(&["random", "r2", "sobol"]), help = setting("Sequence of the directions", |s| name(s.directions.sequence)))]
     sequence: Option<Sequence>,
 
-    #[arg(long, hide_short_help = true, value_name = "auto|1|2|4", value_parser = |text: &str| auto_or(text, Squares::Pixels), help = setting("Divide the directions among the pixels of squares of N by N. Neighbours share the light that they find. auto: 1, but where --pipeline auto chooses rays, eight times as many directions in squares of 4", |s| s.film.interleave))]
+    #[arg(long, hide_short_help = true, value_name = "auto|1|2|4", value_parser = |text: &str| auto_or(text, Squares::Pixels), help = setting("Divide the directions among the pixels of squares of N by N. Neighbours share the light that they find. auto: 1, but where --pipeline auto chooses rays, more directions in squares of 4, or of 2 from 1000 directions on", |s| s.film.interleave))]
     interleave: Option<Squares>,
 
     #[arg(long, value_name = "N", value_parser = count::<u64>, help = setting("Seed of all random numbers", |s| s.seed))]
@@ -98,7 +98,7 @@ pub struct Overrides {
     #[arg(long, hide_short_help = true, value_name = "F", value_parser = number::<f32>, help = setting("Stop peeling when fewer than this fraction of the points sample a layer", |s| s.gather.stop_fraction))]
     stop_fraction: Option<f32>,
 
-    #[arg(long, visible_alias = "error", alias = "until", value_name = "ERROR", value_parser = share, help = setting("Stop when the relative standard error of the picture is at most this, as 0.01 or 1%. It is estimated a few times. Layers of `auto` size are then as large as this error needs. 0: never stop early", |s| s.directions.target_error))]
+    #[arg(long, visible_alias = "error", alias = "until", value_name = "ERROR", value_parser = percentage, help = setting("Stop when the relative standard error of the picture is at most this, as 0.01 or 1%. It is estimated a few times. Layers of `auto` size are then as large as this error needs. 0: never stop early", |s| s.directions.target_error))]
     target_error: Option<f64>,
 
     /// Exposure of .png in stops. auto: as bright as the surfaces can be without losing detail [default: the scene file's, else 0; auto for a bare model

@@ -57,7 +57,7 @@ pub fn duration(text: &str) -> Result<f64, String> {
 }
 
 /// Parses a share: a number, or a percentage.
-pub fn share(text: &str) -> Result<f64, String> {
+pub fn percentage(text: &str) -> Result<f64, String> {
     let (number, of) = text.strip_suffix('%').map_or((text, 1.0), |number| (number, 100.0));
     number
         .trim_end()
