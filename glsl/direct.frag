@@ -1,7 +1,7 @@
 #version 330 core
 // Irradiance from a batch of samples on the lights, with exact shadow rays (additive blending). With PUNCTUAL some samples may lie on no surface. With
 // GLOSS, irradiance is what passes a point's lobe, and what the lobe reflects is a sum of its own. With MANY_LIGHTS each point chooses lamps by a tree.
-// Mirrors src/direct.rs, and `LightSample` in src/scene/light/mod.rs.
+// Mirrors src/direct/on_gl.rs; its twins are src/direct/on_cpu.rs, and `LightSample` in src/scene/light/mod.rs.
 
 #include "include/points.glsl"
 #include "include/bvh.glsl"
