@@ -206,7 +206,7 @@ fn a_time_stands_for_a_number_of_directions() {
     assert!(directions >= 16 && report["seconds"]["probes"].as_f64().unwrap() > 0.0, "{report}");
     success(render().args(["--directions", &directions.to_string(), "-o", "counted.exr"]));
     assert!(bytes(&folder, "timed.exr") == bytes(&folder, "counted.exr"), "{directions} directions");
-    let said = refusal(render().args(["--time", "1s", "--shard", "0/2", "-o", "a.part"]), 2);
+    let said = refusal(render().args(["--time", "1s", "--shard", "1/2", "-o", "a.part"]), 2);
     assert!(said.contains("give --directions in place of --time"), "{said}");
     for (time, problem) in [("0", "not a time such as"), ("-1", "not a time"), ("soon", "not a time"), ("nan", "not a time")] {
         assert!(refusal(render().args(["--time", time]), 2).contains(problem), "{time}");

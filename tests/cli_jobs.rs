@@ -311,21 +311,23 @@ fn peak(report: &Value) -> f64 {
 fn memory_is_bounded_by_what_is_said_before() {
     let folder = folder();
     // On a software driver, whose memory is the process's.
-    let within = |size: &str, layers: &str, memory: &str| {
+    let within = |size: &str, [layers, pipeline]: [&str; 2], memory: &str| {
         let args = ["--size", size, "--directions", "16", "--layer-size", layers, "--gl-device", "sw", "-o", "a.exr", "--json"];
-        render(&folder, &[&args[..], &["--memory", memory]].concat())
+        render(&folder, &[&args[..], &["--pipeline", pipeline, "--memory", memory]].concat())
     };
-    for (size, layers) in [("320", "64"), ("640", "64"), ("320", "1024")] {
+    for (size, layers) in
+        [("320", ["64", "fused"]), ("640", ["64", "raycast"]), ("640", ["64", "auto"]), ("320", ["1024", "fused"])]
+    {
         let needed = needed(&mut within(size, layers, "1"));
         assert!(!folder.path().join("a.exr").exists());
         let peak = peak(&json(&mut within(size, layers, &needed.to_string())));
         let ratio = needed as f64 / peak;
-        assert!((1.0..1.5).contains(&ratio), "{size}, {layers}: {needed} MiB were said, and {peak:.1} taken");
+        assert!((1.0..1.5).contains(&ratio), "{size}, {layers:?}: {needed} MiB were said, and {peak:.1} taken");
         fs::remove_file(folder.path().join("a.exr")).unwrap();
     }
-    let said = refusal(&mut within("640", "64", "250"), 2);
+    let said = refusal(&mut within("640", ["64", "fused"], "250"), 2);
     let (_, size) = said.split_once("--size ").unwrap_or_else(|| panic!("{said}"));
-    success(&mut within(size.split_once(' ').unwrap().0, "64", "250"));
+    success(&mut within(size.split_once(' ').unwrap().0, ["64", "fused"], "250"));
 }
 
 /// On the CPU too, where the values of all points are.
@@ -403,7 +405,7 @@ fn what_does_not_belong_together_is_refused_by_name() {
     for (args, what) in [
         (&["--shard", "1/4", "-o", "x.png"][..], "ending in .part"),
         (&["--shard", "1/4", "-o", "x.part", "-o", "y.part"], "one part"),
-        (&["--shard", "1/26", "-o", "x.part"], "26 shards, and the directions fall into 25 blocks"),
+        (&["--shard", "1/26", "-o", "x.part"], "26 shards, and the directions fall into 13 blocks"),
         (&["--shard", "1/4", "-o", "x.part", "--until", "0.01"], "--target-error"),
         (&["--shard", "5/4", "-o", "x.part"], "5/4"),
         (&["--shard", "1/4", "-o", "1.part"], "--resume"),

@@ -213,7 +213,11 @@ fn a_lost_context_stops_a_bake_cleanly() {
 #[test]
 fn memory_that_ends_at_any_allocation_stops_a_render_or_leaves_the_picture_as_it_is() {
     // Blocks of eight directions, as many as a store holds; and traced points, which each block uploads.
-    let jobs = [("--directions 32", 6), ("--directions 32 --pipeline kill", -1), ("--directions 4 --points traced", 10)];
+    let jobs = [
+        ("--directions 32 --pipeline fused", 6),
+        ("--directions 32 --pipeline kill", -1),
+        ("--directions 4 --pipeline fused --points traced", 10),
+    ];
     for (args, least) in jobs {
         let job = Job::new("render", &format!("--size 24 {args}"));
         let allocations = job.make("whole.exr", &[]).number("allocations") as u32;
@@ -240,7 +244,7 @@ fn memory_that_ends_at_any_allocation_stops_a_render_or_leaves_the_picture_as_it
 
 #[test]
 fn a_render_takes_what_memory_there_is_and_else_says_what_would_do() {
-    let job = Job::new("render", "--size 24 --directions 256 --layer-size 256");
+    let job = Job::new("render", "--size 24 --directions 256 --pipeline fused --layer-size 256");
     let peak = job.make("whole.exr", &[]).number("peak");
     for share in [0.7, 0.5, 0.3] {
         let run = job.make("short.exr", &[("FAULTY_MEMORY", share * peak)]);
@@ -305,7 +309,7 @@ fn a_bake_takes_what_memory_there_is() {
 #[test]
 fn limits_that_are_less_than_they_are_said_to_be() {
     // Eight layers side by side are 2048 texels wide.
-    let job = Job::new("render", "--size 24 --directions 256 --layer-size 256");
+    let job = Job::new("render", "--size 24 --directions 256 --pipeline fused --layer-size 256");
     job.make("whole.exr", &[]);
     job.make("narrow.exr", &[("FAULTY_TEXTURE_SIZE", 1024.0)]);
     let [difference, _] = job.difference("narrow.exr", "whole.exr");
@@ -323,7 +327,7 @@ fn limits_that_are_less_than_they_are_said_to_be() {
 
 #[test]
 fn images_that_are_promised_and_do_not_work() {
-    let job = Job::new("render", "--size 24 --directions 64");
+    let job = Job::new("render", "--size 24 --directions 64 --pipeline fused");
     job.make("whole.exr", &[]);
     // Errors; nothing at all, for bound images are not; and, on softpipe, a version of which nothing compiles.
     for (name, number) in [("FAULTY_IMAGES_FAIL", 1.0), ("FAULTY_IMAGES_VANISH", 1.0), ("FAULTY_VERSION", 4.5)] {
@@ -338,7 +342,7 @@ fn images_that_are_promised_and_do_not_work() {
 #[test]
 fn no_submission_is_long_enough_for_a_watchdog() {
     // A pass over all points takes a second on this device, and half of that is too long for its watchdog.
-    let job = Job::new("render", "--size 512x256 --directions 2");
+    let job = Job::new("render", "--size 512x256 --directions 2 --pipeline fused");
     job.make("whole.exr", &[]);
     let slow = ("FAULTY_SECONDS_A_TEXEL", 8e-6);
     let run = job.make("slow.exr", &[slow, ("FAULTY_WATCHDOG", 0.5)]);

@@ -317,10 +317,10 @@ fn both_ends_of_a_direction_are_worth_two() {
         assert!(found.bias.abs() < 0.05, "{pipeline:?}, interleave {interleave}, {estimator:?}: {found:?}");
         found.relative_rmse
     };
-    let one_end = error(Pipeline::Kill, 1, Estimator::SelfNormalised);
+    let one_ends = [1, 2].map(|interleave| error(Pipeline::Kill, interleave, Estimator::SelfNormalised));
     for pipeline in [Pipeline::Fused, Pipeline::RaycastGl, Pipeline::Raycast] {
         for (interleave, estimator) in [(1, Estimator::SelfNormalised), (1, Estimator::Plain), (2, Estimator::Plain)] {
-            let both_ends = error(pipeline, interleave, estimator);
+            let (one_end, both_ends) = (one_ends[interleave as usize - 1], error(pipeline, interleave, estimator));
             // Twice as many independent samples would leave 0.71 (measured 0.69 to 0.76), as many as before 1.
             assert!(both_ends < 0.85 * one_end, "{pipeline:?}, interleave {interleave}, {estimator:?}: {both_ends} of {one_end}");
         }

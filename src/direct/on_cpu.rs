@@ -38,9 +38,9 @@ pub fn direct_light_on_cpu(
         let lights_of = |packets: &[PointPacket]| {
             let arch = pulp::Arch::new();
             if rays.meet_cut_outs() {
-                arch.dispatch(Task::<true> { rays, lights, packets, batches: &batches, gloss })
+                arch.dispatch(LightTask::<true> { rays, lights, packets, batches: &batches, gloss })
             } else {
-                arch.dispatch(Task::<false> { rays, lights, packets, batches: &batches, gloss })
+                arch.dispatch(LightTask::<false> { rays, lights, packets, batches: &batches, gloss })
             }
         };
         let lit: Vec<Vec<PacketLight>> = packets.par_chunks(TASK).map(lights_of).collect();
@@ -76,7 +76,7 @@ struct SeenSample {
 }
 
 /// The light of some packets, compiled for the vectors of the processor.
-struct Task<'a, const CUT_OUTS: bool> {
+struct LightTask<'a, const CUT_OUTS: bool> {
     rays: Rays<'a>,
     lights: &'a Lights,
     packets: &'a [PointPacket],
@@ -84,7 +84,7 @@ struct Task<'a, const CUT_OUTS: bool> {
     gloss: &'a [PointGloss],
 }
 
-impl<const CUT_OUTS: bool> pulp::NullaryFnOnce for Task<'_, CUT_OUTS> {
+impl<const CUT_OUTS: bool> pulp::NullaryFnOnce for LightTask<'_, CUT_OUTS> {
     type Output = Vec<PacketLight>;
 
     #[inline(always)]
@@ -101,7 +101,7 @@ impl<const CUT_OUTS: bool> pulp::NullaryFnOnce for Task<'_, CUT_OUTS> {
     }
 }
 
-impl<const CUT_OUTS: bool> Task<'_, CUT_OUTS> {
+impl<const CUT_OUTS: bool> LightTask<'_, CUT_OUTS> {
     /// Adds the light of a batch. Some samples share a ray, which goes to one of them, chosen by the light that it would bring.
     #[inline(always)]
     fn add(&self, packet: &PointPacket, batch: &LightBatch, sums: &mut PacketLight) {

@@ -177,16 +177,16 @@ pub fn cast<S: Send>(
     let task = |(packets, sums): (&[PointPacket], &mut [S])| {
         let (arch, take) = (pulp::Arch::new(), &take);
         if rays.meet_cut_outs() {
-            arch.dispatch(Task::<_, _, true> { rays, packets, directions, sums, take });
+            arch.dispatch(CastTask::<_, _, true> { rays, packets, directions, sums, take });
         } else {
-            arch.dispatch(Task::<_, _, false> { rays, packets, directions, sums, take });
+            arch.dispatch(CastTask::<_, _, false> { rays, packets, directions, sums, take });
         }
     };
     packets.par_chunks(TASK).zip(sums.par_chunks_mut(TASK)).for_each(task);
 }
 
 /// What [`cast`] does with some packets, compiled for the vectors of the processor.
-struct Task<'a, S, T, const CUT_OUTS: bool> {
+struct CastTask<'a, S, T, const CUT_OUTS: bool> {
     rays: Rays<'a>,
     packets: &'a [PointPacket],
     directions: &'a [Ends],
@@ -194,7 +194,9 @@ struct Task<'a, S, T, const CUT_OUTS: bool> {
     take: &'a T,
 }
 
-impl<S, T: Fn(&PointPacket, &mut S, usize, &PointHits), const CUT_OUTS: bool> pulp::NullaryFnOnce for Task<'_, S, T, CUT_OUTS> {
+impl<S, T: Fn(&PointPacket, &mut S, usize, &PointHits), const CUT_OUTS: bool> pulp::NullaryFnOnce
+    for CastTask<'_, S, T, CUT_OUTS>
+{
     type Output = ();
 
     #[inline(always)]
