@@ -152,9 +152,9 @@ impl<const CUT_OUTS: bool> LightTask<'_, CUT_OUTS> {
             }
             let passed = self.rays.transmittance_of_packet::<CUT_OUTS>(&chosen);
             for channel in 0..3 {
-                for lane in 0..LANES {
-                    sums.base[channel][lane] += passed[lane] * shared.base[channel][lane];
-                    sums.lobe[channel][lane] += passed[lane] * shared.lobe[channel][lane];
+                for (lane, passed) in passed.iter().enumerate() {
+                    sums.base[channel][lane] += passed * shared.base[channel][lane];
+                    sums.lobe[channel][lane] += passed * shared.lobe[channel][lane];
                 }
             }
         }
@@ -209,13 +209,13 @@ impl<const CUT_OUTS: bool> LightTask<'_, CUT_OUTS> {
     fn see_each(&self, packet: &PointPacket, unseen: bool, see: impl Fn(usize, Vec3) -> Option<(Vec3, f32, Vec3)>) -> SeenSample {
         let mut seen = SeenSample { light: PacketLight::NONE, directions: [[0.0; LANES]; 3], reaches: [-1.0; LANES] };
         let mut light = [Vec3::ZERO; LANES];
-        for lane in 0..packet.points().len() {
+        for (lane, light) in light.iter_mut().enumerate().take(packet.points().len()) {
             let Some((direction, reach, facing)) = see(lane, packet.rays().origin(lane)) else { continue };
             for axis in 0..3 {
                 seen.directions[axis][lane] = direction[axis];
             }
             // A light that touches the point has a ray without length, which nothing stops.
-            (seen.reaches[lane], light[lane]) = (reach.clamp(f32::MIN_POSITIVE, FARTHEST), facing);
+            (seen.reaches[lane], *light) = (reach.clamp(f32::MIN_POSITIVE, FARTHEST), facing);
         }
         let cosines = packet.cosines(&seen.directions);
         for lane in 0..packet.points().len() {

@@ -41,7 +41,7 @@ struct KeptPoints {
 }
 
 /// Distance and triangle of a packet's hits along each direction, as `glsl/finder/stored.glsl` reads them.
-type StoredPacket = [[Vec2; LANES]; BATCH as usize];
+type StoredPacket = [[Vec2; LANES]; BATCH];
 
 impl CpuRayFinder {
     /// `scene` is in unit space; `bvh` belongs to its mesh.
@@ -63,7 +63,7 @@ impl CpuRayFinder {
     /// Bytes of the packets that are kept of so many points, and of the hits of a batch at `tile` points before they are on the device.
     pub fn bytes(points: usize, tile: usize) -> usize {
         let kept = points.min(KEPT * tile) * (size_of::<PointPacket>() / LANES + size_of::<u32>());
-        kept + 2 * points.min(tile) * BATCH as usize * size_of::<Vec2>()
+        kept + 2 * points.min(tile) * BATCH * size_of::<Vec2>()
     }
 
     /// The packets of `points`.
@@ -100,7 +100,7 @@ impl KeptPoints {
 
 impl HitFinder for CpuRayFinder {
     fn batch(&self) -> usize {
-        BATCH as usize
+        BATCH
     }
 
     fn begin(&mut self, _: &Geometry, directions: &[Direction]) -> Result<usize> {

@@ -110,7 +110,7 @@ impl IrradianceGather {
     pub fn batch(&self) -> usize {
         match &self.method {
             Method::Shader { finder, .. } => finder.batch(),
-            Method::Packets { .. } => BATCH as usize,
+            Method::Packets { .. } => BATCH,
         }
     }
 

@@ -251,9 +251,9 @@ impl PointPacket {
         }
         let mut positions = self.rays.origins();
         for (axis, positions) in positions.iter_mut().enumerate() {
-            for lane in 0..LANES {
+            for (lane, position) in positions.iter_mut().enumerate() {
                 let step = if against >> lane & 1 == 1 { -vector[axis] } else { vector[axis] };
-                positions[lane] += hits.distances[lane] * step;
+                *position += hits.distances[lane] * step;
             }
         }
         Some(PointHits { counting: counts, against, weights, hits, positions })

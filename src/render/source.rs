@@ -13,7 +13,7 @@ use crate::settings::{PointSource, Settings};
 /// The source of a block's gather points.
 pub(super) enum PixelSource {
     Camera {
-        points: CameraPoints,
+        points: Box<CameraPoints>,
         /// The points of the block in progress, if they are not only those of the rasteriser.
         uploaded: Option<PointTextures>,
         /// The G-buffer of an earlier block, whose memory the next one takes: fresh memory costs as much time as its content.
@@ -38,9 +38,11 @@ impl PixelSource {
     /// If the picture exceeds the device's limits.
     pub fn new(gpu: &Gpu, settings: &Settings) -> Result<Self> {
         Ok(match settings.film.points {
-            PointSource::Camera => {
-                Self::Camera { points: CameraPoints::new(gpu, settings.film.size)?, uploaded: None, spare: GBuffer::default() }
-            }
+            PointSource::Camera => Self::Camera {
+                points: Box::new(CameraPoints::new(gpu, settings.film.size)?),
+                uploaded: None,
+                spare: GBuffer::default(),
+            },
             PointSource::Auto => unreachable!("auto is replaced when a job begins"),
             PointSource::Traced => Self::Traced(None),
         })

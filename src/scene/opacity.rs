@@ -147,8 +147,8 @@ impl<'a> Rays<'a> {
         } else {
             self.bvh.reach_of_packet::<false>(rays, |_, _| true)
         };
-        for lane in 0..LANES {
-            passed[lane] = if reached >> lane & 1 == 1 { passed[lane] } else { 0.0 };
+        for (lane, passed) in passed.iter_mut().enumerate() {
+            *passed = if reached >> lane & 1 == 1 { *passed } else { 0.0 };
         }
         passed
     }

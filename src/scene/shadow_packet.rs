@@ -58,10 +58,7 @@ impl<'a> ShadowSearch<'a> {
     #[inline(always)]
     fn new(rays: &'a ShadowPacket<'a>) -> Self {
         let mut inverses = [[0.0; LANES]; 3];
-        let mut reaches = [-1.0; LANES];
-        for lane in 0..LANES {
-            reaches[lane] = if rays.reaches[lane] > 0.0 { SCALE * rays.reaches[lane] } else { -1.0 };
-        }
+        let reaches = rays.reaches.map(|reach| if reach > 0.0 { SCALE * reach } else { -1.0 });
         let (mut origins, mut bounds) = ([[0.0; 2]; 3], [None; 3]);
         for axis in 0..3 {
             let (mut low, mut high, mut negative) = ([f32::MAX; LANES], [-f32::MAX; LANES], 0);
