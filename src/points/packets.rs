@@ -65,7 +65,7 @@ impl Ends {
 pub struct SubsetPackets {
     /// The step between the points of a subset, along each axis of the textures.
     pub stride: u32,
-    /// Those of each subset, in the order of [`Subset::index`].
+    /// Those of each subset, in the order of [`Subset::index`](super::Subset::index).
     pub subsets: Vec<Vec<PointPacket>>,
     /// Number of points, with those that are none.
     pub places: usize,
