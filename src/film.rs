@@ -218,13 +218,6 @@ impl Film {
         (size_of::<Pixel>() + rare + lobes) * pixels
     }
 
-    /// A film of no blocks.
-    pub fn empty(size: [u32; 2]) -> Self {
-        let [width, height] = size.map(|side| side as usize);
-        let pixels = vec![Pixel::default(); width * height];
-        Self { size: [width, height], directions: 0, pixels, rare: Vec::new(), lobes: Vec::new() }
-    }
-
     /// The sums of one block, in the memory of a `spare` film if there is one: fresh memory costs as much time as its content.
     pub fn of_block(size: [u32; 2], block: &BlockLight, spare: Option<Self>) -> Self {
         let size = size.map(|side| side as usize);

@@ -316,13 +316,13 @@ impl Render {
         let start = Instant::now();
         let share = SampleShare { samples: self.settings.direct.light_samples, part: index, parts: blocks.count() };
         let (pixels, mut packets) = (g_buffer.pixels(), None);
-        let [mut direct, lobes] = if self.gpu.is_software() {
-            let Prepared { scene, bvh, lights } = &*self.all;
+        let Prepared { scene, bvh, lights } = &*self.all;
+        let [mut direct, lobes] = if self.gpu.is_software() && lights.are_sampled() {
             let of_squares = SubsetPackets::of_picture(&pixels, self.settings.film.size, STRIDE);
             let packets = packets.insert(of_squares);
             direct_light_on_cpu(Rays::new(scene, bvh), lights, (share, self.settings.seed), packets, &g_buffer.gloss)
         } else {
-            self.passes.direct.light(&self.geometry, &self.all.lights, share, points)?
+            self.passes.direct.light(&self.geometry, lights, share, points)?
         };
         self::gloss::even_out(&mut direct, &g_buffer.gloss);
         self.statistics.seconds.direct += self.finish("direct light", start)?;

@@ -22,7 +22,7 @@ pub const NO_TRIANGLE: u32 = u32::MAX;
 /// Boxes are taken larger by this, in the tree's units: a [`RAY_OFFSET`](super::RAY_OFFSET), and twice the rounding of a step through the whole scene.
 pub(super) const SLACK: f32 = 1e-3;
 /// A component of a direction below this counts as this, so that its inverse is finite.
-pub(super) const LEAST: f32 = 1e-20;
+const LEAST: f32 = 1e-20;
 
 /// The origins of parallel rays.
 #[derive(Clone, Copy)]
@@ -75,7 +75,7 @@ pub struct SharedDirection {
 
 impl SharedDirection {
     pub fn new(vector: Vec3) -> Self {
-        let safe = vector.to_array().map(|c| if c.abs() < LEAST { LEAST } else { c });
+        let safe = vector.to_array().map(invertible);
         let negative = safe.map(|c| c < 0.0);
         let bit = |axis: usize, bit: u32| if negative[axis] { 0 } else { bit };
         let order = bit(0, 0x0404_0404) | bit(1, 0x0202_0202) | bit(2, 0x0101_0101);
@@ -140,6 +140,18 @@ impl Bvh {
         });
         search.write(self, active, hits);
     }
+}
+
+/// A component of a direction, or the least one in its place.
+#[inline(always)]
+pub(super) fn invertible(component: f32) -> f32 {
+    if component.abs() < LEAST { LEAST } else { component }
+}
+
+/// The lower and the upper sides of a node's children, along each axis.
+#[inline(always)]
+pub(super) fn sides(node: &CwBvhNode) -> [[&[u8; 8]; 2]; 3] {
+    [[&node.child_min_x, &node.child_max_x], [&node.child_min_y, &node.child_max_y], [&node.child_min_z, &node.child_max_z]]
 }
 
 /// Those of the children `left` that are met, as the tree codes them: leaves by their triangles, inner nodes by their place in the order.
@@ -211,11 +223,7 @@ impl<'a> ParallelSearch<'a> {
     #[inline(always)]
     fn children(&self, node: &CwBvhNode) -> u32 {
         let SharedDirection { inverse, negative, order, .. } = *self.direction;
-        let sides = [
-            [&node.child_min_x, &node.child_max_x],
-            [&node.child_min_y, &node.child_max_y],
-            [&node.child_min_z, &node.child_max_z],
-        ];
+        let sides = sides(node);
         let (mut enter, mut leave) = ([[0.0; 8]; 3], [[0.0; 8]; 3]);
         for axis in 0..3 {
             let [low, high] = sides[axis];

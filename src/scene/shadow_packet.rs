@@ -6,7 +6,7 @@ use obvhs::traverse;
 use obvhs::triangle::Triangle;
 
 use super::bvh::{Bvh, EDGE, Hit, SCALE};
-use super::ray_packet::{LANES, LEAST, Lanes, RayPacket, SLACK, code_of, greater, greatest, least, less};
+use super::ray_packet::{LANES, Lanes, RayPacket, SLACK, code_of, greater, greatest, invertible, least, less, sides};
 
 /// Shadow rays from the origins of a packet.
 pub struct ShadowPacket<'a> {
@@ -63,9 +63,7 @@ impl<'a> ShadowSearch<'a> {
         for axis in 0..3 {
             let (mut low, mut high, mut negative) = ([f32::MAX; LANES], [-f32::MAX; LANES], 0);
             for lane in 0..LANES {
-                let component = rays.directions[axis][lane];
-                let safe = if component.abs() < LEAST { LEAST } else { component };
-                let (inverse, is_ray) = (1.0 / safe, reaches[lane] > 0.0);
+                let (inverse, is_ray) = (1.0 / invertible(rays.directions[axis][lane]), reaches[lane] > 0.0);
                 inverses[axis][lane] = inverse;
                 low[lane] = if is_ray { inverse } else { low[lane] };
                 high[lane] = if is_ray { inverse } else { high[lane] };
@@ -82,11 +80,7 @@ impl<'a> ShadowSearch<'a> {
     #[inline(always)]
     fn children(&self, node: &CwBvhNode, order: u32) -> u32 {
         let (mut low, mut high) = ([[0.0; 8]; 3], [[0.0; 8]; 3]);
-        let sides = [
-            [&node.child_min_x, &node.child_max_x],
-            [&node.child_min_y, &node.child_max_y],
-            [&node.child_min_z, &node.child_max_z],
-        ];
+        let sides = sides(node);
         for axis in 0..3 {
             let step = f32::from_bits(u32::from(node.e[axis]) << 23);
             for child in 0..8 {
