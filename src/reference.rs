@@ -12,7 +12,7 @@ use rayon::prelude::*;
 
 use crate::photon::PhotonStore;
 use crate::points::{GatherPoint, PointGloss};
-use crate::scene::{Bvh, Chance, Hit, LANES, Lanes, LobeWeights, NO_TRIANGLE, PacketHits, RAY_OFFSET, Rays, Scene};
+use crate::scene::{Bvh, Chance, Hit, Lanes, LobeWeights, PacketHits, RAY_OFFSET, Rays, Scene};
 
 /// Casts gather rays through one scene.
 #[derive(Clone, Copy)]
@@ -81,12 +81,11 @@ impl<'a> Reference<'a> {
         self.scene.albedo_at(triangle, position) * self.photons.irradiance_of_hit(&self.scene.mesh, triangle, position, front)
     }
 
-    /// The same of all hits of a packet, at these positions. Zero where there is no hit.
-    pub fn radiosities(&self, hits: &PacketHits, positions: &[Lanes; 3]) -> [Vec3; LANES] {
+    /// The same of all hits of a packet, at these positions: red, green and blue. Without meaning where there is no hit.
+    #[inline(always)]
+    pub fn radiosities(&self, hits: &PacketHits, positions: &[Lanes; 3]) -> [Lanes; 3] {
         let mut radiosities = self.photons.irradiance_of_packet(&self.scene.mesh, hits, positions);
-        for (lane, radiosity) in radiosities.iter_mut().enumerate().filter(|&(lane, _)| hits.triangles[lane] != NO_TRIANGLE) {
-            *radiosity *= self.scene.albedo_at(hits.triangles[lane] as usize, Vec3::from(positions.map(|axis| axis[lane])));
-        }
+        self.scene.reflect(hits, positions, &mut radiosities);
         radiosities
     }
 

@@ -7,7 +7,7 @@ use std::f32::consts::PI;
 use common::{Model, form_factor_of_polygon, points_on};
 use finalgather::photon::{PhotonAtlas, PhotonStore, PhotonTracer};
 use finalgather::points::GatherPoint;
-use finalgather::scene::{Bvh, Environment, LANES, Lights, NO_TRIANGLE, PacketHits, Scene};
+use finalgather::scene::{Bvh, Environment, LANES, Lights, NO_TRIANGLE, PacketHits, Scene, of_lane};
 use glam::{Vec3, vec3};
 
 /// An atlas with the light of photons.
@@ -92,12 +92,13 @@ fn packets_look_up_the_same_irradiance() {
         }
         let found = atlas.irradiance_of_packet(mesh, &hits, &positions);
         for lane in 0..LANES {
-            let position = Vec3::from(positions.map(|axis| axis[lane]));
+            let position = Vec3::from(of_lane(&positions, lane));
             let (triangle, front) = (hits.triangles[lane], hits.fronts >> lane & 1 == 1);
             let is_hit = triangle != NO_TRIANGLE;
             let single = || atlas.irradiance_of_hit(mesh, triangle as usize, position, front);
-            assert_eq!(found[lane], if is_hit { single() } else { Vec3::ZERO }, "triangle {triangle} at {position}");
-            lit += usize::from(found[lane] != Vec3::ZERO);
+            let found = if is_hit { Vec3::from(of_lane(&found, lane)) } else { Vec3::ZERO };
+            assert_eq!(found, if is_hit { single() } else { Vec3::ZERO }, "triangle {triangle} at {position}");
+            lit += usize::from(found != Vec3::ZERO);
             missed += usize::from(!is_hit);
         }
     }

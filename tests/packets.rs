@@ -4,7 +4,7 @@ mod common;
 
 use common::{Model, cornell, directions, fifty_objects, points_on};
 use finalgather::points::GatherPoint;
-use finalgather::points::packets::{Ends, PointHits, PointPacket, SubsetPackets, cast, packets};
+use finalgather::points::packets::{Ends, PacketConsumer, PointHits, PointPacket, SubsetPackets, cast, packets};
 use finalgather::scene::{Bvh, Chance, Hit, LANES, Lanes, NO_TRIANGLE, RAY_OFFSET, Rays, Scene, ShadowPacket};
 use finalgather::settings::Sequence;
 use glam::{Vec3, vec3};
@@ -13,18 +13,27 @@ fn numbered(points: &[GatherPoint]) -> Vec<(u32, GatherPoint)> {
     (0..).zip(points.iter().copied()).collect()
 }
 
+/// Keeps the hits of each lane along each direction. `None` where it does not count.
+struct Hits;
+
+impl PacketConsumer for Hits {
+    type Sums = Vec<[Option<Option<Hit>>; LANES]>;
+
+    fn take(&self, _: &PointPacket, kept: &mut Self::Sums, direction: usize, found: &PointHits) {
+        for lane in (0..LANES).filter(|lane| found.counting >> lane & 1 == 1) {
+            let triangle = found.hits.triangles[lane];
+            let hit = Hit { triangle: triangle as usize, distance: found.hits.distances[lane] };
+            kept[direction][lane] = Some((triangle != NO_TRIANGLE).then_some(hit));
+        }
+    }
+}
+
 /// The hit of each point along each direction, and whether it counts.
 fn hits(scene: &Scene, points: &[GatherPoint], directions: &[Ends]) -> Vec<Vec<Option<Option<Hit>>>> {
     let bvh = Bvh::new(&scene.mesh);
     let packets = packets(&numbered(points));
     let mut found = vec![vec![[None; LANES]; directions.len()]; packets.len()];
-    cast(Rays::new(scene, &bvh), &packets, directions, &mut found, |_, found, direction, hits: &PointHits| {
-        for lane in (0..LANES).filter(|lane| hits.counting >> lane & 1 == 1) {
-            let triangle = hits.hits.triangles[lane];
-            let hit = Hit { triangle: triangle as usize, distance: hits.hits.distances[lane] };
-            found[direction][lane] = Some((triangle != NO_TRIANGLE).then_some(hit));
-        }
-    });
+    cast(Rays::new(scene, &bvh), &packets, directions, &mut found, &Hits);
     let mut all = vec![vec![None; directions.len()]; points.len()];
     for (packet, found) in packets.iter().zip(found) {
         for (lane, &point) in packet.points().iter().enumerate() {

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use super::{BatchSamples, GOLDEN, LightBatch, STRIDE, SamplePlan, SampleShare, offsets};
 use crate::points::packets::{PointPacket, SubsetPackets};
 use crate::points::{PointGloss, Subset};
-use crate::scene::{LANES, Lanes, LightSample, Lights, Rays, ShadowPacket};
+use crate::scene::{LANES, Lanes, LightSample, Lights, Rays, ShadowPacket, of_lane};
 
 /// The length of a ray to a light outside the scene, whose diameter is 2 in unit space.
 const FARTHEST: f32 = 4.0;
@@ -46,10 +46,10 @@ pub fn direct_light_on_cpu(
         let lit: Vec<Vec<PacketLight>> = packets.par_chunks(TASK).map(lights_of).collect();
         for (packet, light) in packets.iter().zip(lit.iter().flatten()) {
             for (lane, &point) in packet.points().iter().enumerate() {
-                let of_lane = |channels: &[Lanes; 3]| mean * Vec3::from(channels.map(|channel| channel[lane]));
-                all[0][point as usize] = of_lane(&light.base);
+                let mean_of = |channels: &[Lanes; 3]| mean * Vec3::from(of_lane(channels, lane));
+                all[0][point as usize] = mean_of(&light.base);
                 if let Some(lobe) = all[1].get_mut(point as usize) {
-                    *lobe = of_lane(&light.lobe);
+                    *lobe = mean_of(&light.lobe);
                 }
             }
         }
@@ -235,11 +235,11 @@ impl<const CUT_OUTS: bool> LightTask<'_, CUT_OUTS> {
         }
         for (lane, &point) in packet.points().iter().enumerate() {
             let gloss = &self.gloss[point as usize];
-            let light = Vec3::from(seen.light.base.map(|channel| channel[lane]));
+            let light = Vec3::from(of_lane(&seen.light.base, lane));
             if light == Vec3::ZERO {
                 continue;
             }
-            let direction = Vec3::from(seen.directions.map(|axis| axis[lane]));
+            let direction = Vec3::from(of_lane(&seen.directions, lane));
             let weights = gloss.weights_if(gloss.counts || unseen, packet.normal(lane), direction);
             let lobe = light * weights.lobe;
             for channel in 0..3 {

@@ -10,13 +10,13 @@ use crate::direction::Direction;
 use crate::error::Result;
 use crate::geometry::{Geometry, triangle_order};
 use crate::gpu::{Format, Gpu, Texture};
-use crate::points::packets::{Ends, PointHits, PointPacket, cast, packets};
+use crate::points::packets::{Ends, PacketConsumer, PointHits, PointPacket, cast, packets};
 use crate::points::{GatherPoint, Points};
 use crate::scene::{Bvh, LANES, NO_TRIANGLE, Rays, Scene};
 use crate::shaders::BATCH;
 
-/// Point textures whose packets are kept: as many as a bake of four million points has.
-const KEPT: usize = 16;
+/// Most points whose packets are kept.
+const KEPT: usize = 1 << 22;
 
 /// Casts a ray for each point and direction, towards the end of the direction on the point's side of its surface.
 pub struct CpuRayFinder {
@@ -62,7 +62,7 @@ impl CpuRayFinder {
 
     /// Bytes of the packets that are kept of so many points, and of the hits of a batch at `tile` points before they are on the device.
     pub fn bytes(points: usize, tile: usize) -> usize {
-        let kept = points.min(KEPT * tile) * (size_of::<PointPacket>() / LANES + size_of::<u32>());
+        let kept = points.min(KEPT + tile) * (size_of::<PointPacket>() / LANES + size_of::<u32>());
         kept + 2 * points.min(tile) * BATCH * size_of::<Vec2>()
     }
 
@@ -75,7 +75,7 @@ impl CpuRayFinder {
         let new = Rc::new(KeptPoints::new(&points.read()));
         self.kept.retain(|(kept, _)| kept.strong_count() > 0);
         // Points come in turns, so those that do not fit would only drive others out.
-        if self.kept.len() < KEPT {
+        if self.kept.iter().map(|(_, kept)| kept.places.len()).sum::<usize>() < KEPT {
             self.kept.push((Rc::downgrade(identity), Rc::clone(&new)));
         }
         new
@@ -98,6 +98,25 @@ impl KeptPoints {
     }
 }
 
+/// Stores the hits of packets.
+struct HitStorage<'a> {
+    slots: &'a [u32],
+}
+
+impl PacketConsumer for HitStorage<'_> {
+    type Sums = StoredPacket;
+
+    #[inline(always)]
+    fn take(&self, _: &PointPacket, stored: &mut StoredPacket, direction: usize, found: &PointHits) {
+        for (lane, stored) in stored[direction].iter_mut().enumerate() {
+            *stored = match found.hits.triangles[lane] {
+                NO_TRIANGLE => Vec2::ZERO,
+                triangle => Vec2::new(found.hits.distances[lane], (self.slots[triangle as usize] + 1) as f32),
+            };
+        }
+    }
+}
+
 impl HitFinder for CpuRayFinder {
     fn batch(&self) -> usize {
         BATCH
@@ -115,13 +134,7 @@ impl HitFinder for CpuRayFinder {
         let KeptPoints { packets, places } = &*kept;
         let rays = Rays::through(self.cut_outs.as_ref(), &self.bvh);
         let mut stored: Vec<StoredPacket> = vec![Default::default(); packets.len()];
-        cast(rays, packets, &self.ends, &mut stored, |_, stored, direction, found: &PointHits| {
-            let hit = |lane: usize| match found.hits.triangles[lane] {
-                NO_TRIANGLE => Vec2::ZERO,
-                triangle => Vec2::new(found.hits.distances[lane], (self.slots[triangle as usize] + 1) as f32),
-            };
-            stored[direction] = std::array::from_fn(hit);
-        });
+        cast(rays, packets, &self.ends, &mut stored, &HitStorage { slots: &self.slots });
         let size = [points.position.width(), points.position.height()];
         let pairs = self.ends.len().div_ceil(2);
         let texel = |index: usize| {

@@ -3,7 +3,6 @@
 //! [`Pipeline::Raycast`] uses no shader: [packets](crate::points::packets) of rays find hits, and the oracle looks up their radiance. So drivers add no rounding,
 //! such as that of their texture decoding (6e-5 of a textured picture's mean on llvmpipe).
 
-use std::f32::consts::PI;
 use std::rc::Rc;
 
 use glam::{Vec3, Vec4};
@@ -14,10 +13,10 @@ use crate::error::Result;
 use crate::geometry::Geometry;
 use crate::gpu::Gpu;
 use crate::photon::PhotonTexture;
-use crate::points::packets::{Ends, PointHits, PointPacket, SubsetPackets, cast};
+use crate::points::packets::{Ends, PacketConsumer, PointHits, PointPacket, SubsetPackets, cast};
 use crate::points::{Accumulator, GatherPoint, Interleave, PointGloss, Points};
 use crate::reference::Reference;
-use crate::scene::{Bvh, LANES, NO_TRIANGLE, Scene};
+use crate::scene::{Bvh, LANES, Lanes, Scene, of_lane};
 use crate::settings::{Pipeline, Settings};
 use crate::shaders::{BATCH, Consumer, HitRadiance};
 
@@ -63,7 +62,8 @@ struct PacketSubset {
 /// The sums of each point of a packet.
 #[derive(Clone)]
 struct PacketSums {
-    sums: [Vec4; LANES],
+    /// Red, green, blue and weight.
+    sums: [Lanes; 4],
     /// As [`IrradianceGather::read_lobes`]; `None` without gloss.
     lobes: Option<Box<[[Vec4; 2]; LANES]>>,
 }
@@ -148,7 +148,7 @@ impl IrradianceGather {
                 let same = packets.filter(|packets| packets.stride == stride);
                 let packets = same.unwrap_or_else(|| SubsetPackets::of_picture(points, size, stride));
                 let lobes = (!of_points.is_empty()).then(|| Box::new([[Vec4::ZERO; 2]; LANES]));
-                let empty = PacketSums { sums: [Vec4::ZERO; LANES], lobes };
+                let empty = PacketSums { sums: [[0.0; LANES]; 4], lobes };
                 let subset = |packets: Vec<PointPacket>| PacketSubset { sums: vec![empty.clone(); packets.len()], packets };
                 *subsets = packets.subsets.into_iter().map(subset).collect();
                 (*gloss, *places) = (of_points.to_vec(), points.len());
@@ -177,13 +177,9 @@ impl IrradianceGather {
             }
             Method::Packets { subsets, gloss, .. } => {
                 let ends: Vec<Ends> = directions.iter().map(Ends::new).collect();
-                let miss = |direction: &Ends| [false, true].map(|against| scene.gathered_radiance(direction.vector(against)));
-                let misses: Vec<[Vec3; 2]> = ends.iter().map(miss).collect();
-                let take = |packet: &PointPacket, sums: &mut PacketSums, number: usize, found: &PointHits| {
-                    sums.add(packet, found, &ends[number], misses[number], oracle, gloss);
-                };
+                let misses = ends.iter().map(|ends| ends.misses(scene)).collect();
                 let PacketSubset { packets, sums } = &mut subsets[points.subset.index()];
-                cast(oracle.rays(), packets, &ends, sums, take);
+                cast(oracle.rays(), packets, &ends, sums, &PacketGather { oracle, ends: &ends, misses, gloss });
             }
         }
         Ok(most)
@@ -207,40 +203,48 @@ impl IrradianceGather {
     pub fn read(&self) -> Vec<Vec4> {
         match &self.method {
             Method::Shader { sums, .. } => self.interleave.in_order(sums.read()),
-            Method::Packets { subsets, places, .. } => in_order(subsets, *places, |sums, lane| sums.sums[lane]),
+            Method::Packets { subsets, places, .. } => {
+                in_order(subsets, *places, |sums, lane| Vec4::from(of_lane(&sums.sums, lane)))
+            }
         }
     }
 }
 
-impl PacketSums {
-    /// Adds what a packet sees along a direction. `misses`: the radiance of rays without a hit, along and against it.
-    fn add(
-        &mut self,
-        packet: &PointPacket,
-        found: &PointHits,
-        direction: &Ends,
-        misses: [Vec3; 2],
-        oracle: Reference,
-        gloss: &[PointGloss],
-    ) {
-        let radiosities = oracle.radiosities(&found.hits, &found.positions);
-        for lane in (0..LANES).filter(|lane| found.counting >> lane & 1 == 1) {
-            let against = found.against >> lane & 1 == 1;
-            let radiance = match found.hits.triangles[lane] {
-                NO_TRIANGLE => misses[usize::from(against)],
-                _ => radiosities[lane] / PI,
-            };
-            let weight = found.weights[lane];
-            match &mut self.lobes {
-                None => self.sums[lane] += weight * radiance.extend(1.0),
-                Some(lobes) => {
-                    let weights = gloss[packet.points()[lane] as usize].weights(packet.normal(lane), direction.vector(against));
-                    let lobe = weight * weights.lobe;
-                    self.sums[lane] += weight * weights.base * radiance.extend(1.0);
-                    lobes[lane][0] += (radiance * lobe).extend(0.0);
-                    lobes[lane][1] += lobe.extend(0.0);
+/// Adds what packets see along some directions.
+struct PacketGather<'a> {
+    oracle: Reference<'a>,
+    ends: &'a [Ends],
+    /// The radiance of rays without a hit, along and against each direction.
+    misses: Vec<[Vec3; 2]>,
+    /// The gloss of each point, row by row from the bottom. Empty without gloss.
+    gloss: &'a [PointGloss],
+}
+
+impl PacketConsumer for PacketGather<'_> {
+    type Sums = PacketSums;
+
+    #[inline(always)]
+    fn take(&self, packet: &PointPacket, PacketSums { sums, lobes }: &mut PacketSums, direction: usize, found: &PointHits) {
+        let radiosities = self.oracle.radiosities(&found.hits, &found.positions);
+        let (radiance, weights) = (found.radiance(radiosities, self.misses[direction]), found.counted_weights());
+        let Some(lobes) = lobes else {
+            for lane in 0..LANES {
+                for color in 0..3 {
+                    sums[color][lane] += weights[lane] * radiance[color][lane];
                 }
+                sums[3][lane] += weights[lane];
             }
+            return;
+        };
+        for lane in (0..LANES).filter(|lane| found.counting >> lane & 1 == 1) {
+            let (radiance, weight) = (Vec3::from(of_lane(&radiance, lane)), weights[lane]);
+            let vector = self.ends[direction].vector(found.against >> lane & 1 == 1);
+            let of_lobes = self.gloss[packet.points()[lane] as usize].weights(packet.normal(lane), vector);
+            let lobe = weight * of_lobes.lobe;
+            let base = weight * of_lobes.base * radiance.extend(1.0);
+            sums.iter_mut().zip(base.to_array()).for_each(|(sums, base)| sums[lane] += base);
+            lobes[lane][0] += (radiance * lobe).extend(0.0);
+            lobes[lane][1] += lobe.extend(0.0);
         }
     }
 }

@@ -1,12 +1,14 @@
 //! Gather points in packets: 16 neighbours each, whose parallel rays the processor traces together.
 
+use std::f32::consts::PI;
+
 use glam::Vec3;
 use rayon::prelude::*;
 
 use super::GatherPoint;
 use crate::direction::Direction;
 use crate::random::hash;
-use crate::scene::{Chance, LANES, Lanes, PacketHits, RAY_OFFSET, RayPacket, Rays, SharedDirection};
+use crate::scene::{Chance, LANES, Lanes, NO_TRIANGLE, PacketHits, RAY_OFFSET, RayPacket, Rays, Scene, SharedDirection, of_lane};
 
 /// Packets that one task takes along all directions. Their rays meet the same part of the scene.
 const TASK: usize = 32;
@@ -31,7 +33,9 @@ pub struct PointPacket {
 
 /// The hits of a packet's points along one direction.
 pub struct PointHits {
-    /// Whether the direction counts at a point: a bit for each. Its weight is then above 0.
+    /// Whether an end of the direction lies on the outer side of a point's surface: a bit for each. It does not if the direction lies in the surface.
+    pub outside: u32,
+    /// Whether the direction counts at a point: a bit for each. Its weight is then above 0, for it lies in the hemisphere of the normal too.
     pub counting: u32,
     /// Whether a point looks against the direction: a bit for each.
     pub against: u32,
@@ -55,7 +59,13 @@ impl Ends {
         Self { along, against, chance: Chance::of_direction(direction.number) }
     }
 
+    /// The radiance of rays without a hit that gather rays bring, along and against the direction.
+    pub fn misses(&self, scene: &Scene) -> [Vec3; 2] {
+        [false, true].map(|against| scene.gathered_radiance(self.vector(against)))
+    }
+
     /// The unit vector of an end.
+    #[inline(always)]
     pub fn vector(&self, against: bool) -> Vec3 {
         if against { self.against.vector } else { self.along.vector }
     }
@@ -69,6 +79,32 @@ pub struct SubsetPackets {
     pub subsets: Vec<Vec<PointPacket>>,
     /// Number of points, with those that are none.
     pub places: usize,
+}
+
+impl PointHits {
+    /// The radiance that comes to each point: red, green and blue. `radiosities`: of the hits; `misses`: of rays without a hit, along and against the
+    /// direction.
+    #[inline(always)]
+    pub fn radiance(&self, mut radiosities: [Lanes; 3], misses: [Vec3; 2]) -> [Lanes; 3] {
+        for (color, radiance) in radiosities.iter_mut().enumerate() {
+            let misses = misses.map(|miss| miss[color]);
+            for (lane, radiance) in radiance.iter_mut().enumerate() {
+                let miss = misses[(self.against >> lane & 1) as usize];
+                *radiance = if self.hits.triangles[lane] == NO_TRIANGLE { miss } else { *radiance / PI };
+            }
+        }
+        radiosities
+    }
+
+    /// The weight of the direction at each point, 0 where it does not count.
+    #[inline(always)]
+    pub fn counted_weights(&self) -> Lanes {
+        let mut weights = self.weights;
+        for (lane, weight) in weights.iter_mut().enumerate() {
+            *weight = if self.counting >> lane & 1 == 1 { *weight } else { 0.0 };
+        }
+        weights
+    }
 }
 
 impl SubsetPackets {
@@ -165,38 +201,39 @@ fn spread(mut bits: u64) -> u64 {
     bits
 }
 
+/// What is done with the hits of packets.
+pub trait PacketConsumer: Sync {
+    /// What a packet has of its own, such as sums.
+    type Sums: Send;
+
+    /// Takes the hits along one of the directions of [`cast`]. Implementations are inlined, so that they are compiled for the vectors of the processor.
+    fn take(&self, packet: &PointPacket, sums: &mut Self::Sums, direction: usize, found: &PointHits);
+}
+
 /// Casts the rays of `packets` along `directions`, towards the end on each point's side of its surface. Gives the hits of each packet along one direction
-/// after the other to `take`, together with what belongs to the packet of `sums`.
-pub fn cast<S: Send>(
-    rays: Rays,
-    packets: &[PointPacket],
-    directions: &[Ends],
-    sums: &mut [S],
-    take: impl Fn(&PointPacket, &mut S, usize, &PointHits) + Sync,
-) {
-    let task = |(packets, sums): (&[PointPacket], &mut [S])| {
-        let (arch, take) = (pulp::Arch::new(), &take);
+/// after the other to the consumer, together with what belongs to the packet of `sums`.
+pub fn cast<C: PacketConsumer>(rays: Rays, packets: &[PointPacket], directions: &[Ends], sums: &mut [C::Sums], consumer: &C) {
+    let task = |(packets, sums): (&[PointPacket], &mut [C::Sums])| {
+        let arch = pulp::Arch::new();
         if rays.meet_cut_outs() {
-            arch.dispatch(CastTask::<_, _, true> { rays, packets, directions, sums, take });
+            arch.dispatch(CastTask::<_, true> { rays, packets, directions, sums, consumer });
         } else {
-            arch.dispatch(CastTask::<_, _, false> { rays, packets, directions, sums, take });
+            arch.dispatch(CastTask::<_, false> { rays, packets, directions, sums, consumer });
         }
     };
     packets.par_chunks(TASK).zip(sums.par_chunks_mut(TASK)).for_each(task);
 }
 
 /// What [`cast`] does with some packets, compiled for the vectors of the processor.
-struct CastTask<'a, S, T, const CUT_OUTS: bool> {
+struct CastTask<'a, C: PacketConsumer, const CUT_OUTS: bool> {
     rays: Rays<'a>,
     packets: &'a [PointPacket],
     directions: &'a [Ends],
-    sums: &'a mut [S],
-    take: &'a T,
+    sums: &'a mut [C::Sums],
+    consumer: &'a C,
 }
 
-impl<S, T: Fn(&PointPacket, &mut S, usize, &PointHits), const CUT_OUTS: bool> pulp::NullaryFnOnce
-    for CastTask<'_, S, T, CUT_OUTS>
-{
+impl<C: PacketConsumer, const CUT_OUTS: bool> pulp::NullaryFnOnce for CastTask<'_, C, CUT_OUTS> {
     type Output = ();
 
     #[inline(always)]
@@ -204,7 +241,7 @@ impl<S, T: Fn(&PointPacket, &mut S, usize, &PointHits), const CUT_OUTS: bool> pu
         for (number, direction) in self.directions.iter().enumerate() {
             for (packet, sums) in self.packets.iter().zip(&mut *self.sums) {
                 if let Some(hits) = packet.look::<CUT_OUTS>(self.rays, direction) {
-                    (self.take)(packet, sums, number, &hits);
+                    self.consumer.take(packet, sums, number, &hits);
                 }
             }
         }
@@ -225,21 +262,22 @@ impl PointPacket {
         }
     }
 
-    /// The hits along a direction; `None` if it counts at no point.
+    /// The hits along a direction; `None` if it lies in the surfaces of all points.
     #[inline(always)]
     fn look<const CUT_OUTS: bool>(&self, rays: Rays, direction: &Ends) -> Option<PointHits> {
         let vector = direction.along.vector;
-        let (mut counts, mut against, mut weights) = (0, 0, [0.0; LANES]);
+        let (mut outside, mut counts, mut against, mut weights) = (0, 0, 0, [0.0; LANES]);
         for lane in 0..LANES {
             let dot =
                 |normals: &[Lanes; 3]| normals[0][lane] * vector.x + normals[1][lane] * vector.y + normals[2][lane] * vector.z;
             let (side, cosine) = (dot(&self.surface_normals), dot(&self.normals));
             let weight = if side < 0.0 { -cosine } else { cosine };
             weights[lane] = weight;
+            outside |= u32::from((side != 0.0) & (lane < self.count)) << lane;
             counts |= u32::from((weight > 0.0) & (side != 0.0) & (lane < self.count)) << lane;
             against |= u32::from(side < 0.0) << lane;
         }
-        if counts == 0 {
+        if outside == 0 {
             return None;
         }
         let mut hits = PacketHits::NONE;
@@ -256,7 +294,7 @@ impl PointPacket {
                 *position += hits.distances[lane] * step;
             }
         }
-        Some(PointHits { counting: counts, against, weights, hits, positions })
+        Some(PointHits { outside, counting: counts, against, weights, hits, positions })
     }
 
     /// The numbers of the points.
@@ -288,7 +326,7 @@ impl PointPacket {
 
     /// The shading normal of a point.
     pub fn normal(&self, lane: usize) -> Vec3 {
-        Vec3::from(self.normals.map(|axis| axis[lane]))
+        Vec3::from(of_lane(&self.normals, lane))
     }
 }
 

@@ -58,7 +58,8 @@ pub use light::{
 pub use material::{Gloss, Material, NormalMap, Opacity, Surface};
 pub use mesh::{Mesh, Source, Triangle};
 pub use opacity::{Chance, Rays};
-pub use ray_packet::{LANES, Lanes, NO_TRIANGLE, PacketHits, RayPacket, SharedDirection};
+pub(crate) use ray_packet::common;
+pub use ray_packet::{LANES, Lanes, NO_TRIANGLE, PacketHits, RayPacket, SharedDirection, of_lane};
 pub use reversed_lamps::reversed_lamps;
 pub use shadow_packet::ShadowPacket;
 pub use smoothing::FaceNormals;
@@ -127,11 +128,38 @@ impl Scene {
 
     /// The same at a position on a triangle.
     pub fn albedo_at(&self, triangle: usize, position: Vec3) -> Vec3 {
-        let Material { albedo, albedo_texture, gloss, .. } = self.material(triangle);
-        match (albedo_texture, gloss) {
-            (None, None) if self.mesh.colors.is_empty() => *albedo,
-            _ => self.albedo(triangle, self.mesh.barycentric(triangle, position)),
+        let even = self.even_albedo(self.mesh.triangles[triangle].material as usize);
+        even.unwrap_or_else(|| self.albedo(triangle, self.mesh.barycentric(triangle, position)))
+    }
+
+    /// Multiplies a light of all hits of a packet by the reflectance there: red, green and blue.
+    #[inline(always)]
+    pub(crate) fn reflect(&self, hits: &PacketHits, positions: &[Lanes; 3], light: &mut [Lanes; 3]) {
+        // All hits are mostly of one material.
+        let mut materials = [NO_TRIANGLE; LANES];
+        for (material, &triangle) in materials.iter_mut().zip(&hits.triangles).filter(|(_, triangle)| **triangle != NO_TRIANGLE) {
+            *material = self.mesh.triangles[triangle as usize].material;
         }
+        match common(&materials).and_then(|material| self.even_albedo(material as usize)) {
+            Some(albedo) => {
+                for (light, albedo) in light.iter_mut().zip(albedo.to_array()) {
+                    light.iter_mut().for_each(|light| *light *= albedo);
+                }
+            }
+            None => {
+                for lane in (0..LANES).filter(|&lane| hits.triangles[lane] != NO_TRIANGLE) {
+                    let position = Vec3::from(of_lane(positions, lane));
+                    let albedo = self.albedo_at(hits.triangles[lane] as usize, position);
+                    light.iter_mut().zip(albedo.to_array()).for_each(|(light, albedo)| light[lane] *= albedo);
+                }
+            }
+        }
+    }
+
+    /// The reflectance of a material, if it is the same everywhere.
+    fn even_albedo(&self, material: usize) -> Option<Vec3> {
+        let Material { albedo, albedo_texture, gloss, .. } = &self.materials[material];
+        (albedo_texture.is_none() && gloss.is_none() && self.mesh.colors.is_empty()).then_some(*albedo)
     }
 
     /// The colour of a surface there, without its gloss.

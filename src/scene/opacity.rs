@@ -8,7 +8,7 @@
 
 use glam::Vec3;
 
-use super::{Bvh, Hit, LANES, Lanes, Material, PacketHits, RayPacket, Scene, ShadowPacket, SharedDirection};
+use super::{Bvh, Hit, LANES, Lanes, Material, PacketHits, RayPacket, Scene, ShadowPacket, SharedDirection, of_lane};
 use crate::random::{hash, stratified};
 
 /// Which choice surfaces make.
@@ -139,7 +139,7 @@ impl<'a> Rays<'a> {
         let mut passed = [1.0; LANES];
         let reached = if CUT_OUTS {
             self.bvh.reach_of_packet::<true>(rays, |lane, hit| {
-                let direction = Vec3::from(rays.directions.map(|axis| axis[lane]));
+                let direction = Vec3::from(of_lane(&rays.directions, lane));
                 let position = rays.origins.origin(lane) + hit.distance * direction;
                 passed[lane] *= 1.0 - self.cut_outs.map_or(1.0, |scene| scene.opacity(hit.triangle, position));
                 passed[lane] == 0.0

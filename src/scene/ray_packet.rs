@@ -24,6 +24,12 @@ pub(super) const SLACK: f32 = 1e-3;
 /// A component of a direction below this counts as this, so that its inverse is finite.
 const LEAST: f32 = 1e-20;
 
+/// The numbers of one ray. Not by `map`, which copies the arrays.
+#[inline(always)]
+pub fn of_lane<const N: usize>(numbers: &[Lanes; N], lane: usize) -> [f32; N] {
+    std::array::from_fn(|i| numbers[i][lane])
+}
+
 /// The origins of parallel rays.
 #[derive(Clone, Copy)]
 pub struct RayPacket {
@@ -59,7 +65,7 @@ impl RayPacket {
 
     /// The origin of a ray, in unit space.
     pub fn origin(&self, lane: usize) -> Vec3 {
-        Vec3::from(self.scaled.map(|axis| axis[lane])) / SCALE
+        Vec3::from(of_lane(&self.scaled, lane)) / SCALE
     }
 }
 
@@ -96,6 +102,14 @@ pub struct PacketHits {
 
 impl PacketHits {
     pub const NONE: Self = Self { distances: [0.0; LANES], triangles: [NO_TRIANGLE; LANES], fronts: 0 };
+}
+
+/// The number that all lanes have which have any, if that is one number. [`NO_TRIANGLE`]: none.
+#[inline(always)]
+pub(crate) fn common(numbers: &[u32; LANES]) -> Option<u32> {
+    let least = numbers.iter().fold(NO_TRIANGLE, |least, &number| if number < least { number } else { least });
+    let others = numbers.iter().fold(0, |others, &number| others | if number == NO_TRIANGLE { 0 } else { number ^ least });
+    (others == 0 && least != NO_TRIANGLE).then_some(least)
 }
 
 /// What a packet knows while it goes through the tree.

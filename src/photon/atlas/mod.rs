@@ -17,7 +17,7 @@ use self::chart::{ChartPlane, Charts};
 use self::contact::contacts;
 use self::pieces::{ChartPages, Pieces, cell_of};
 use super::store::PhotonStore;
-use crate::scene::{Bvh, LANES, Lanes, Mesh, NO_TRIANGLE, PacketHits, Scene};
+use crate::scene::{Bvh, LANES, Lanes, Mesh, NO_TRIANGLE, PacketHits, Scene, common, of_lane};
 
 /// Photons on a page, on average over its chart. With its neighbours that is four times as many.
 const PHOTONS: f32 = 64.0;
@@ -219,43 +219,98 @@ impl PhotonStore for PhotonAtlas {
         self.irradiance[self.index(self.traced(triangle), position, front)]
     }
 
-    /// The same look-ups in steps, each of all hits: so the processor waits for several reads at once, and computes in vectors.
-    fn irradiance_of_packet(&self, _: &Mesh, hits: &PacketHits, positions: &[Lanes; 3]) -> [Vec3; LANES] {
-        pulp::Arch::new().dispatch(|| {
-            let (mut u, mut v) = ([[0.0; LANES]; 4], [[0.0; LANES]; 4]);
-            let (mut first, mut width, mut last, mut sides) = ([0; LANES], [0; LANES], [[0.0; LANES]; 2], [0; LANES]);
+    fn irradiance_of_packet(&self, _: &Mesh, hits: &PacketHits, positions: &[Lanes; 3]) -> [Lanes; 3] {
+        pulp::Arch::new().dispatch(LookUp { atlas: self, hits, positions })
+    }
+}
+
+/// [`PhotonStore::irradiance_of_packet`] in steps, each of all hits: so the processor waits for several reads at once, and computes in vectors. A type and
+/// not a closure, because `pulp` compiles only for its vectors what is inlined.
+struct LookUp<'a> {
+    atlas: &'a PhotonAtlas,
+    hits: &'a PacketHits,
+    positions: &'a [Lanes; 3],
+}
+
+/// Of the chart of each hit: its map, as functions of x, y, z and 1; its first page, its width and last page; and the side that is met.
+struct ChartLanes {
+    maps: [[Lanes; 4]; 2],
+    first: [u32; LANES],
+    width: [u32; LANES],
+    last: [Lanes; 2],
+    sides: [u32; LANES],
+}
+
+impl ChartLanes {
+    #[inline(always)]
+    fn of(LookUp { atlas, hits, .. }: &LookUp) -> Self {
+        let (first, width, sides) = Default::default();
+        let mut charts = Self { maps: [[[0.0; LANES]; 4]; 2], first, width, last: [[0.0; LANES]; 2], sides };
+        let chart_of = |triangle: u32| {
+            let code = atlas.codes[atlas.traced(triangle as usize)];
+            (code, &atlas.charts[(code >> 1) as usize])
+        };
+        // Neighbours mostly meet one triangle.
+        if let Some(triangle) = common(&hits.triangles) {
+            let (code, chart) = chart_of(triangle);
+            (0..LANES).for_each(|lane| charts.set(lane, chart, code ^ hits.fronts >> lane));
+        } else {
             for lane in (0..LANES).filter(|&lane| hits.triangles[lane] != NO_TRIANGLE) {
-                let code = self.codes[self.traced(hits.triangles[lane] as usize)];
-                let chart = &self.charts[(code >> 1) as usize];
-                for axis in 0..4 {
-                    (u[axis][lane], v[axis][lane]) = (chart.u[axis], chart.v[axis]);
-                }
-                let ChartPages { first: page, size, .. } = chart.pages;
-                (first[lane], width[lane], sides[lane]) = (page, size.x, !(code ^ hits.fronts >> lane) & 1);
-                (last[0][lane], last[1][lane]) = ((size.x - 1) as f32, (size.y - 1) as f32);
+                let (code, chart) = chart_of(hits.triangles[lane]);
+                charts.set(lane, chart, code ^ hits.fronts >> lane);
             }
-            let [x, y, z] = positions;
-            let mut faces = [0; LANES];
+        }
+        charts
+    }
+
+    /// The last bit of `side` is 0 on the chart's back.
+    #[inline(always)]
+    fn set(&mut self, lane: usize, ChartMap { u, v, pages }: &ChartMap, side: u32) {
+        for axis in 0..4 {
+            (self.maps[0][axis][lane], self.maps[1][axis][lane]) = (u[axis], v[axis]);
+        }
+        (self.first[lane], self.width[lane], self.sides[lane]) = (pages.first, pages.size.x, !side & 1);
+        (self.last[0][lane], self.last[1][lane]) = ((pages.size.x - 1) as f32, (pages.size.y - 1) as f32);
+    }
+}
+
+impl pulp::NullaryFnOnce for LookUp<'_> {
+    type Output = [Lanes; 3];
+
+    #[inline(always)]
+    fn call(self) -> [Lanes; 3] {
+        let ChartLanes { maps, first, width, last, sides } = ChartLanes::of(&self);
+        let Self { atlas, hits, positions } = self;
+        let [x, y, z] = positions;
+        // The last bits of this and a smaller whole number are that number. A cast would check for numbers out of range, one lane after the other.
+        const WHOLE: f32 = (1 << 23) as f32;
+        let mut pages = [[0; LANES]; 2];
+        for ((pages, map), last) in pages.iter_mut().zip(&maps).zip(&last) {
             for lane in 0..LANES {
-                let page = |map: &[Lanes; 4], last: &Lanes| {
-                    let place = map[0][lane] * x[lane] + map[1][lane] * y[lane] + map[2][lane] * z[lane] + map[3][lane];
-                    let place = if place > 0.0 { place } else { 0.0 };
-                    (if place < last[lane] { place } else { last[lane] }) as u32
-                };
-                faces[lane] = 2 * (first[lane] + page(&v, &last[1]) * width[lane] + page(&u, &last[0])) + sides[lane];
+                let place = map[0][lane] * x[lane] + map[1][lane] * y[lane] + map[2][lane] * z[lane] + map[3][lane];
+                let place = if place > 0.0 { place } else { 0.0 };
+                let place = if place < last[lane] { place } else { last[lane] };
+                pages[lane] = (place.floor() + WHOLE).to_bits() - WHOLE.to_bits();
             }
-            let mut irradiances = [Vec3::ZERO; LANES];
-            for lane in (0..LANES).filter(|&lane| hits.triangles[lane] != NO_TRIANGLE) {
-                let face = &self.faces[faces[lane] as usize];
-                irradiances[lane] = face.irradiance;
-                if face.is_divided {
-                    let position = Vec3::from(positions.map(|axis| axis[lane]));
-                    let triangle = self.traced(hits.triangles[lane] as usize);
-                    irradiances[lane] = self.irradiance[self.index(triangle, position, hits.fronts >> lane & 1 == 1)];
-                }
+        }
+        let mut faces = [0; LANES];
+        for lane in 0..LANES {
+            faces[lane] = 2 * (first[lane] + pages[1][lane] * width[lane] + pages[0][lane]) + sides[lane];
+        }
+        let mut irradiance = [[0.0; LANES]; 3];
+        for lane in (0..LANES).filter(|&lane| hits.triangles[lane] != NO_TRIANGLE) {
+            let face = &atlas.faces[faces[lane] as usize];
+            let mut found = face.irradiance;
+            if face.is_divided {
+                let triangle = atlas.traced(hits.triangles[lane] as usize);
+                let position = Vec3::from(of_lane(positions, lane));
+                found = atlas.irradiance[atlas.index(triangle, position, hits.fronts >> lane & 1 == 1)];
             }
-            irradiances
-        })
+            for color in 0..3 {
+                irradiance[color][lane] = found[color];
+            }
+        }
+        irradiance
     }
 }
 
