@@ -6,6 +6,7 @@ use std::path::Path;
 use glam::Vec3;
 
 use super::integrals::{Integrals, Tile, Values, Wanted};
+use super::points::Turn;
 use super::schedule::Round;
 use crate::blocks::{Blocks, PairwiseSum, Part, Sum};
 use crate::error::{Error, Result};
@@ -28,7 +29,8 @@ pub struct RoundSums {
 pub struct BlockSums {
     round: usize,
     pub integrals: Integrals,
-    pub tiles: Vec<Tile>,
+    /// With the turn of its points.
+    pub tiles: Vec<(Tile, Turn)>,
 }
 
 #[derive(Default)]
@@ -69,15 +71,28 @@ fn names(round: &Round) -> [String; 2] {
 }
 
 impl BlockSums {
-    pub fn new(gpu: &Gpu, round: usize, integrals: Integrals, points: &[GatherPoint]) -> Result<Self> {
-        let tiles = points.chunks(TILE).map(|points| integrals.tile(gpu, points)).collect::<Result<Vec<_>>>()?;
-        tiles.iter().for_each(Tile::clear);
-        Ok(Self { round, integrals, tiles })
+    /// `points`: those of the round, by runs.
+    pub fn new<'a>(
+        gpu: &Gpu,
+        round: usize,
+        integrals: Integrals,
+        points: impl Iterator<Item = (&'a [GatherPoint], Turn)>,
+    ) -> Result<Self> {
+        let tile = |(points, turn): (&[GatherPoint], Turn)| Ok((integrals.tile(gpu, points)?, turn));
+        let runs = points.flat_map(|(points, turn)| points.chunks(TILE).map(move |points| (points, turn)));
+        let tiles = runs.map(tile).collect::<Result<Vec<_>>>()?;
+        let mut block = Self { round, integrals, tiles };
+        block.clear();
+        Ok(block)
+    }
+
+    fn clear(&mut self) {
+        self.tiles.iter_mut().for_each(|(tile, _)| tile.clear());
     }
 
     fn read(&self) -> Values {
         let mut values = Values::default();
-        self.tiles.iter().for_each(|tile| self.integrals.read(tile, &mut values));
+        self.tiles.iter().for_each(|(tile, _)| Integrals::read(tile, &mut values));
         values
     }
 }
@@ -88,13 +103,13 @@ impl Accumulation {
         Self { rounds: (0..rounds).map(|_| RoundSums::default()).collect(), block: None }
     }
 
-    /// Adds the finished block to its round, and clears the GL sums for the next block.
+    /// Adds the finished block to its round, and clears its sums for the next one.
     pub fn end_block(&mut self, gpu: &Gpu, index: u32) -> Result<()> {
-        let Some(block) = &self.block else { return Ok(()) };
+        let Some(block) = &mut self.block else { return Ok(()) };
         let values = block.read();
         gpu.check("reading sums")?;
         self.rounds[block.round].values.insert_block(index, values);
-        block.tiles.iter().for_each(Tile::clear);
+        block.clear();
         Ok(())
     }
 
@@ -103,16 +118,16 @@ impl Accumulation {
         self.block.as_ref().filter(|block| block.round == round)
     }
 
-    /// Whether each of these rounds has sums of at least some directions.
-    pub fn have_values(&self, mut rounds: Range<usize>) -> bool {
-        rounds.all(|round| self.rounds[round].values.blocks() > 0 || self.block_of(round).is_some())
+    /// Whether each of these rounds has sums of at least some directions. `with_block`: the block in progress counts.
+    pub fn have_values(&self, mut rounds: Range<usize>, with_block: bool) -> bool {
+        rounds.all(|round| self.rounds[round].values.blocks() > 0 || with_block && self.block_of(round).is_some())
     }
 
-    /// Sums of these rounds so far, and direct light, in the order of their points.
-    pub fn total(&self, rounds: Range<usize>) -> (Values, Vec<Vec3>) {
+    /// Sums of these rounds so far, and direct light, in the order of their points. `with_block`: the block in progress counts.
+    pub fn total(&self, rounds: Range<usize>, with_block: bool) -> (Values, Vec<Vec3>) {
         let (mut values, mut direct) = (Values::default(), Vec::new());
         for round in rounds {
-            let latest = self.block_of(round).map(BlockSums::read);
+            let latest = self.block_of(round).filter(|_| with_block).map(BlockSums::read);
             let sums = match (self.rounds[round].values.total(), latest) {
                 (Some(mut sums), Some(latest)) => {
                     sums.add(&latest);

@@ -5,6 +5,7 @@ use std::f32::consts::{PI, TAU};
 use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 
+use super::on_cpu::PacketTile;
 use super::vertex_cache::CachedValues;
 use crate::blocks::{Planes, Sum};
 use crate::error::Result;
@@ -16,10 +17,10 @@ use crate::image::Channel;
 use crate::photon::PhotonTexture;
 use crate::points::{Accumulator, GatherPoint, PointList, Points};
 use crate::quantity::Quantity;
-use crate::shaders::{Consumer, Finder, HarmonicsPass, HitRadiance, RadianceSource};
+use crate::shaders::{Consumer, Finder, HarmonicsPass, HitRadiance};
 
 /// Number of outputs of `glsl/consumer/hemisphere.glsl`: reflected, sky, open, counts.
-const HEMISPHERE: usize = 4;
+pub const HEMISPHERE: usize = 4;
 
 /// Which sums are needed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -62,8 +63,9 @@ pub struct IntegralInputs<'a> {
     pub open_distance: f32,
 }
 
-/// The passes over stored hits, for one kind of radiance and transfer.
+/// How sums are made, for one kind of radiance and transfer.
 pub struct Integrals {
+    /// Passes over stored hits. None if packets of rays make the sums.
     passes: Vec<IntegralPass>,
 }
 
@@ -87,12 +89,14 @@ enum PassInput {
 /// Some of the points, with their sums.
 pub struct Tile {
     pub list: PointList,
+    pub packets: Option<PacketTile>,
     /// One accumulator for each pass.
     sums: Vec<Accumulator>,
 }
 
 impl Tile {
-    pub fn clear(&self) {
+    pub fn clear(&mut self) {
+        self.packets.iter_mut().for_each(PacketTile::clear);
         self.sums.iter().for_each(Accumulator::clear);
     }
 }
@@ -100,7 +104,7 @@ impl Tile {
 /// Sums of points, in the order of the points.
 #[derive(Clone, Debug, Default)]
 pub struct Values {
-    /// All outputs of all passes, for each point:
+    /// All outputs, for each point:
     /// - reflected (rgb: Σ radiance of surfaces × w; a: Σ w),
     /// - sky (rgb: Σ radiance of the environment × w; a: Σ w of misses),
     /// - open (xyz: Σ direction × w of open directions; a: their Σ w),
@@ -111,28 +115,38 @@ pub struct Values {
 }
 
 impl Integrals {
-    /// `source`: where radiance comes from. `textured`: the scene has textures that the passes read. `transfer`: hits have transfer.
-    pub fn new(gpu: &Gpu, wanted: Wanted, textured: bool, source: RadianceSource, transfer: bool) -> Result<Self> {
-        let radiance = HitRadiance { source, textured };
+    /// Sums that packets of rays make: see [`Plan::is_on_cpu`](super::Plan::is_on_cpu).
+    pub fn of_packets() -> Self {
+        Self { passes: Vec::new() }
+    }
+
+    /// Passes. `radiance`: of hits. `transfer`: hits have transfer.
+    pub fn new(gpu: &Gpu, wanted: Wanted, radiance: HitRadiance, transfer: bool) -> Result<Self> {
         let pass =
             |consumer, outputs, reads| Ok(IntegralPass { pass: GatherPass::new(gpu, Finder::Stored, consumer)?, outputs, reads });
         let harmonics = |wanted_so: bool| HarmonicsPass::all(wanted.order).filter(move |_| wanted_so);
         let hemisphere = pass(Consumer::Hemisphere(wanted.radiance.then_some(radiance)), HEMISPHERE, PassInput::Gathered);
         let incident = |part| Consumer::IncidentHarmonics(radiance, part);
         let sh = harmonics(wanted.sh).map(|part| pass(incident(part), part.outputs(), PassInput::Whole));
-        let textured = transfer.then_some(textured);
+        let textured = transfer.then_some(radiance.textured);
         let transfer = |part| Consumer::TransferHarmonics(textured, part);
         let prt = harmonics(wanted.prt).map(|part| pass(transfer(part), part.outputs(), PassInput::Transfer));
         Ok(Self { passes: [hemisphere].into_iter().chain(sh).chain(prt).collect::<Result<_>>()? })
     }
 
-    /// Accumulators for `points`. Clear them before use.
+    /// Whether packets of rays make the sums.
+    pub fn are_of_packets(&self) -> bool {
+        self.passes.is_empty()
+    }
+
+    /// Sums for `points`. Clear them before use.
     pub fn tile(&self, gpu: &Gpu, points: &[GatherPoint]) -> Result<Tile> {
         let list = PointList::upload(gpu, points)?;
         let sums = self.passes.iter().map(|pass| Accumulator::several(gpu, list.points().size(), pass.outputs));
-        Ok(Tile { sums: sums.collect::<Result<_>>()?, list })
+        Ok(Tile { sums: sums.collect::<Result<_>>()?, packets: self.are_of_packets().then(|| PacketTile::new(points)), list })
     }
 
+    /// Adds hits by the passes.
     pub fn add(&self, tile: &Tile, inputs: &IntegralInputs) {
         let own = [("open_distance", Uniform::Float(inputs.open_distance))];
         let radiance = match inputs.radiance {
@@ -153,10 +167,11 @@ impl Integrals {
     }
 
     /// Reads the sums of a tile and appends them to `values`.
-    pub fn read(&self, tile: &Tile, values: &mut Values) {
-        values.planes.resize(self.passes.iter().map(|pass| pass.outputs).sum(), Vec::new());
-        let sums = tile.sums.iter().flat_map(Accumulator::read_all);
-        values.planes.iter_mut().zip(sums).for_each(|(plane, sums)| plane.extend(tile.list.in_order(sums)));
+    pub fn read(tile: &Tile, values: &mut Values) {
+        let of_passes = tile.sums.iter().flat_map(Accumulator::read_all).map(|sums| tile.list.in_order(sums));
+        let sums: Vec<Vec<Vec4>> = tile.packets.iter().flat_map(PacketTile::read).chain(of_passes).collect();
+        values.planes.resize(sums.len(), Vec::new());
+        values.planes.iter_mut().zip(sums).for_each(|(plane, sums)| plane.extend(sums));
     }
 }
 

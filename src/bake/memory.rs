@@ -4,6 +4,7 @@ use glam::Vec3;
 
 use super::accumulation::TILE;
 use super::integrals::Values;
+use super::on_cpu::PacketTile;
 use super::plan::Plan;
 use super::schedule::{PointSet, Schedule};
 use crate::blocks::{Blocks, PairwiseSum};
@@ -16,7 +17,7 @@ use crate::settings::{Pipeline, Settings};
 use crate::shaders::BATCH;
 
 /// Minimum number of points at a time. Fewer do not justify a pass through all directions.
-const LEAST: usize = 1 << 12;
+pub const LEAST: usize = 1 << 12;
 /// Programs for spherical harmonics, in addition to those of every job. Measured with llvmpipe: 15 MiB at the highest order.
 const PROGRAMS: usize = 24 << 20;
 
@@ -27,10 +28,10 @@ pub fn most_points(plan: &Plan, blocks: Blocks, last: bool) -> usize {
     if fit < TILE { (fit / LEAST * LEAST).max(LEAST) } else { fit / TILE * TILE }
 }
 
-/// Bytes of a point of the round in progress: its textures, and its sums on the GL side, in the pairwise tree and in the total.
+/// Bytes of a point of the round in progress: its textures, its packet if it has one, and its sums: of the block, in the pairwise tree and in the total.
 fn bytes_of_point(plan: &Plan, blocks: Blocks, last: bool) -> usize {
     let copies = 1 + blocks.count().ilog2() as usize + 1;
-    PointTextures::bytes([1, 1]) + copies * Values::bytes(&plan.wanted(last))
+    PointTextures::bytes([1, 1]) + PacketTile::bytes(1) + copies * Values::bytes(&plan.wanted(last))
 }
 
 /// Whether to store the hits of the vertices: a later round uses them again, and memory can hold all of them.
@@ -56,7 +57,7 @@ impl Plan {
     /// [`Error::Usage`] when `most` is too small.
     pub(super) fn fit(&mut self, most: usize, scene: &Scene, settings: &Settings, schedule: &Schedule) -> Result<()> {
         let [during, end] = self.bytes(scene, settings, schedule);
-        let [vertices, receivers] = schedule.points;
+        let [vertices, receivers] = schedule.points();
         let least = LEAST.min(vertices.max(receivers)) * bytes_of_point(self, schedule.blocks, true);
         let needed = (during + least).max(end).div_ceil(1 << 20);
         if needed > most {
@@ -72,18 +73,20 @@ impl Plan {
 
     /// Bytes during rounds, without the round in progress; and bytes at the end, when all points have their values.
     fn bytes(&self, scene: &Scene, settings: &Settings, schedule: &Schedule) -> [usize; 2] {
-        let ([vertices, receivers], own) = (schedule.points, schedule.shard.clone());
+        let ([vertices, receivers], own) = (schedule.points(), schedule.shard.clone());
         let all = 0..schedule.blocks.count();
         let sums = |last| Values::bytes(&self.wanted(last));
         let nodes = |blocks| PairwiseSum::<Values>::nodes_of(blocks) as usize;
-        let hits = TILE.min(vertices.max(receivers)) * BATCH * HIT_BYTES;
+        // Hits are stored, and packets kept, for passes alone.
+        let passes = !self.is_on_cpu(settings.gather.pipeline);
+        let hits = if passes { TILE.min(vertices.max(receivers)) * BATCH * HIT_BYTES } else { 0 };
         // Points: in their receiver, in the list of all, and in a tile. Then their direct light.
         let points = (vertices + receivers) * (3 * size_of::<GatherPoint>() + size_of::<Vec3>());
         // Sums of a stage, their total, and cached values.
         let cached = vertices * sums(false) * (nodes(all.clone()) + 2);
         let summed = receivers * sums(true) * nodes(own.clone());
         let packets = match settings.gather.pipeline {
-            Pipeline::Raycast | Pipeline::Auto => CpuRayFinder::bytes(vertices.max(receivers), TILE),
+            Pipeline::Raycast | Pipeline::Auto if passes => CpuRayFinder::bytes(vertices.max(receivers), TILE),
             _ => 0,
         };
         let during = common(scene, settings, self.needs_photons()) + PROGRAMS + hits + packets + points + cached + summed;

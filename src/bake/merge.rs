@@ -5,6 +5,7 @@ use std::path::Path;
 use serde_json::Value;
 
 use super::accumulation::RoundSums;
+use super::points::PointRun;
 use super::schedule::{PointSet, Round};
 use super::{Plan, blocks_of, digest};
 use crate::blocks::{Blocks, Node, PairwiseSum, Part};
@@ -21,8 +22,7 @@ pub struct Merge {
     settings: Settings,
     plan: Plan,
     blocks: Blocks,
-    /// Number of points.
-    points: usize,
+    runs: Vec<PointRun>,
     sums: RoundSums,
 }
 
@@ -35,11 +35,14 @@ impl Merge {
         part.check_version(path)?;
         let settings: Settings = Part::parse_value(path, &part.job["settings"])?;
         let plan: Plan = Part::parse_value(path, &part.job["plan"])?;
-        let points: u32 = Part::parse_value(path, &part.state["points"])?;
+        let runs: Vec<PointRun> = Part::parse_value(path, &part.state["runs"])?;
         let damaged = |_| Error::input(path, None, "damaged: its settings are out of range", "make it again");
         settings.validate().and_then(|()| plan.validate()).map_err(damaged)?;
-        let (blocks, points) = (blocks_of(&settings.directions), points as usize);
-        Ok(Self { job: part.job.clone(), settings, plan, blocks, points, sums: RoundSums::default() })
+        if PointRun::count(&runs).is_none() {
+            return Err(Error::input(path, None, "damaged: its points take impossible turns", "make it again"));
+        }
+        let blocks = blocks_of(&settings.directions, PointRun::turns(&runs));
+        Ok(Self { job: part.job.clone(), settings, plan, blocks, runs, sums: RoundSums::default() })
     }
 
     /// Adds the blocks of a part's last stage.
@@ -51,7 +54,7 @@ impl Merge {
         let plan = self.plan.by(path, part)?;
         let (mut nodes, mut direct) = (Vec::new(), Vec::new());
         // Each round has other points. Their sums are joined for each block.
-        for round in Round::split(&plan, self.blocks, PointSet::Receivers, self.points, plan.stages()) {
+        for round in Round::split(&plan, self.blocks, PointSet::Receivers, &self.runs, plan.stages()) {
             let own = RoundSums::read(path, part, &round, &plan.wanted(true), self.blocks)?;
             let same = nodes.iter().map(Node::range).eq(own.values.nodes().iter().map(Node::range));
             if round.points.start == 0 {
@@ -84,6 +87,10 @@ impl Merge {
     /// # Errors
     /// [`Error::Input`] that names the difference.
     pub fn check_scene(&self, path: &Path, scene: &Scene, points: &[GatherPoint]) -> Result<()> {
+        if PointRun::count(&self.runs) != Some(points.len()) {
+            let problem = format!("damaged: it is not of the {} points of this bake", points.len());
+            return Err(Error::input(path, None, problem, "make it again"));
+        }
         let mut job = self.job.clone();
         [job["scene"], job["points"]] = digest(scene, points);
         Part::new(self.job.clone(), Value::Null).check(path, &job)

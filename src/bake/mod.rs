@@ -12,7 +12,9 @@ mod integrals;
 mod lights;
 mod memory;
 mod merge;
+mod on_cpu;
 mod plan;
+mod points;
 mod schedule;
 mod vertex_cache;
 
@@ -44,10 +46,11 @@ use crate::points::{GatherPoint, sides};
 use crate::prepared::{Photons, Prepared};
 use crate::scene::{Rays, Scene};
 use crate::settings::{DIRECTIONS_PER_PHOTON_MAP, Pipeline, Settings};
-use crate::shaders::RadianceSource;
+use crate::shaders::{BATCH, HitRadiance, RadianceSource};
 
 pub use merge::Merge;
 pub use plan::{Plan, RadianceCache, blocks_of, vertex_inset};
+pub use points::{BakePoints, MOST_TURNS, PointRun, Turn};
 
 /// Counts and times of a bake.
 #[derive(Clone, Debug, Default, Serialize)]
@@ -103,11 +106,12 @@ impl Bake {
         gpu: &Gpu,
         prepared: impl Into<Rc<Prepared>>,
         geometry: impl Into<Rc<Geometry>>,
-        points: Vec<GatherPoint>,
+        points: impl Into<BakePoints>,
         settings: &Settings,
         plan: &Plan,
     ) -> Result<Self> {
         let (prepared, geometry) = (prepared.into(), geometry.into());
+        let BakePoints { points, runs } = points.into();
         settings.validate()?;
         plan.validate()?;
         if settings.directions.target_error > 0.0 {
@@ -115,6 +119,12 @@ impl Bake {
         }
         if points.is_empty() {
             return Err(Error::usage("there are no points to bake", "give a scene or a file that has some"));
+        }
+        if PointRun::count(&runs) != Some(points.len()) {
+            return Err(Error::usage(
+                "the runs of points are not those of the points",
+                "give each point to one run with a possible turn",
+            ));
         }
         let mut settings = *settings;
         if settings.gather.pipeline == Pipeline::Auto {
@@ -134,7 +144,7 @@ impl Bake {
         let mut bake = Self {
             gpu: gpu.clone(),
             digest: digest(&prepared.scene, &points),
-            schedule: Schedule::new(&settings.directions, settings.seed, [cache.points().len(), points.len()], receivers),
+            schedule: Schedule::new(&settings.directions, settings.seed, cache.points().len(), runs, receivers),
             direct: Direct::new(gpu, settings.seed)?,
             settings: *settings,
             plan: plan.clone(),
@@ -211,6 +221,7 @@ impl Bake {
             "scene": scene,
             "space": self.prepared.scene.space,
             "points": points,
+            "turns": PointRun::turns(&self.schedule.receivers),
             "settings": self.settings.of_sums(),
             "plan": self.plan,
         })
@@ -218,7 +229,7 @@ impl Bake {
 
     /// The complete blocks that [`Self::resume`] needs, of all rounds.
     pub fn save(&self) -> Part<'_> {
-        let state = json!({ "stage": self.schedule.stage, "memory": self.plan.memory, "points": self.points.len() });
+        let state = json!({ "stage": self.schedule.stage, "memory": self.plan.memory, "runs": self.schedule.receivers });
         let mut part = Part::new(self.job(), state);
         self.schedule.rounds.iter().zip(&self.sums.rounds).for_each(|(round, sums)| sums.put(&mut part, round));
         part
@@ -281,8 +292,15 @@ impl Bake {
         if self.sums.block.is_none() {
             self.begin_round(at.round, &round)?;
         }
-        self.trace_photons(at.left.start)?;
-        at.left.start += self.gather_batch(&at, &round)?;
+        let taken = self.schedule.runs(&round).any(|(_, turn)| self.schedule.takes(&at, turn));
+        at.left.start += match taken {
+            true => {
+                self.trace_photons(at.left.start)?;
+                self.gather_batch(&at, &round)?
+            }
+            // All points of the round have other turns.
+            false => self.schedule.directions(&at, usize::MAX).len() as u32,
+        };
         if at.left.is_empty() {
             self.sums.end_block(&self.gpu, at.block)?;
             self.schedule.current = None;
@@ -301,7 +319,7 @@ impl Bake {
             return Ok(());
         }
         let before = self.schedule.of_stage(stage - 1);
-        let (values, direct) = self.sums.total(before.clone());
+        let (values, direct) = self.sums.total(before.clone(), false);
         self.cache.fill(&self.gpu, &self.plan, &values, &direct)?;
         self.schedule.stage = stage;
         self.sums.rounds[..before.start].fill_with(RoundSums::default);
@@ -319,9 +337,13 @@ impl Bake {
         let source = if radiance { RadianceSource::VertexCache } else { self.settings.photons.map.into() };
         let scene = &self.prepared.scene;
         let textured = scene.is_textured() || wanted.sh && scene.has_pictures_of_emission();
-        let integrals = Integrals::new(&self.gpu, wanted, textured, source, transfer)?;
+        let integrals = match self.plan.is_on_cpu(self.settings.gather.pipeline) {
+            true => Integrals::of_packets(),
+            false => Integrals::new(&self.gpu, wanted, HitRadiance { source, textured }, transfer)?,
+        };
         let points = if round.set == PointSet::Vertices { self.cache.points() } else { &self.points };
-        let block = BlockSums::new(&self.gpu, number, integrals, &points[round.points.clone()])?;
+        let runs = self.schedule.runs(round).map(|(run, turn)| (&points[run], turn));
+        let block = BlockSums::new(&self.gpu, number, integrals, runs)?;
         let direct = self.direct_light(round, &block)?;
         self.gpu.finish();
         self.gpu.check("direct light")?;
@@ -346,7 +368,7 @@ impl Bake {
         }
         let mut direct = Vec::with_capacity(round.points.len());
         let share = SampleShare::whole(self.settings.direct.light_samples);
-        for tile in &block.tiles {
+        for (tile, _) in &block.tiles {
             let points = tile.list.points();
             let lit = if self.gpu.is_software() {
                 let rays = Rays::new(&self.prepared.scene, &self.prepared.bvh);
@@ -374,6 +396,12 @@ impl Bake {
     fn gather_batch(&mut self, at: &BlockInProgress, round: &Round) -> Result<u32> {
         let start = Instant::now();
         let Some(block) = &self.sums.block else { return Ok(0) };
+        if block.integrals.are_of_packets() {
+            let directions = self.schedule.directions(at, BATCH);
+            self.add_packets(at, round, &directions);
+            self.seconds.gather += start.elapsed().as_secs_f64();
+            return Ok(directions.len() as u32);
+        }
         let source = match &mut self.hit_source {
             Some(source) => source,
             none => {
@@ -396,8 +424,8 @@ impl Bake {
         let mut hits = BatchHits::begin(source, stored, geometry, &directions)?;
         directions.truncate(hits.directions);
         let (miss, whole_miss) = (&MissRadiance::new(scene, &directions), &MissRadiance::whole(scene, &directions));
-        let open_distance = self.plan.ao_distance.map_or(f32::MAX, |length| scene.space.length_to_unit(length));
-        for (index, tile) in block.tiles.iter().enumerate() {
+        let open_distance = self.plan.open_distance(scene);
+        for (index, (tile, _)) in block.tiles.iter().enumerate().filter(|(_, (_, turn))| self.schedule.takes(at, *turn)) {
             let points = tile.list.points();
             let found = hits.of_tile(geometry, index, points)?;
             self.layers_max = self.layers_max.max(found.layers);
@@ -433,21 +461,26 @@ impl Bake {
         self.hit_source = None;
     }
 
-    /// Directions along which every point has gathered, in the last stage.
+    /// Directions along which the points of the last stage have gathered, each in its turn.
     pub fn directions_done(&self) -> u32 {
         self.schedule.directions_done(&self.sums.rounds)
     }
 
     /// Whether each point has a value. Values exist from the last round on, at first from fewer directions.
     pub fn has_values(&self) -> bool {
-        self.sums.have_values(self.schedule.last())
+        self.sums.have_values(self.schedule.last(), self.counts_block())
+    }
+
+    /// Whether the block in progress counts for values. Where points take turns, it has sums of some of them alone.
+    fn counts_block(&self) -> bool {
+        !self.schedule.takes_turns()
     }
 
     /// All quantities so far, with a value for each point in order; `None` if [`Self::has_values`] is false. Also, for each point, the share of its
     /// hemisphere in which it saw back sides of surfaces. If this is most of it, the point lies inside an object.
     pub fn columns(&self) -> Option<(Vec<Channel>, Vec<f32>)> {
         let columns = || {
-            let (values, direct) = self.sums.total(self.schedule.last());
+            let (values, direct) = self.sums.total(self.schedule.last(), self.counts_block());
             self.plan.columns(&values, &direct, &self.points, &self.prepared, &self.settings)
         };
         self.has_values().then(columns)

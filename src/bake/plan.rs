@@ -14,6 +14,7 @@ use crate::image::Channel;
 use crate::points::GatherPoint;
 use crate::prepared::Prepared;
 use crate::quantity::Quantity;
+use crate::scene::Scene;
 use crate::settings::{DirectionSettings, Pipeline, Settings};
 use crate::shaders::BATCH;
 
@@ -98,6 +99,18 @@ impl Plan {
         self.needs_radiance() && self.radiance_cache == RadianceCache::Vertices
     }
 
+    /// Hits beyond this distance in unit space leave a point open.
+    pub(super) fn open_distance(&self, scene: &Scene) -> f32 {
+        self.ao_distance.map_or(f32::MAX, |length| scene.space.length_to_unit(length))
+    }
+
+    /// Whether packets of rays on the CPU make all sums. They read photons, but no vertex cache, and make no spherical harmonics: the hits for these serve
+    /// all sums.
+    pub(super) fn is_on_cpu(&self, pipeline: Pipeline) -> bool {
+        let harmonics = self.wants(Quantity::Sh) || self.wants(Quantity::Prt);
+        pipeline == Pipeline::Raycast && !harmonics && !self.caches_radiance()
+    }
+
     /// Number of gathers at vertices before the gather of the receivers.
     pub(super) fn stages(&self) -> u32 {
         if self.caches_radiance() || self.wants(Quantity::Prt) { self.gather_bounces } else { 0 }
@@ -141,7 +154,7 @@ pub fn vertex_inset(settings: &Settings) -> f32 {
     }
 }
 
-/// The blocks of a bake's directions. Each consists of whole batches.
-pub fn blocks_of(directions: &DirectionSettings) -> Blocks {
-    Blocks::new(directions.count, BATCH as u32)
+/// The blocks of a bake's directions. Each has at least a batch for each of `turns`: see [`Turn`](super::Turn).
+pub fn blocks_of(directions: &DirectionSettings, turns: u32) -> Blocks {
+    Blocks::new(directions.count, BATCH as u32 * turns)
 }

@@ -6,8 +6,9 @@
 use std::ops::Range;
 
 use super::accumulation::RoundSums;
-use super::memory::most_points;
+use super::memory::{LEAST, most_points};
 use super::plan::{Plan, blocks_of};
+use super::points::{PointRun, Turn};
 use crate::blocks::Blocks;
 use crate::direction::{Direction, Directions};
 use crate::settings::DirectionSettings;
@@ -43,10 +44,12 @@ pub struct Schedule {
     pub blocks: Blocks,
     /// The wanted blocks of the last stage.
     pub shard: Range<u32>,
-    /// Number of vertices that gather, and number of receiver points.
-    pub points: [usize; 2],
+    /// The vertices that gather.
+    vertices: [PointRun; 1],
+    /// The receiver points.
+    pub receivers: Vec<PointRun>,
     /// The set of the receiver points, which can be the vertices themselves.
-    receivers: PointSet,
+    set: PointSet,
     /// In the order of stages.
     pub rounds: Vec<Round>,
     /// The current stage. Older sums than those of the stage before are dropped.
@@ -57,10 +60,25 @@ pub struct Schedule {
 
 impl Schedule {
     /// A schedule without rounds.
-    pub fn new(settings: &DirectionSettings, seed: u64, points: [usize; 2], receivers: PointSet) -> Self {
-        let (directions, blocks) = (Directions::new(settings.sequence, seed), blocks_of(settings));
-        let shard = 0..blocks.count();
-        Self { directions, blocks, shard, points, receivers, rounds: Vec::new(), stage: 0, current: None }
+    pub fn new(settings: &DirectionSettings, seed: u64, vertices: usize, receivers: Vec<PointRun>, set: PointSet) -> Self {
+        let (directions, blocks) = (Directions::new(settings.sequence, seed), blocks_of(settings, PointRun::turns(&receivers)));
+        let (shard, vertices) = (0..blocks.count(), [PointRun::whole(vertices)]);
+        Self { directions, blocks, shard, vertices, receivers, set, rounds: Vec::new(), stage: 0, current: None }
+    }
+
+    /// Number of vertices that gather, and number of receiver points.
+    pub fn points(&self) -> [usize; 2] {
+        [&self.vertices[..], &self.receivers].map(|runs| runs.iter().map(|run| run.count).sum())
+    }
+
+    /// The runs of the points of a round, with their turns.
+    pub fn runs(&self, round: &Round) -> impl Iterator<Item = (Range<usize>, Turn)> {
+        PointRun::within(if round.last { &self.receivers } else { &self.vertices }, round.points.clone())
+    }
+
+    /// Whether points of the last stage take turns. Then a block in progress has sums of some of them alone.
+    pub fn takes_turns(&self) -> bool {
+        PointRun::turns(&self.receivers) > 1
     }
 
     /// Begins the rounds of `plan`.
@@ -70,9 +88,9 @@ impl Schedule {
 
     /// The rounds of all points, with the memory of `plan`.
     pub fn rounds_by(&self, plan: &Plan) -> Vec<Round> {
-        let [vertices, receivers] = self.points;
-        let bounces = (0..plan.stages()).flat_map(|stage| Round::split(plan, self.blocks, PointSet::Vertices, vertices, stage));
-        bounces.chain(Round::split(plan, self.blocks, self.receivers, receivers, plan.stages())).collect()
+        let bounce = |stage| Round::split(plan, self.blocks, PointSet::Vertices, &self.vertices, stage);
+        let bounces = (0..plan.stages()).flat_map(bounce);
+        bounces.chain(Round::split(plan, self.blocks, self.set, &self.receivers, plan.stages())).collect()
     }
 
     /// Indices of the rounds of a stage.
@@ -106,28 +124,37 @@ impl Schedule {
         self.current.clone().or_else(in_stages)
     }
 
-    /// The next directions of a block, at most `most`.
+    /// The next directions of a block, at most `most`, all of the same turns.
     pub fn directions(&self, at: &BlockInProgress, most: usize) -> Vec<Direction> {
-        at.left.clone().take(most).map(|number| self.directions.get(number)).collect()
+        let block = self.blocks.directions(at.block..at.block + 1);
+        let parts = self.runs(&self.rounds[at.round]).map(|(_, turn)| turn.part(&block));
+        let bounds = parts.flat_map(|part| [part.start, part.end]).filter(|&bound| bound > at.left.start);
+        let end = bounds.min().unwrap_or(at.left.end).min(at.left.end);
+        (at.left.start..end).take(most).map(|number| self.directions.get(number)).collect()
     }
 
-    /// Directions along which the points of a round have gathered.
-    fn done(&self, round: usize, sums: &[RoundSums]) -> u32 {
-        let current = self.current.iter().filter(|at| at.round == round);
+    /// Whether points with this turn take the next directions of a block.
+    pub fn takes(&self, at: &BlockInProgress, turn: Turn) -> bool {
+        turn.part(&self.blocks.directions(at.block..at.block + 1)).contains(&at.left.start)
+    }
+
+    /// Directions along which the points of a round have gathered. `with_block`: those of the block in progress count.
+    fn done(&self, round: usize, sums: &[RoundSums], with_block: bool) -> u32 {
+        let current = self.current.iter().filter(|at| with_block && at.round == round);
         let current = current.map(|at| at.left.start - self.blocks.directions(at.block..at.block + 1).start);
         self.blocks.summed(&sums[round].values) + current.sum::<u32>()
     }
 
-    /// Directions along which all points of the last stage have gathered.
+    /// Directions along which all points of the last stage have gathered, each in its turn.
     pub fn directions_done(&self, sums: &[RoundSums]) -> u32 {
-        self.last().map(|round| self.done(round, sums)).min().unwrap_or(0)
+        self.last().map(|round| self.done(round, sums, !self.takes_turns())).min().unwrap_or(0)
     }
 
     /// Directions done and in total, summed over all rounds.
     pub fn progress(&self, sums: &[RoundSums]) -> (u64, u64) {
         let total = |round| self.blocks.directions(self.blocks_of(round)).len() as u64;
         let kept = self.of_stage(self.stage.saturating_sub(1)).start;
-        let done = |round| if round < kept { total(round) } else { self.done(round, sums).into() };
+        let done = |round| if round < kept { total(round) } else { self.done(round, sums, true).into() };
         let rounds = 0..self.rounds.len();
         (rounds.clone().map(done).sum(), rounds.map(total).sum())
     }
@@ -139,11 +166,17 @@ impl Schedule {
 }
 
 impl Round {
-    /// The rounds of a stage for `count` points, with the memory of `plan`.
-    pub fn split(plan: &Plan, blocks: Blocks, set: PointSet, count: usize, stage: u32) -> impl Iterator<Item = Self> + use<> {
+    /// The rounds of a stage for the points of `runs`, with the memory of `plan`.
+    pub fn split(
+        plan: &Plan,
+        blocks: Blocks,
+        set: PointSet,
+        runs: &[PointRun],
+        stage: u32,
+    ) -> impl Iterator<Item = Self> + use<> {
         let last = stage == plan.stages();
-        let most = most_points(plan, blocks, last);
-        (0..count).step_by(most).map(move |first| Self { set, points: first..count.min(first + most), stage, last })
+        let ranges = PointRun::split(runs, most_points(plan, blocks, last), LEAST);
+        ranges.into_iter().map(move |points| Self { set, points, stage, last })
     }
 }
 
@@ -163,7 +196,8 @@ mod tests {
         let plan =
             Plan { what: vec![Quantity::Irradiance], order: 3, gather_bounces: 2, ao_distance: None, radiance_cache, memory: 0 };
         let settings = DirectionSettings { count: 157, ..Default::default() };
-        let mut schedule = Schedule::new(&settings, 0, [VERTICES, RECEIVERS], PointSet::Receivers);
+        let receivers = vec![PointRun::whole(RECEIVERS)];
+        let mut schedule = Schedule::new(&settings, 0, VERTICES, receivers, PointSet::Receivers);
         schedule.restart(&plan);
         let sums = schedule.rounds.iter().map(|_| RoundSums::default()).collect();
         (schedule, sums)

@@ -63,10 +63,10 @@ pub fn merge(parts: &[PathBuf], outputs: &[String], change: impl Fn(&mut Display
             let settings = *merge.settings();
             let camera = || Receiver::of_part(path, &first, settings.film.size);
             let (receivers, points) = place(&bake, scene, &settings, &camera, watch)?;
-            merge.check_scene(path, scene, &points)?;
+            merge.check_scene(path, scene, &points.points)?;
             watch.stage("merging");
             each(&mut |path, part| merge.add(path, part))?;
-            let values = Results::Values(&receivers, merge.columns(&prepared, &points)?, scene);
+            let values = Results::Values(&receivers, merge.columns(&prepared, &points.points)?, scene);
             values.write(&request, merge.job(), &changed(&settings, own)?, (settings.directions.count, true))
         }
         _ => return Err(unknown(path)),

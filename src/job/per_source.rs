@@ -27,6 +27,17 @@ const MOST_ROWS: usize = 1 << 26;
 /// Columns of unit vectors begin with this.
 const DIRECTION: &str = "BentNormal";
 
+/// Gives means of unit vectors unit length again.
+pub(super) fn normalize_directions(columns: &mut [Channel]) {
+    for vector in columns.chunk_by_mut(|a, b| [a, b].iter().all(|column| column.name.starts_with(DIRECTION))) {
+        let [x, y, z] = vector else { continue };
+        for ((x, y), z) in x.samples.iter_mut().zip(&mut y.samples).zip(&mut z.samples) {
+            let mean = Vec3::new(*x, *y, *z);
+            [*x, *y, *z] = mean.try_normalize().unwrap_or(mean).to_array();
+        }
+    }
+}
+
 /// # Errors
 /// [`Error::Usage`] when rows are to be vertices of a file, and the scene has none.
 pub(super) fn check(request: &BakeRequest, scene: &Scene) -> Result<()> {
@@ -58,14 +69,7 @@ impl ReceiverValues {
             .iter()
             .map(|Channel { name, samples }| Channel { name: name.clone(), samples: means.of(samples) })
             .collect();
-        for vector in columns.chunk_by_mut(|a, b| [a, b].iter().all(|column| column.name.starts_with(DIRECTION))) {
-            if let [x, y, z] = vector {
-                for i in 0..lists.total() {
-                    let mean = Vec3::new(x.samples[i], y.samples[i], z.samples[i]);
-                    [x.samples[i], y.samples[i], z.samples[i]] = mean.try_normalize().unwrap_or(mean).to_array();
-                }
-            }
-        }
+        normalize_directions(&mut columns);
         let normal = |axis: usize| means.of(&self.normals.iter().map(|normal| normal[axis]).collect::<Vec<_>>());
         let [x, y, z] = [normal(0), normal(1), normal(2)];
 

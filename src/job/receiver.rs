@@ -8,7 +8,8 @@ use glam::{DVec3, Vec3};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
-use crate::bake::vertex_inset;
+use super::per_source::normalize_directions;
+use crate::bake::{BakePoints, MOST_TURNS, PointRun, Turn, vertex_inset};
 use crate::blocks::Part;
 use crate::error::{Error, Result};
 use crate::export::{self, ExportMesh, ExportSource, Lightmap, PointValues, Positions, SourceMap};
@@ -82,6 +83,11 @@ impl ReceiverKind {
             Self::Points(_) => 3,
         };
         Self::NAMES[index]
+    }
+
+    /// Number of parts of the directions that the points take in turns: see [`Turn`].
+    pub(super) fn turns(&self, light_map: &LightMapOptions, settings: &Settings) -> u32 {
+        if *self == Self::LightMap { light_map.turns(settings.directions.count, MOST_TURNS) } else { 1 }
     }
 
     /// Refuses a file that cannot hold the quantities `what` of this receiver. Call it before the work.
@@ -214,6 +220,14 @@ impl Receiver {
         }
     }
 
+    /// The points with their turns. `turns`: [`ReceiverKind::turns`].
+    pub(super) fn with_turns(&self, turns: u32) -> BakePoints {
+        let points = self.points().to_vec();
+        // A light map has the first sample of each texel, then the second, and so on. So a run has whole samples.
+        let run = |index: u32| PointRun { count: points.len() / turns as usize, turn: Turn { index, of: turns } };
+        BakePoints { runs: (0..turns).map(run).collect(), points }
+    }
+
     /// Warnings for the user.
     pub fn warnings(&self) -> &[String] {
         match self {
@@ -233,7 +247,8 @@ impl Receiver {
                 (json!(counts), world_of(vertices.mesh()))
             }
             Self::LightMap(map) => {
-                let (map_image, mended) = map.image(&columns, inside);
+                let (mut map_image, mended) = map.image(&columns, inside);
+                normalize_directions(&mut map_image.channels);
                 image = Some(map_image);
                 mesh = Some(map.mesh().clone());
                 let mut counts = json!(map.counts());

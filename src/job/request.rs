@@ -212,7 +212,13 @@ impl JobRequest {
     }
 
     pub(super) fn blocks(&self, settings: &Settings) -> Blocks {
-        if let Work::Bake(_) = &self.work { blocks_of_bake(&settings.directions) } else { blocks_of(settings) }
+        match &self.work {
+            Work::Bake(bake) => {
+                let turns = bake.receivers.iter().map(|kind| kind.turns(&bake.light_map, settings)).max();
+                blocks_of_bake(&settings.directions, turns.unwrap_or(1))
+            }
+            Work::Render => blocks_of(settings),
+        }
     }
 
     /// Makes all checks that need no device. `shard` has its blocks.

@@ -13,7 +13,7 @@ use super::receiver::{is_picture, is_png};
 use super::report::{ReceiverReport, TaskReport};
 use super::time::choose_directions;
 use super::{BakeRequest, JobRequest, Per, Receiver, ReceiverKind, Watch, Work, check_kept, per_source};
-use crate::bake::Bake;
+use crate::bake::{Bake, BakePoints};
 use crate::blocks::Part;
 use crate::error::{Error, Result};
 use crate::export::ExportSource;
@@ -21,7 +21,7 @@ use crate::gather::chosen_for_bake;
 use crate::geometry::Geometry;
 use crate::gpu::Gpu;
 use crate::image::{Channel, Image, WriteOptions};
-use crate::points::{CameraPoints, GatherPoint};
+use crate::points::CameraPoints;
 use crate::prepared::Prepared;
 use crate::render::Render;
 use crate::scene::{Scene, World};
@@ -97,14 +97,14 @@ impl<'a> Task<'a> {
                 let camera = || see(gpu, &prepared.scene, &geometry, settings.film.size);
                 let (mut receivers, mut points) = place(bake, &prepared.scene, settings, &camera, watch)?;
                 let mut settings = *settings;
-                if settings.gather.pipeline == Pipeline::Auto && !points.is_empty() {
+                if settings.gather.pipeline == Pipeline::Auto && !points.points.is_empty() {
                     settings.gather.pipeline =
-                        chosen_for_bake(gpu.is_software(), &settings, &prepared.scene.mesh, &prepared.bvh, &points);
+                        chosen_for_bake(gpu.is_software(), &settings, &prepared.scene.mesh, &prepared.bvh, &points.points);
                     // Vertices keep another distance from edges in layers.
                     for vertices in receivers.iter_mut().filter(|receiver| matches!(receiver, Receiver::Vertices(_))) {
                         *vertices = Receiver::new(&ReceiverKind::Vertices, &bake.light_map, &prepared.scene, &settings, camera)?;
                     }
-                    points = receivers.iter().flat_map(Receiver::points).copied().collect();
+                    points = points_of(bake, &receivers, &settings);
                 }
                 let inside_out = receivers.iter().zip(&bake.receivers).filter_map(|(receiver, kind)| {
                     let plan = &bake.plan;
@@ -353,13 +353,18 @@ pub(super) fn place(
     settings: &Settings,
     camera: &dyn Fn() -> Result<Receiver>,
     watch: &mut dyn Watch,
-) -> Result<(Vec<Receiver>, Vec<GatherPoint>)> {
+) -> Result<(Vec<Receiver>, BakePoints)> {
     per_source::check(request, scene)?;
     let new = |kind| Receiver::new(kind, &request.light_map, scene, settings, camera);
     let receivers = request.receivers.iter().map(new).collect::<Result<Vec<_>>>()?;
     receivers.iter().flat_map(Receiver::warnings).for_each(|warning| watch.say(&format!("warning: {warning}")));
-    let points = receivers.iter().flat_map(Receiver::points).copied().collect();
+    let points = points_of(request, &receivers, settings);
     Ok((receivers, points))
+}
+
+fn points_of(request: &BakeRequest, receivers: &[Receiver], settings: &Settings) -> BakePoints {
+    let turns = request.receivers.iter().map(|kind| kind.turns(&request.light_map, settings));
+    receivers.iter().zip(turns).map(|(receiver, turns)| receiver.with_turns(turns)).collect()
 }
 
 /// The receiver of the scene's camera, by rasterisation.

@@ -65,7 +65,7 @@ pub(super) fn choose_directions(render: &mut Render, seconds: f64, watch: &mut d
         let whole = Costs { direction: 0.0, block: one_block(render, watch)?, photons }.of(blocks(directions));
         if whole <= TOO_LONG * before || directions == RANGE[0] {
             if whole > TOO_LONG * before.max(0.0) {
-                watch.say(&format!("warning: {seconds} s are too short, even for {directions} directions"));
+                watch.say(&format!("warning: the time is too short, even for {directions} directions"));
             }
             render.count_probes(probing);
             return Ok(directions);

@@ -18,13 +18,13 @@ pub struct Fill {
 }
 
 impl Fill {
-    /// `texels` are those that the map's charts cover, `known` tells which have values, and `padding` rings of texels around charts get values.
-    pub fn new([width, height]: [u32; 2], texels: &[Texel], known: impl Fn(&Texel) -> bool, padding: u32) -> Self {
+    /// `texels` are those that the map's charts cover, `known` tells for each whether it has a value, and `padding` rings of texels around charts get values.
+    pub fn new([width, height]: [u32; 2], texels: &[Texel], known: &[bool], padding: u32) -> Self {
         let mut chart = vec![NONE; width as usize * height as usize];
         let mut given = vec![false; chart.len()];
-        for texel in texels {
+        for (texel, &known) in texels.iter().zip(known) {
             chart[texel.index as usize] = texel.chart;
-            given[texel.index as usize] = known(texel);
+            given[texel.index as usize] = known;
         }
         let around = |texel: u32| {
             let (x, y) = ((texel % width) as i32, (texel / width) as i32);

@@ -17,7 +17,6 @@ mod seams;
 mod unwrap;
 
 use std::collections::HashMap;
-use std::ops::Range;
 
 use glam::{DVec2, Vec2, Vec3};
 use rayon::prelude::*;
@@ -47,6 +46,9 @@ const JOINT_INSET: f32 = 1e-5;
 /// The most that both distances may be, as a fraction of the triangle's height.
 const MAX_INSET: f32 = 0.1;
 
+/// What to do about a map that is too large.
+const SMALLER: &str = "ask for a smaller map, fewer texels per unit or fewer samples per texel";
+
 /// Options of a light map.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LightMapOptions {
@@ -54,8 +56,28 @@ pub struct LightMapOptions {
     pub uvs: UvSource,
     /// Rings of texels around each chart that get its values, at least 1. Charts of an atlas are twice as far apart.
     pub padding: u32,
-    /// Samples in a texel that lies within a surface, rounded up to a square number.
+    /// Samples in a texel, rounded up to a square number. They share the directions of a bake.
     pub samples_per_texel: u32,
+}
+
+/// Fewest directions for each sample of a texel, if the samples are to share them. Where other samples lie inside geometry, all that is left of a texel is
+/// one of them. With fewer directions, such texels beside each other show the error of these few.
+const LEAST_DIRECTIONS: u32 = 64;
+/// Most samples of a texel.
+const MOST_IN_TEXEL: u32 = 256;
+
+impl LightMapOptions {
+    /// Samples along each side of a texel.
+    fn strata(&self) -> u32 {
+        f64::from(self.samples_per_texel).sqrt().ceil() as u32
+    }
+
+    /// In how many turns, at most `most`, the samples of a texel share so many directions. Each turn has equally many samples.
+    pub fn turns(&self, directions: u32, most: u32) -> u32 {
+        let samples = self.strata().saturating_mul(self.strata());
+        let most = most.min(directions / LEAST_DIRECTIONS).min(samples);
+        (1..=most).rev().find(|turns| samples.is_multiple_of(*turns)).unwrap_or(1)
+    }
 }
 
 impl Default for LightMapOptions {
@@ -121,14 +143,13 @@ struct Texel {
     /// Row by row from the bottom.
     index: u32,
     chart: u32,
-    /// Indices of its points.
-    samples: Range<usize>,
 }
 
 /// A layout of surfaces, and gather points in its texels.
 pub struct LightMap {
     mesh: Mesh,
     origins: Vec<u32>,
+    /// The first sample of each texel, then the second of each, and so on.
     points: Vec<GatherPoint>,
     texels: Vec<Texel>,
     seams: Seams,
@@ -163,12 +184,16 @@ impl LightMap {
         if options.padding == 0 || options.samples_per_texel == 0 {
             return Err(Error::usage("a light map without padding or samples", "give at least 1 of each"));
         }
+        if options.samples_per_texel > MOST_IN_TEXEL {
+            let problem = format!("{} samples per texel, where {MOST_IN_TEXEL} are possible", options.samples_per_texel);
+            return Err(Error::usage(problem, "ask for a larger map; more directions make less noise"));
+        }
         let welded = edges::weld(mesh);
         let joints = edges::joints(mesh, &welded);
         let cuts = edges::cuts(mesh, &joints);
         let unwrap = if layout == "own" { unwrap::own } else { unwrap::atlas };
         let UvLayout { uvs, size } = unwrap(&UnwrapInput { mesh, welded: &welded, joints: &joints, cuts: &cuts }, options)?;
-        let strata = f64::from(options.samples_per_texel).sqrt().ceil() as u32;
+        let strata = options.strata();
         check_size(&uvs, size, strata)?;
         let (charts, seams) = edges::charts(&uvs, &joints);
 
@@ -188,14 +213,14 @@ impl LightMap {
         let samples = cover::thin(&all);
         drop(all);
 
-        let mut texels: Vec<Texel> = Vec::new();
-        for (index, sample) in samples.iter().enumerate() {
-            match texels.last_mut() {
-                Some(texel) if texel.index == sample.texel => texel.samples.end = index + 1,
-                _ => texels.push(Texel { index: sample.texel, chart: chart(sample), samples: index..index + 1 }),
-            }
-        }
-        let points = samples.par_iter().map(|sample| point(mesh, sample, cuts[sample.triangle as usize])).collect();
+        let of_texels: Vec<&[cover::Sample]> = samples.chunk_by(|p, q| p.texel == q.texel).collect();
+        let texels = of_texels.iter().map(|own| Texel { index: own[0].texel, chart: chart(&own[0]) }).collect::<Vec<_>>();
+        // Charts with long borders touch more texels than their area tells.
+        check_samples(of_texels.len() as f64 * f64::from(strata).powi(2))?;
+        // A texel with fewer samples, at the border of a chart, repeats them.
+        let nth = |number: usize| of_texels.par_iter().map(move |own| &own[number % own.len()]);
+        let point = |sample: &cover::Sample| point(mesh, sample, cuts[sample.triangle as usize]);
+        let points = (0..(strata * strata) as usize).flat_map(|number| nth(number).map(point).collect::<Vec<_>>()).collect();
         let counts = LightMapCounts {
             width: size[0],
             height: size[1],
@@ -212,7 +237,7 @@ impl LightMap {
         Ok(Self { mesh, origins, points, texels, seams, padding: options.padding, counts, warnings: Vec::new() })
     }
 
-    /// The gather points, several in a texel.
+    /// The gather points: the first sample of each texel, then the second of each, and so on.
     pub fn points(&self) -> &[GatherPoint] {
         &self.points
     }
@@ -239,13 +264,14 @@ impl LightMap {
     /// The map of these values at the points, with `A`, 1 where a surface is. `inside` is the fraction of back-face hits at each point.
     pub fn image(&self, columns: &[Channel], inside: &[f32]) -> (Image, Mended) {
         let [width, height] = [self.counts.width, self.counts.height].map(|side| side as usize);
-        let counts = |texel: &Texel| inside[texel.samples.clone()].iter().any(|&share| share <= INSIDE);
-        let fill = Fill::new([self.counts.width, self.counts.height], &self.texels, counts, self.padding);
+        let samples_of = |number: usize| (number..self.points.len()).step_by(self.texels.len());
+        let known: Vec<bool> =
+            (0..self.texels.len()).map(|texel| samples_of(texel).any(|sample| inside[sample] <= INSIDE)).collect();
+        let fill = Fill::new([self.counts.width, self.counts.height], &self.texels, &known, self.padding);
         let map = |column: &Channel| {
             let mut plane = vec![0.0; width * height];
-            for texel in &self.texels {
-                let outside = counts(texel);
-                let samples = texel.samples.clone().filter(|&sample| !outside || inside[sample] <= INSIDE);
+            for (number, (texel, known)) in self.texels.iter().zip(&known).enumerate() {
+                let samples = samples_of(number).filter(|&sample| !known || inside[sample] <= INSIDE);
                 plane[texel.index as usize] = mean(samples.map(|sample| column.samples[sample]));
             }
             fill.near(&mut plane);
@@ -267,20 +293,22 @@ impl LightMap {
 }
 
 fn check_size(uvs: &[[Vec2; 3]], size: [u32; 2], strata: u32) -> Result<()> {
-    let cure = "ask for a smaller map, fewer texels per unit or fewer samples per texel";
     let [width, height] = size;
     if width.min(height) == 0 || width.max(height) > MAX_SIDE {
         return Err(Error::usage(
             format!("a light map of {width} x {height} texels, where 1 to {MAX_SIDE} a side are possible"),
-            cure,
+            SMALLER,
         ));
     }
     let share: f64 = uvs.iter().map(|&corners| 0.5 * f64::from(double_area(corners))).sum();
-    let samples = share * f64::from(width) * f64::from(height) * f64::from(strata * strata);
-    if samples > MAX_SAMPLES {
-        return Err(Error::usage(format!("a light map of {samples:.0} samples, where {MAX_SAMPLES:.0} are possible"), cure));
+    check_samples(share * f64::from(width) * f64::from(height) * f64::from(strata).powi(2))
+}
+
+fn check_samples(samples: f64) -> Result<()> {
+    match samples > MAX_SAMPLES {
+        true => Err(Error::usage(format!("a light map of {samples:.0} samples, where {MAX_SAMPLES:.0} are possible"), SMALLER)),
+        false => Ok(()),
     }
-    Ok(())
 }
 
 /// The gather point of a sample, on the front of its triangle. The flags tell which edges of the triangle are cuts.
