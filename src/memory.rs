@@ -9,9 +9,11 @@ use crate::film::{Film, FilmSum};
 use crate::gather::LayerStore;
 use crate::geometry::Geometry;
 use crate::photon::{PhotonAtlas, PhotonGrid, PhotonTexture};
-use crate::points::{Accumulator, CameraPoints, GBuffer, GatherPoint, GlossTextures, PointGloss, PointTextures, chosen_source};
+use crate::points::{
+    Accumulator, CameraPoints, GBuffer, GatherPoint, GlossTextures, PointGloss, PointTextures, Sharing, chosen_source,
+};
 use crate::scene::{Environment, Scene, Triangle};
-use crate::settings::{PhotonMapKind, Pipeline, PointSource, Settings};
+use crate::settings::{PhotonMapKind, Pipeline, PointSource, Settings, Squares};
 
 /// Bytes of program and driver. Measured with llvmpipe: the peak of a render of 64 pixels, less the bytes of the types, was 94 MiB.
 const DRIVER: usize = 96 << 20;
@@ -49,7 +51,8 @@ pub fn of_render(scene: &Scene, settings: &Settings, blocks: u32, shard: bool) -
     // Three accumulators: gather, direct light, photon map.
     let gl = CameraPoints::bytes(size) + Accumulator::bytes(size, 3);
     // The photon map; at the end of a block the gather's sums as read, and the same in pixel order; direct light and caustics.
-    let block = GBuffer::bytes(pixels) + texels(3) + 2 * size_of::<Vec3>() * pixels;
+    let sharing = if settings.film.interleave == Squares::Pixels(1) { 0 } else { Sharing::bytes(pixels) };
+    let block = GBuffer::bytes(pixels) + texels(3) + 2 * size_of::<Vec3>() * pixels + sharing;
     let lens = scene.camera.is_some_and(|camera| camera.lens.is_some());
     let rays = match (settings.gather.pipeline, chosen_source(scene, lens, &settings.film)) {
         _ if settings.film.ground => size_of::<Option<GatherPoint>>() * pixels + PointTextures::bytes(size),

@@ -10,6 +10,7 @@ mod interleave;
 mod lightmap;
 mod list;
 pub mod packets;
+mod sharing;
 mod traced;
 mod vertices;
 
@@ -20,6 +21,7 @@ pub use ground::Ground;
 pub use interleave::{Interleave, Subset};
 pub use lightmap::{LightMap, LightMapCounts, LightMapOptions, Mended, Resolution, UvSource};
 pub use list::{GatherPoint, PointList};
+pub use sharing::Sharing;
 pub use traced::EyeRays;
 pub use vertices::{VertexCounts, Vertices};
 

@@ -8,14 +8,14 @@ use rayon::prelude::*;
 use super::{Block, Render};
 use crate::film::LobeSums;
 use crate::photon::CausticMap;
-use crate::points::{GatherPoint, PointGloss};
+use crate::points::{GatherPoint, PointGloss, Sharing};
 use crate::scene::LobeWeights;
 use crate::settings::Estimator;
 
 impl Render {
     /// Divides the gather's sums by what the points pass or reflect of even light, and returns those of the lobes; `None` in a scene without gloss. `sums`
     /// are those of the bases.
-    pub(super) fn lobe_sums<'a>(&self, block: &'a Block, sums: &mut [Vec4]) -> Option<LobeSums<'a>> {
+    pub(super) fn lobe_sums<'a>(&self, block: &'a Block, sharing: &Sharing, sums: &mut [Vec4]) -> Option<LobeSums<'a>> {
         let gloss = &block.g_buffer.gloss;
         let [mut lobes, mut weights] = self.passes.gather.read_lobes()?;
         let over =
@@ -36,7 +36,7 @@ impl Render {
                 }
             }
         });
-        let share = |sums| self.passes.interleave.share(sums, &block.taken, &block.g_buffer);
+        let share = |sums| sharing.share(sums, &block.taken);
         Some(LobeSums { lobes: share(lobes), weights: share(weights), direct: block.lobes.each_ref().map(Vec::as_slice) })
     }
 }

@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use super::{Block, Render, blocks_of};
 use crate::direction::Direction;
 use crate::image::luminance;
-use crate::points::Ground;
+use crate::points::{Ground, Sharing};
 use crate::scene::{Camera, Scene};
 
 /// The ground of a render.
@@ -34,7 +34,7 @@ impl ShadowCatcher {
 impl Render {
     /// Luminous irradiance of each pixel that sees the ground, and the same without the scene, for [`BlockLight`](crate::film::BlockLight).
     /// `gathered` are the sums of the pixels. Both are sums along the same directions, so without a shadow they are equal.
-    pub(super) fn ground_lights(&self, block: &Block, gathered: &[Vec4]) -> Vec<Option<[f32; 2]>> {
+    pub(super) fn ground_lights(&self, block: &Block, sharing: &Sharing, gathered: &[Vec4]) -> Vec<Option<[f32; 2]>> {
         let Some((ShadowCatcher { ground, bright }, environment)) =
             self.catcher.as_ref().zip(self.all.scene.environment.as_ref())
         else {
@@ -51,7 +51,7 @@ impl Render {
         let open = |directions: Vec<Direction>| ground.open(environment, directions.into_iter(), both_ends);
         let open: Vec<Vec4> = done.into_iter().map(open).collect();
         let open = (0..gathered.len()).map(|pixel| open[interleave.subset_of(pixel).index()]).collect();
-        let open = interleave.share(open, &block.taken, &block.g_buffer);
+        let open = sharing.share(open, &block.taken);
 
         // The mean weight of a direction is 1/4, or 1/2 at both ends.
         let directions = block.taken.iter().sum::<u32>().max(1) as f32;

@@ -6,6 +6,7 @@ use super::{Block, Render};
 use crate::error::Result;
 use crate::film::BlockLight;
 use crate::image::Image;
+use crate::points::Sharing;
 use crate::settings::Estimator;
 
 impl Render {
@@ -43,8 +44,9 @@ impl Render {
         if self.settings.directions.estimator == Estimator::Plain {
             gathered.iter_mut().enumerate().for_each(|(pixel, sum)| sum.w = self.expected_weight(block, pixel));
         }
-        let lobes = self.lobe_sums(block, &mut gathered);
-        let gathered = self.passes.interleave.share(gathered, &block.taken, &block.g_buffer);
+        let sharing = Sharing::new(&self.passes.interleave, &block.g_buffer);
+        let lobes = self.lobe_sums(block, &sharing, &mut gathered);
+        let gathered = sharing.share(gathered, &block.taken);
         take(&BlockLight {
             directions: self.taken(block),
             g_buffer: &block.g_buffer,
@@ -52,7 +54,7 @@ impl Render {
             caustics: &block.caustics,
             photon_map: &block.photon_map,
             environment: self.all.scene.environment.is_some(),
-            ground: &self.ground_lights(block, &gathered),
+            ground: &self.ground_lights(block, &sharing, &gathered),
             gathered: &gathered,
             lobes: lobes.as_ref(),
         })
