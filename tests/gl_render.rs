@@ -7,7 +7,6 @@ use std::path::Path;
 use common::need::need;
 use common::{gpu, gpu_of};
 use finalgather::direction::Directions;
-use finalgather::error::Error;
 use finalgather::gpu::{Backend, Gpu};
 use finalgather::image::compare::{Selection, compare};
 use finalgather::image::{Channel, Image};
@@ -85,13 +84,43 @@ fn begun_again_is_begun_anew() {
     // A refused restart leaves everything as it is.
     let refused = render.restart(camera, &settings.with(|s| s.gather.layer_size = LayerSize::Texels(1)));
     assert!(refused.is_err());
-    let other_photons = render.restart(camera, &settings.with(|s| s.seed += 1));
-    assert!(matches!(other_photons, Err(Error::Usage { .. })));
     assert!(same(&render.picture(), &start));
 
     // Nor does a reload leave anything of what was gathered.
     render.reload().unwrap();
     assert_eq!((render.directions_done(), render.statistics().gather.directions), (0, 0));
+    assert!(same(&gather(&mut render), &start));
+}
+
+/// Other photons are traced anew, guided to what the camera sees now; and the first ones come again.
+#[test]
+fn begun_again_with_other_photons() {
+    let gpu = gpu();
+    let (world, settings) = cornell();
+    let settings = settings.with(|s| (s.film.size, s.photons.count, s.gather.pipeline) = ([24, 20], 20_000, Pipeline::Raycast));
+    let gather = |render: &mut Render| {
+        while !render.is_done() {
+            render.step().unwrap();
+        }
+        render.picture()
+    };
+    let own = world.cameras[0].1;
+    let camera = WorldCamera { eye: own.eye + DVec3::new(60.0, 40.0, 0.0), ..own };
+    let elsewhere = World { cameras: vec![("elsewhere".into(), camera)], ..world.clone() };
+    let mut render = Render::new(&gpu, &world, &settings).unwrap();
+    let start = gather(&mut render);
+    for other in [
+        settings.with(|s| s.photons.count = 5000),
+        settings.with(|s| s.seed += 1),
+        settings.with(|s| s.photons.map = PhotonMapKind::Grid),
+    ] {
+        let mut anew = Render::new(&gpu, &elsewhere, &other).unwrap();
+        render.restart(camera, &other).unwrap();
+        let picture = gather(&mut render);
+        assert!(!same(&picture, &start) && same(&picture, &gather(&mut anew)), "{other:?}");
+        assert_eq!((render.statistics().photons, render.job()), (anew.statistics().photons, anew.job()));
+    }
+    render.restart(own, &settings).unwrap();
     assert!(same(&gather(&mut render), &start));
 }
 

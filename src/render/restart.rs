@@ -1,25 +1,41 @@
 //! A render begins again: with another camera, other settings, or changed shaders.
 
+use std::time::Instant;
+
 use super::method::{method, seen};
-use super::{Passes, Render, RenderStatistics, ShadowCatcher, StageSeconds, layer_size};
+use super::{Passes, Render, RenderStatistics, ShadowCatcher, StageSeconds, layer_size, view_of};
 use crate::direction::Directions;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::film::FilmSum;
 use crate::photon::PhotonCounts;
+use crate::points::sides;
+use crate::prepared::Photons;
 use crate::scene::{Camera, WorldCamera};
 use crate::settings::Settings;
 
 impl Render {
-    /// Begins again with another `camera`, in world space, and other `settings`. Keeps the surfaces, the first photons, and the passes where the
-    /// settings allow. A render that has already replaced the first photons traces them again.
+    /// Begins again with another `camera`, in world space, and other `settings`. Keeps the surfaces, and the first photons and the passes where the
+    /// settings allow. A render that has already replaced the first photons traces them again. Other settings of photons trace new ones, guided to what
+    /// this camera sees; until they are there, both maps are in memory.
     ///
     /// # Errors
-    /// As [`Self::new`], and when `settings` change the photons; then nothing has changed.
+    /// As [`Self::new`]; then the sums are as before.
     pub fn restart(&mut self, camera: WorldCamera, settings: &Settings) -> Result<()> {
-        if (settings.photons, settings.seed) != (self.settings.photons, self.settings.seed) {
-            return Err(Error::usage("the photons of a render in progress cannot change", "open the scene again"));
+        settings.validate()?;
+        let camera = self.all.scene.space.enter_camera(camera);
+        if (settings.photons, settings.seed) == (self.settings.photons, self.settings.seed) {
+            return self.begin_again(camera, settings);
         }
-        self.begin_again(self.all.scene.space.enter_camera(camera), settings)
+        let start = Instant::now();
+        let (seen, of) = (seen(&self.gathered, &camera, settings.film.size), (&settings.photons, settings.seed));
+        let make_room = || self.passes.gather.shrink();
+        let photons = Photons::new(&self.gpu, [&self.all, &self.gathered], of, &sides(&seen), make_room)?;
+        let seconds = start.elapsed().as_secs_f64();
+        self.begin_again(camera, settings)?;
+        (self.photons, self.guided) = (photons, view_of(&camera, settings));
+        self.statistics.seconds.photons += seconds;
+        self.forget();
+        Ok(())
     }
 
     /// Begins again with this number of directions.
@@ -43,7 +59,8 @@ impl Render {
         let asked = *settings;
         let seen = seen(&self.gathered, &camera, settings.film.size);
         let (settings, interleave) = &method(self.gpu.is_software(), [&self.all, &self.gathered], (&camera, &seen), settings);
-        let passes = |of: &Settings| (of.film, of.gather, of.gather.pipeline.has_layers().then(|| of.layers()));
+        let layers = |of: &Settings| of.gather.pipeline.has_layers().then(|| of.layers());
+        let passes = |of: &Settings| (of.film, of.gather, layers(of), of.photons.map, of.seed);
         if (passes(settings), *interleave) != (passes(&self.settings), self.passes.interleave) {
             self.passes = Passes::new(&self.gpu, &self.gathered, settings, *interleave)?;
         }

@@ -8,6 +8,9 @@ use serde::Serialize;
 const NO_WAIT: Duration = Duration::from_micros(200);
 
 pub struct Latency {
+    begun: Instant,
+    /// From the start to the first frame with a picture.
+    first: Option<Duration>,
     /// When the loop last began to wait.
     slept: Instant,
     /// When it last woke.
@@ -29,9 +32,11 @@ pub struct Times {
 }
 
 impl Latency {
-    pub fn new() -> Self {
+    /// `begun`: when the program was asked for the window.
+    pub fn new(begun: Instant) -> Self {
         let now = Instant::now();
-        Self { slept: now, woke: now, earlier: now, pending: None, frames: Vec::new(), answers: Vec::new() }
+        let (first, pending, frames, answers) = Default::default();
+        Self { begun, first, slept: now, woke: now, earlier: now, pending, frames, answers }
     }
 
     pub fn sleeps(&mut self) {
@@ -53,9 +58,15 @@ impl Latency {
     pub fn frame(&mut self, begun: Instant, counts: bool) {
         let came = self.pending.take();
         if counts {
+            self.first.get_or_insert_with(|| self.begun.elapsed());
             self.frames.push(begun.elapsed());
             self.answers.extend(came.map(|came| came.elapsed()));
         }
+    }
+
+    /// Milliseconds from the start to the first picture on the screen.
+    pub fn first_picture_ms(&self) -> Option<f64> {
+        self.first.map(|first| 1e3 * first.as_secs_f64())
     }
 
     /// The times of frames, and of answers to events.

@@ -22,6 +22,7 @@ mod worker;
 mod zoom;
 
 use std::path::{Path, PathBuf};
+use std::time::Instant;
 use std::{fs, io};
 
 use egui::ThemePreference;
@@ -89,7 +90,7 @@ pub struct ViewArgs {
     #[arg(long, value_name = "FILE", requires = "frames")]
     pub screenshot: Option<PathBuf>,
 
-    /// Print one JSON object at the end: times of frames and of answers to input since the first picture, in milliseconds
+    /// Print one JSON object at the end: times until the first picture, of frames and of answers to input, in milliseconds
     #[arg(long)]
     json: bool,
 
@@ -134,6 +135,7 @@ enum ShownFirst {
 
 /// Runs the window until it closes. Returns the exit code.
 pub fn run(args: &ViewArgs) -> Result<u8> {
+    let begun = Instant::now();
     let events = EventLoop::<()>::with_user_event().build().map_err(|error| {
         // The last part is the cause. The parts before it name places in winit's source.
         let why = error.to_string();
@@ -156,12 +158,19 @@ pub fn run(args: &ViewArgs) -> Result<u8> {
     let options = WorkerOptions { device: args.device.request(), scene: request, shaders };
     let mut app = App::new(options, scene, events.create_proxy())?;
     args.prepare(&mut app);
-    let mut window = Window::new(args, app);
+    let mut window = Window::new(args, app, begun);
     let ended =
         events.run_app(&mut window).map_err(|error| Error::gl(format!("the window system failed: {error}"), "start again"));
-    let WindowSummary { outcome, times: [frames, answers], api, directions, cursor, left } = window.end();
+    let WindowSummary { outcome, first_picture_ms, times: [frames, answers], api, directions, cursor, left } = window.end();
     let outcome = ended.and(outcome).and_then(|()| {
-        let json = json!({ "api": api, "directions": directions, "frame": frames, "answer": answers, "cursor": cursor });
+        let json = json!({
+            "api": api,
+            "directions": directions,
+            "first_picture_ms": first_picture_ms,
+            "frame": frames,
+            "answer": answers,
+            "cursor": cursor,
+        });
         if args.json { report::print_json(&json) } else { Ok(()) }
     });
     if !left {

@@ -12,7 +12,7 @@ use finalgather::image::{Image, WriteOptions};
 use finalgather::job::{Openness, SceneRequest, metadata, of_picture};
 use finalgather::render::{End, Layers, Render, SeenSurface};
 use finalgather::scene::{Loaded, WorldCamera};
-use finalgather::settings::{Exposure, LayerSize};
+use finalgather::settings::{Exposure, LayerSize, Settings};
 use glam::{DVec3, Vec2};
 
 use crate::scene_file::SceneView;
@@ -24,8 +24,10 @@ use super::worker::{
     DisplayPicture, DisplayRequest, OpenedScene, ReferenceView, RenderProgress, ViewState, WorkerOptions, WorkerReport,
 };
 
-/// Sides of the picture are divided by this while the camera moves.
+/// Sides of the picture are divided by this while the camera moves, and in the first picture.
 const SHRINK: u32 = 2;
+/// Most photons of the first picture.
+const FIRST_PHOTONS: u64 = 1 << 15;
 
 /// The open scene and its render.
 pub struct SceneRender {
@@ -40,6 +42,8 @@ pub struct SceneRender {
     unviewed: bool,
     /// Whether the render must begin again with this view.
     outdated: bool,
+    /// Whether no picture was shown yet. The first one is quick: a small one, with few photons.
+    unseen: bool,
     pass: RenderPass,
     /// When the last picture was finished.
     taken: Instant,
@@ -53,6 +57,8 @@ pub struct SceneRender {
 /// State since the render began with its view.
 #[derive(Default)]
 struct RenderPass {
+    /// Whether the picture is only a quick one: of a moving camera, or the first.
+    quick: bool,
     /// Whether an error stopped the render.
     halted: bool,
     finished: bool,
@@ -83,7 +89,8 @@ pub fn open(gpu: &Gpu, options: &WorkerOptions, path: &Path) -> Result<(OpenedSc
     let request = SceneRequest { path: path.to_owned(), ..options.scene.clone() };
     let Loaded { world, settings, report } = request.load(true)?;
     let settings = request.settings(&settings)?;
-    let render = Render::new(gpu, &world, &settings)?;
+    // What the device refuses of the whole render is refused here. The photons alone take long.
+    let render = Render::new(gpu, &world, &settings.with(few_photons))?;
     let [min, max] = world.bounds();
     let camera = about(world.camera(settings.film.size), 0.5 * (min + max));
     let opened = OpenedScene {
@@ -102,7 +109,8 @@ pub fn open(gpu: &Gpu, options: &WorkerOptions, path: &Path) -> Result<(OpenedSc
         render,
         view: ViewState { camera, settings, moving: false, pace: 0 },
         unviewed: true,
-        outdated: false,
+        outdated: true,
+        unseen: true,
         pass: RenderPass::default(),
         taken: Instant::now(),
         cost: Duration::ZERO,
@@ -110,6 +118,20 @@ pub fn open(gpu: &Gpu, options: &WorkerOptions, path: &Path) -> Result<(OpenedSc
         stages: Vec::new(),
     };
     Ok((opened, scene))
+}
+
+/// Settings for a smaller picture at once.
+fn smaller(mut settings: Settings) -> Settings {
+    settings.film.size = settings.film.size.map(|side| side.div_ceil(SHRINK));
+    settings.gather.layer_size = LayerSize::Texels(settings.layers().min(128));
+    // This gives blocks of eight directions, with a few light samples each.
+    settings.directions.count = 256;
+    settings.direct.light_samples = 128;
+    settings
+}
+
+fn few_photons(settings: &mut Settings) {
+    settings.photons.count = settings.photons.count.min(FIRST_PHOTONS);
 }
 
 /// Moves the target, the centre of orbits, along the view axis to the distance of the scene's centre.
@@ -194,6 +216,10 @@ impl SceneRender {
             self.pass.image = Arc::new(self.picture());
             (self.pass.imaged, self.pass.opened) = (done, false);
             self.show(wanted, tell);
+            if self.unseen {
+                (self.unseen, self.outdated) = (false, true);
+                return Ok(());
+            }
             if let Some(request) = &wanted.layers {
                 self.take_apart(request, tell);
             }
@@ -217,10 +243,15 @@ impl SceneRender {
     ///
     /// # Errors
     /// If the device is lost.
-    fn stops(&self, step: Result<()>, tell: &dyn Fn(WorkerReport)) -> Result<bool> {
+    fn stops(&mut self, step: Result<()>, tell: &dyn Fn(WorkerReport)) -> Result<bool> {
         let Err(error) = step else { return Ok(false) };
         if self.render.is_lost() {
             return Err(error);
+        }
+        // The whole render says what stops it, if anything does.
+        if std::mem::take(&mut self.unseen) {
+            self.outdated = true;
+            return Ok(true);
         }
         tell(WorkerReport::Halted(error));
         Ok(true)
@@ -277,17 +308,24 @@ impl SceneRender {
 
     /// Begins again with the requested view.
     fn restart(&mut self, tell: &dyn Fn(WorkerReport)) {
+        // Who asks for pictures after certain numbers of directions gets those of the whole render alone.
+        self.unseen &= self.view.pace == 0;
         let mut settings = self.view.settings;
-        if self.view.moving {
-            settings.film.size = settings.film.size.map(|side| side.div_ceil(SHRINK));
-            settings.gather.layer_size = LayerSize::Texels(settings.layers().min(128));
-            // This gives blocks of eight directions, with a few light samples each.
-            settings.directions.count = 256;
-            settings.direct.light_samples = 128;
+        let quick = self.view.moving || self.unseen;
+        if quick {
+            settings = smaller(settings);
+        }
+        if self.unseen {
+            few_photons(&mut settings);
         }
         self.outdated = false;
         match self.render.restart(self.view.camera, &settings) {
-            Ok(()) => self.pass = RenderPass::default(),
+            Ok(()) => self.pass = RenderPass { quick, ..RenderPass::default() },
+            // A quick render goes on to no end of its own.
+            Err(error) if self.pass.quick && !quick => {
+                self.pass.halted = true;
+                tell(WorkerReport::Halted(error));
+            }
             Err(error) => tell(WorkerReport::Refused(error)),
         }
     }
@@ -296,7 +334,7 @@ impl SceneRender {
     pub fn reload(&mut self, tell: &dyn Fn(WorkerReport)) {
         match self.render.reload() {
             Ok(()) => {
-                self.pass = RenderPass::default();
+                self.pass = RenderPass { quick: self.pass.quick, ..RenderPass::default() };
                 // A refused restart may have kept the render from the requested view.
                 self.outdated = true;
             }
@@ -309,7 +347,7 @@ impl SceneRender {
         if self.pass.imaged == 0 {
             return;
         }
-        let (image, sharp) = (self.pass.image.clone(), !self.view.moving);
+        let (image, sharp) = (self.pass.image.clone(), !self.pass.quick);
         // A reference has the exposure of the picture.
         let shown = &DisplayOptions { exposure: Exposure::Stops(image.stops(wanted.shown.exposure)), ..wanted.shown };
         let words = |error: Error| match shown.content {

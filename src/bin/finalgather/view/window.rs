@@ -55,6 +55,8 @@ struct Shell {
 /// Results for the report after the window has closed.
 pub struct WindowSummary {
     pub outcome: Result<()>,
+    /// As [`Latency::first_picture_ms`].
+    pub first_picture_ms: Option<f64>,
     /// The times of frames, and of answers to events.
     pub times: [Times; 2],
     /// The library that made the window's context.
@@ -67,7 +69,8 @@ pub struct WindowSummary {
 }
 
 impl Window {
-    pub fn new(args: &ViewArgs, app: App) -> Self {
+    /// `begun`: when the program was asked for the window.
+    pub fn new(args: &ViewArgs, app: App, begun: Instant) -> Self {
         let picture = app.view.settings.film.size;
         let size = args.window.unwrap_or([picture[0].clamp(320, 1280) + panel::WIDTH as u32, picture[1].clamp(640, 900)]);
         Self {
@@ -80,7 +83,7 @@ impl Window {
             shell: None,
             title: String::new(),
             again: None,
-            latency: Latency::new(),
+            latency: Latency::new(begun),
             api: "none",
             losses: 0,
             outcome: Ok(()),
@@ -90,7 +93,9 @@ impl Window {
     pub fn end(mut self) -> WindowSummary {
         let left = self.app.end();
         let (times, directions) = (self.latency.times(), self.app.directions());
-        WindowSummary { outcome: self.outcome, times, api: self.api, directions, cursor: self.app.canvas.values, left }
+        let first_picture_ms = self.latency.first_picture_ms();
+        let (outcome, api, cursor) = (self.outcome, self.api, self.app.canvas.values);
+        WindowSummary { outcome, first_picture_ms, times, api, directions, cursor, left }
     }
 
     fn open(&self, events: &ActiveEventLoop) -> Result<Shell> {
