@@ -312,19 +312,23 @@ pub enum Sequence {
 /// As many as in 16384 x 16384.
 const MOST_PIXELS: u64 = 1 << 28;
 
+/// Directions for which 128² are best: between 2500, as among hundreds of balls, and 19 000, as in the Cornell box.
+const ENOUGH_FOR_128: f64 = 6144.0;
+
 impl GatherSettings {
     /// Side of the square depth layers in texels.
     ///
-    /// The error of a layer's texels changes with each direction. So more directions average it out, though more slowly than their own noise. The side
-    /// of `auto` grows with the square root of the number of directions, or of the number for the target error. It adds 5 to 25 % to the error of so
-    /// many directions (measurements: docs/performance.md). In the limit both errors vanish.
+    /// The error of a layer's texels changes with each direction. So more directions average it out as they do with their own noise, and finer layers
+    /// would only take longer. What is left is a bias b, which falls as the side s grows, while the error e of the directions falls as N^(-3/4). The least
+    /// error for the time has s in proportion to √(b/e) (docs/sampling.md). So the side of `auto` stays at 128 at first, and then it grows as
+    /// N^(3/8). N is the number of directions, or that for the target error.
     pub fn layers(&self, directions: &DirectionSettings) -> u32 {
         match self.layer_size {
             LayerSize::Texels(side) => side,
             LayerSize::Auto => {
                 // About 1024 low-discrepancy directions give an error of 1 %. The error falls with their number to the power of 3/4.
                 let wanted = 1024.0 * (0.01 / directions.target_error).powf(4.0 / 3.0);
-                let side = 128.0 * (wanted.min(directions.count.into()) / 1024.0).sqrt();
+                let side = 128.0 * (wanted.min(directions.count.into()) / ENOUGH_FOR_128).powf(0.375);
                 // Smaller layers would save little time.
                 ((side / 64.0).round() as u32 * 64).clamp(128, 1024)
             }
@@ -417,9 +421,9 @@ mod tests {
             GatherSettings { layer_size, ..Default::default() }.layers(&directions)
         };
         let layers = |count, target_error| by(LayerSize::Auto, count, target_error);
-        assert_eq!([1, 1000, 4096, 16384, 1 << 30].map(|directions| layers(directions, 0.0)), [128, 128, 256, 512, 1024]);
-        // A thousand directions for 1 %, and eight times as many for a fifth of that.
-        assert_eq!([layers(1 << 30, 0.01), layers(1 << 30, 0.002), layers(100, 0.002)], [128, 384, 128]);
+        assert_eq!([1, 4096, 16384, 65536, 1 << 30].map(|directions| layers(directions, 0.0)), [128, 128, 192, 320, 1024]);
+        // A thousand directions for 1 %, and 22 times as many for a tenth of that.
+        assert_eq!([layers(1 << 30, 0.01), layers(1 << 30, 0.001), layers(100, 0.001)], [128, 192, 128]);
         assert_eq!(by(LayerSize::Texels(96), 1 << 20, 0.0), 96);
     }
 

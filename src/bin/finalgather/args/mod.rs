@@ -68,7 +68,7 @@ pub struct Overrides {
     #[arg(long, value_name = "N", value_parser = count::<u32>, help = setting("Number of global directions. All points share them", |s| s.directions.count))]
     directions: Option<u32>,
 
-    #[arg(long, hide_short_help = true, value_name = "auto|N", value_parser = |text: &str| auto_or(text, LayerSize::Texels), help = setting("Side of the depth layers in texels. auto grows with the number of directions: 128 up to a thousand, 256 at four thousand, 1024 at most", |s| s.gather.layer_size))]
+    #[arg(long, hide_short_help = true, value_name = "auto|N", value_parser = |text: &str| auto_or(text, LayerSize::Texels), help = setting("Side of the depth layers in texels. auto grows with the number of directions: 128 up to eleven thousand, 192 at 16 thousand, 1024 at most", |s| s.gather.layer_size))]
     layer_size: Option<LayerSize>,
 
     #[arg(long, value_parser = named::<PointSource>(&["auto", "camera", "traced"]), help = setting("How the camera finds its points: by rasterisation, or by rays through mirrors, glass and the lens", |s| name(s.film.points)))]
