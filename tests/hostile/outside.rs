@@ -154,13 +154,16 @@ fn parts_of_bakes_are_sound_or_refused() {
     tool::success(tool::tool(&folder).args(bake.split(' ')));
     let sound = Part::read(&path("sound.part")).unwrap();
     type Change = fn(&mut Value, &mut Value);
-    let changes: [Change; 10] = [
+    let changes: [Change; 13] = [
         |job, _| job["plan"] = json!(7),
         |job, _| job["plan"]["order"] = json!(100),
         |job, _| job["settings"]["size"] = json!([4_294_967_295_u32, 4_294_967_295_u32]),
         |job, _| job["settings"]["directions"] = json!(0),
         |job, _| job["version"] = json!("0.0.0"),
-        |_, state| state["points"] = json!(4_294_967_295_u32),
+        |_, state| state["runs"] = json!([]),
+        |_, state| state["runs"][0]["count"] = json!(4_294_967_295_u32),
+        |_, state| state["runs"][0]["count"] = json!(1_u64 << 60),
+        |_, state| state["runs"][0]["turn"]["of"] = json!(0),
         |_, state| state["memory"] = json!(-1),
         |_, state| state["request"] = Value::Null,
         |_, state| state["request"]["scene"]["path"] = json!("none.obj"),
