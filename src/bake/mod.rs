@@ -3,6 +3,7 @@
 //! [`Bake::new`] takes the points of all receivers in order. [`Bake::step`] gathers along a few more directions. [`Bake::columns`] gives a value for
 //! each point. In a step, `schedule` selects points and directions, `vertex_cache` holds earlier results at the scene's vertices (for bounces
 //! without photons and for [`Quantity::Prt`](crate::quantity::Quantity::Prt)), `hits` finds hits, passes over them (`integrals`) add up, and `accumulation` keeps the sums.
+//! Packets of rays find hits and add up at once (`on_cpu`). `points` tells which part of the directions a point takes.
 //!
 //! Block sums merge exactly. So machines can share a bake ([`Bake::only`], [`Merge`]), and a bake can go on later ([`Bake::save`], [`Bake::resume`]).
 
