@@ -99,12 +99,32 @@ pub fn encode_u32(shape: &[usize], numbers: impl Iterator<Item = u32>) -> Vec<u8
     encode_words(shape, "<u4", numbers.map(u32::to_le_bytes))
 }
 
+/// Encodes 64-bit floats in the same way.
+pub fn encode_f64(shape: &[usize], numbers: impl Iterator<Item = f64>) -> Vec<u8> {
+    encode_words(shape, "<f8", numbers.map(f64::to_le_bytes))
+}
+
+/// Encodes a text, as an array without dimensions: `str(array)` in Python.
+pub fn encode_text(text: &str) -> Vec<u8> {
+    // A text without letters has no type in NumPy.
+    let letters = text.chars().count().max(1);
+    let words = text.chars().map(u32::from).chain(text.is_empty().then_some(0)).map(u32::to_le_bytes);
+    encode_words(&[], &format!("<U{letters}"), words)
+}
+
+/// Decodes a text of [`encode_text`].
+pub fn parse_text(bytes: &[u8]) -> Option<String> {
+    let (length, rest) = bytes.strip_prefix(MAGIC)?.strip_prefix(&[1, 0])?.split_first_chunk()?;
+    let words = rest.get(u16::from_le_bytes(*length).into()..)?.as_chunks().0;
+    words.iter().map(|word| char::from_u32(u32::from_le_bytes(*word))).filter(|letter| *letter != Some('\0')).collect()
+}
+
 /// Whether a file begins as those of [`encode_u32`].
 pub fn is_u32(bytes: &[u8]) -> bool {
     bytes.starts_with(MAGIC) && bytes.get(MAGIC.len() + 4..).is_some_and(|header| header.starts_with(b"{'descr': '<u4'"))
 }
 
-fn encode_words(shape: &[usize], kind: &str, words: impl Iterator<Item = [u8; 4]>) -> Vec<u8> {
+fn encode_words<const SIZE: usize>(shape: &[usize], kind: &str, words: impl Iterator<Item = [u8; SIZE]>) -> Vec<u8> {
     // In Python, a tuple of one number needs a comma.
     let shape: String = shape.iter().map(|side| format!("{side}, ")).collect();
     let mut header = format!("{{'descr': '{kind}', 'fortran_order': False, 'shape': ({shape}), }}");

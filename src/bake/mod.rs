@@ -179,6 +179,14 @@ impl Bake {
         &self.prepared
     }
 
+    /// The scene alone, once the work is done.
+    pub fn into_scene(self) -> Scene {
+        let prepared = self.prepared.clone();
+        // The photons share it.
+        drop(self);
+        Rc::try_unwrap(prepared).map_or_else(|shared| shared.scene.clone(), |prepared| prepared.scene)
+    }
+
     pub fn is_done(&self) -> bool {
         self.schedule.next(&self.sums.rounds).is_none()
     }

@@ -17,11 +17,13 @@ use crate::scene::{GltfFile, ImageTexture, Instance, Material, Mesh, Scene, Sour
 
 mod glb;
 mod npy;
+mod npz;
 mod obj;
 mod ply;
 mod round_trip;
 
 pub use npy::{is_of, parse_prt, read_prt};
+pub use npz::MapValues;
 
 /// Positions in world space.
 #[derive(Clone, Copy)]
@@ -146,7 +148,7 @@ impl<'a> Positions<'a> {
 }
 
 impl PointValues<'_> {
-    pub const ENDINGS: &'static [&'static str] = &["ply", "npy", "glb", "obj"];
+    pub const ENDINGS: &'static [&'static str] = &["ply", "npy", "npz", "glb", "obj"];
 
     /// Writes the format of the path's ending. Vertex colours are for display, with the exposure and tone curve of a PNG; columns stay as they
     /// are. A `.json` beside a NumPy file describes its numbers.
@@ -156,6 +158,7 @@ impl PointValues<'_> {
         match ending {
             "ply" => ply::write(path, self, options),
             "npy" => npy::write(path, self, options),
+            "npz" => npz::write(path, self, options),
             "obj" => obj::write_values(path, self, options),
             _ => glb::write_values(path, self, options),
         }
@@ -289,13 +292,14 @@ impl ExportMesh<'_> {
 
 /// Reads [`WriteOptions::metadata`] from a file of a format that stores it: OpenEXR, NumPy, PLY.
 pub fn metadata_of(path: &Path) -> Option<Value> {
-    match ending(path, &["exr", "npy", "ply"]).ok()? {
+    match ending(path, &["exr", "npy", "npz", "ply"]).ok()? {
         "exr" => {
             let about = Image::exr_metadata(path, &read_file(path, MOST_BYTES).ok()?)?;
             // Read all of it, because the file may be cut short.
             Image::read(path).ok().and_then(|_| serde_json::from_str(&about).ok())
         }
         "npy" => npy::metadata(path),
+        "npz" => npz::metadata(path),
         _ => ply::metadata(&read_file(path, MOST_BYTES).ok()?),
     }
 }

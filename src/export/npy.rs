@@ -14,9 +14,10 @@ use crate::error::{Error, Result};
 use crate::file::{MOST_BYTES, MOST_WORDS, read_file, write_file};
 use crate::image::{Channel, WriteOptions};
 use crate::npy::{self, Array};
+use crate::quantity::ValueArray;
 
 /// Key of the metadata in the JSON.
-const ABOUT: &str = "finalgather";
+pub(super) const ABOUT: &str = "finalgather";
 /// Key of the array file's checksum.
 const ARRAY: &str = "npy_sha256";
 /// Key of the positions' checksum.
@@ -27,62 +28,54 @@ const MAP: &str = "sources";
 const BASIS: &str =
     "real orthonormal spherical harmonics without the Condon-Shortley phase, at index l (l + 1) + m; z is the polar axis";
 
-/// Meaning and unit of each quantity. Users read these texts.
-const QUANTITIES: [(&str, &str); 9] = [
-    ("Irradiance", "W/m² in each channel, direct and indirect"),
-    ("IrradianceDirect", "W/m² in each channel, straight from lights and from beyond the scene"),
-    ("IrradianceIndirect", "W/m² in each channel, by way of other surfaces"),
-    ("AO", "share of the cosine-weighted hemisphere that is open: 1 where nothing is near"),
-    ("BentNormal", "mean direction that is open, of unit length"),
-    ("Sky", "share of the cosine-weighted hemisphere that leaves the scene"),
-    ("SH", "coefficients of the incident radiance, W/(m² sr) in each channel"),
-    ("PRTUnshadowed", "the same as PRT with nothing around"),
-    ("PRT", "coefficients of the transfer from incident radiance to irradiance / π: cosine and 1/π are in, the albedo is not"),
-];
-
 pub fn write(path: &Path, values: &PointValues, options: &WriteOptions) -> Result<()> {
     let columns = values.columns;
     let points = columns.first().map_or(0, |column| column.samples.len());
-    let shape = shape(points, columns);
-    let mut quantities = Map::new();
-    for (name, meaning) in QUANTITIES {
-        if columns.iter().any(|column| quantity(column) == name) {
-            quantities.insert(name.into(), meaning.into());
-        }
-    }
-    let mut about = json!({
-        "shape": shape,
-        "columns": columns.iter().map(|column| column.name.as_str()).collect::<Vec<_>>(),
-        "quantities": quantities,
-        POSITIONS: digest(values.positions),
-    });
-    if columns.iter().any(|column| ["SH", "PRT"].contains(&quantity(column))) {
-        about["basis"] = BASIS.into();
-    }
-    if let Some(metadata) = options.metadata {
-        about[ABOUT] = serde_json::from_str(metadata).unwrap_or_else(|_| metadata.into());
-    }
+    let names: Vec<&str> = columns.iter().map(|column| column.name.as_str()).collect();
+    let shape = match &ValueArray::of(&names)[..] {
+        [one] => one.shape(&[points]),
+        _ => vec![points, columns.len()],
+    };
+    let mut about = json!({ "shape": shape });
+    describe_columns(&names, options, &mut about);
+    about[POSITIONS] = digest(values.positions).into();
     let rows = (0..points).flat_map(|i| columns.iter().map(move |column| column.samples[i]));
     let array = npy::encode(&shape, rows);
     // The checksum shows whether both files are from one bake: an error may leave one of them unwritten.
     about[ARRAY] = sha256(&array).into();
     if let Some(sources) = &values.sources {
         let map = sources_array(sources);
-        about[MAP] = describe(sources, path, &map);
+        let name = path.with_extension(SOURCES);
+        about[MAP] = describe_sources(sources, &name.file_name().unwrap_or_default().to_string_lossy(), &map);
         write_file(&path.with_extension(SOURCES), &map)?;
     }
     write_file(&path.with_extension("json"), format!("{about:#}\n").as_bytes())?;
     write_file(path, &array)
 }
 
+/// Describes columns, for whoever reads a file of them, and adds the metadata.
+pub(super) fn describe_columns(names: &[&str], options: &WriteOptions, about: &mut Value) {
+    about["columns"] = json!(names);
+    let arrays = ValueArray::of(names);
+    let meanings: Map<_, _> = arrays.iter().map(|array| (array.name.clone(), array.meaning().into())).collect();
+    about["quantities"] = meanings.into();
+    if arrays.iter().any(|array| ["SH", "PRT", "PRTUnshadowed"].contains(&array.name.as_str())) {
+        about["basis"] = BASIS.into();
+    }
+    if let Some(metadata) = options.metadata {
+        about[ABOUT] = serde_json::from_str(metadata).unwrap_or_else(|_| metadata.into());
+    }
+}
+
 /// Whole numbers of the shape `[points, 2]`: the object, and the index in its list of vertices.
-fn sources_array(sources: &SourceMap) -> Vec<u8> {
+pub(super) fn sources_array(sources: &SourceMap) -> Vec<u8> {
     npy::encode_u32(&[sources.points.len(), 2], sources.points.iter().flat_map(|source| [source.instance, source.index]))
 }
 
-fn describe(sources: &SourceMap, path: &Path, array: &[u8]) -> Value {
+/// Describes the bytes of [`sources_array`], of this name.
+pub(super) fn describe_sources(sources: &SourceMap, name: &str, array: &[u8]) -> Value {
     json!({
-        "array": path.with_extension(SOURCES).file_name().unwrap_or_default().to_string_lossy(),
+        "array": name,
         "columns": ["object", "index"],
         "meaning": "for each point, its object in the list here and the index of its vertex in the file, from 0",
         "file": sources.file,
@@ -115,26 +108,6 @@ pub fn check_ours(path: &Path) -> Result<()> {
         return Err(Error::usage(problem, "give the array another name, for this map goes beside it (.sources.npy)"));
     }
     Ok(())
-}
-
-fn quantity(column: &Channel) -> &str {
-    column.name.split('.').next().unwrap_or_default()
-}
-
-fn shape(points: usize, columns: &[Channel]) -> Vec<usize> {
-    let is_one = columns.windows(2).all(|pair| quantity(&pair[0]) == quantity(&pair[1]));
-    match columns {
-        [column] if column.name == quantity(column) => vec![points],
-        [first, ..] if is_one && are_coefficients(quantity(first), columns) => vec![points, columns.len() / 3, 3],
-        _ => vec![points, columns.len()],
-    }
-}
-
-/// Whether the columns are all coefficients of some order, each with R, G and B, in their order.
-fn are_coefficients(quantity: &str, columns: &[Channel]) -> bool {
-    let order = (columns.len() / 3).isqrt();
-    let name = |i: usize| format!("{quantity}.{:02}.{}", i / 3, ["R", "G", "B"][i % 3]);
-    order > 0 && 3 * order * order == columns.len() && columns.iter().enumerate().all(|(i, column)| column.name == name(i))
 }
 
 /// The checksum of positions in world space, in their order, as a PLY holds them.
@@ -184,7 +157,8 @@ pub fn parse_prt(path: &Path, bytes: &[u8], about: &[u8]) -> Result<Vec<Channel>
             samples: (0..array.shape[0]).map(|row| at(row, column) as f32).collect(),
         })
         .collect();
-    if !are_coefficients("PRT", &prt) {
+    let names: Vec<&str> = prt.iter().map(|column| column.name.as_str()).collect();
+    if !matches!(&ValueArray::of(&names)[..], [one] if one.is_of_coefficients()) {
         return Err(Error::input(&json_path, None, "the columns are not the coefficients of radiance transfer", CURE));
     }
     match prt.iter().find_map(|column| column.samples.iter().position(|sample| !sample.is_finite()).map(|point| (point, column)))

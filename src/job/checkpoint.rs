@@ -23,7 +23,7 @@ const SHARE: u32 = 20;
 pub struct Keeping {
     /// The job does this share of the directions and writes a part instead of results. It needs `file`.
     pub shard: Option<Shard>,
-    /// `None`: a long job writes beside its first output, and removes the file at its end.
+    /// `None`: a long job writes beside its first output, and removes the file at its end. Without outputs, nothing is kept.
     pub file: Option<PathBuf>,
     /// Time between two writes. Zero: a write after every block.
     pub every: Duration,
@@ -47,7 +47,7 @@ pub(super) struct Checkpoint {
     /// Whether the last write failed. The user is told once.
     failing: bool,
     /// Stops other runs from writing the file.
-    lock: Result<Lock, String>,
+    lock: Result<Option<Lock>, String>,
 }
 
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -58,6 +58,8 @@ enum CheckpointKind {
     Automatic,
     /// The result of a shard.
     Part,
+    /// There is no file.
+    Nothing,
 }
 
 impl Checkpoint {
@@ -75,6 +77,7 @@ impl Checkpoint {
                 return Err(Error::usage(problem, "give them two names"));
             }
             (Some(path), None) => (path, CheckpointKind::Named),
+            (None, None) if outputs.is_empty() => (PathBuf::new(), CheckpointKind::Nothing),
             (None, None) => {
                 // Appended, because the name has an ending.
                 let mut path = outputs.first().cloned().unwrap_or_default().into_os_string();
@@ -82,8 +85,12 @@ impl Checkpoint {
                 (path.into(), CheckpointKind::Automatic)
             }
         };
-        Part::check_writable(&path)?;
-        let lock = lock(&path)?;
+        let lock = if kind == CheckpointKind::Nothing {
+            Ok(None)
+        } else {
+            Part::check_writable(&path)?;
+            lock(&path)?
+        };
         if kind != CheckpointKind::Automatic && !resume && path.exists() {
             let shown = path.display();
             return Err(match Part::read(&path) {
@@ -116,12 +123,16 @@ impl Checkpoint {
 
     /// A file that exists while this run lasts.
     pub fn lock_path(&self) -> Option<&Path> {
-        self.lock.as_ref().ok().map(Lock::path)
+        self.lock.as_ref().ok()?.as_ref().map(Lock::path)
     }
 
     /// Whether the file stays if the run stops now.
     pub fn is_kept(&self) -> bool {
-        self.kind != CheckpointKind::Automatic || self.begun.elapsed() >= PATIENCE * self.every || self.resume
+        match self.kind {
+            CheckpointKind::Named | CheckpointKind::Part => true,
+            CheckpointKind::Automatic => self.begun.elapsed() >= PATIENCE * self.every || self.resume,
+            CheckpointKind::Nothing => false,
+        }
     }
 
     /// The sums of an earlier run, if the job resumes from them.
@@ -133,7 +144,7 @@ impl Checkpoint {
             watch.say(warning);
         }
         let (exists, path) = (self.path.exists(), self.path.display());
-        if self.resume && !exists && !self.may_be_finished() {
+        if self.resume && !exists && !self.may_be_finished() && self.kind != CheckpointKind::Nothing {
             self.say_beginning(watch);
         } else if exists && !self.resume {
             watch.say(&format!(
@@ -161,7 +172,7 @@ impl Checkpoint {
 
     /// Writes `part` when a write is due. If that fails, the job continues: there may be space again later.
     pub fn keep<'a>(&mut self, watch: &mut dyn Watch, part: impl FnOnce() -> Part<'a>) {
-        if Instant::now() < self.due {
+        if Instant::now() < self.due || self.kind == CheckpointKind::Nothing {
             return;
         }
         let part = part();
@@ -198,7 +209,7 @@ impl Checkpoint {
             CheckpointKind::Named | CheckpointKind::Part => self.write(part())?,
             // A leftover file does no harm.
             CheckpointKind::Automatic if self.own => drop(fs::remove_file(&self.path)),
-            CheckpointKind::Automatic => {}
+            CheckpointKind::Automatic | CheckpointKind::Nothing => {}
         }
         Ok(())
     }
@@ -218,8 +229,8 @@ impl Checkpoint {
 }
 
 /// The lock. Or a warning, because some file systems, as on clusters, have no locks.
-fn lock(path: &Path) -> Result<Result<Lock, String>> {
-    Lock::take(path).map(Ok).or_else(|error| match error.kind() {
+fn lock(path: &Path) -> Result<Result<Option<Lock>, String>> {
+    Lock::take(path).map(|lock| Ok(Some(lock))).or_else(|error| match error.kind() {
         ErrorKind::WouldBlock => {
             Err(Error::output(path, "another run is writing it", "wait until that has ended or end it, or give another name"))
         }

@@ -2,7 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use super::task::{Results, place, request_of};
+use super::results::Made;
+use super::task::{place, request_of};
 use super::{DeviceRequest, JobRequest, Receiver, SceneRequest, Watch, Work, all_written, check_kept, outputs_of};
 use crate::bake::Merge;
 use crate::blocks::Part;
@@ -27,7 +28,7 @@ pub fn merge(parts: &[PathBuf], outputs: &[String], change: impl Fn(&mut Display
     // Reads one part at a time, because there may be many.
     let each = |add: &mut dyn FnMut(&Path, &Part) -> Result<()>| parts.iter().try_for_each(|path| add(path, &Part::read(path)?));
     let inputs = parts.iter().map(PathBuf::as_path);
-    let (_, errors) = match first.job["what"].as_str() {
+    let errors = match first.job["what"].as_str() {
         Some("render") => {
             let request = JobRequest {
                 time: None,
@@ -37,13 +38,14 @@ pub fn merge(parts: &[PathBuf], outputs: &[String], change: impl Fn(&mut Display
                 memory: None,
                 device: DeviceRequest::default(),
             };
-            request.check_outputs()?;
+            request.check_outputs(false)?;
             check_kept(&request.outputs.concat(), inputs)?;
             let mut merge = RenderMerge::new(path, &first)?;
             each(&mut |path, part| merge.add(path, part))?;
             request.warning_of_origin(merge.job()).iter().for_each(|warning| watch.say(warning));
-            let (settings, picture) = (merge.settings(), Results::Picture(merge.picture()?));
-            picture.write(&request, merge.job(), &changed(settings, settings.display)?, (settings.directions.count, true))
+            let (settings, picture) = (merge.settings(), Made::Picture(merge.picture()?));
+            let (display, done) = (changed(settings, settings.display)?, (settings.directions.count, true));
+            picture.write(&request, None, merge.job(), &display, done)
         }
         Some("bake") => {
             first.check_version(path)?;
@@ -51,7 +53,7 @@ pub fn merge(parts: &[PathBuf], outputs: &[String], change: impl Fn(&mut Display
             let Work::Bake(bake) = request.work.clone() else { return Err(unknown(path)) };
             request.outputs = outputs_of(&bake.receivers, outputs)?;
             check_kept(&request.outputs.concat(), request.inputs().chain(inputs))?;
-            request.check_outputs()?;
+            request.check_outputs(false)?;
             watch.stage("loading");
             let mut merge = Merge::new(path, &first)?;
             let loaded = request.scene.load(request.needs_light())?;
@@ -66,8 +68,9 @@ pub fn merge(parts: &[PathBuf], outputs: &[String], change: impl Fn(&mut Display
             merge.check_scene(path, scene, &points.points)?;
             watch.stage("merging");
             each(&mut |path, part| merge.add(path, part))?;
-            let values = Results::Values(&receivers, merge.columns(&prepared, &points.points)?, scene);
-            values.write(&request, merge.job(), &changed(&settings, own)?, (settings.directions.count, true))
+            let values = Made::of_points(&request, &receivers, merge.columns(&prepared, &points.points)?, scene, false);
+            let (display, done) = (changed(&settings, own)?, (settings.directions.count, true));
+            values.write(&request, Some(scene), merge.job(), &display, done)
         }
         _ => return Err(unknown(path)),
     };

@@ -13,6 +13,7 @@ mod receiver;
 mod remaining;
 mod report;
 mod request;
+mod results;
 mod task;
 mod time;
 
@@ -34,7 +35,8 @@ pub use outputs::{check_kept, metadata, of_picture};
 pub use per_source::Per;
 pub use receiver::{Receiver, ReceiverKind, ReceiverValues, outputs_of};
 pub use report::{JobReport, JobSeconds, ReceiverReport, TaskReport};
-pub use request::{BakeRequest, DeviceRequest, JobRequest, SceneRequest, Work};
+pub use request::{BakeRequest, DeviceRequest, JobRequest, SceneRequest, SharedScene, Work};
+pub use results::JobResults;
 
 /// Callbacks of a running job. `()` runs the job to its end in silence.
 pub trait Watch {
@@ -77,6 +79,7 @@ pub struct Job {
     request: JobRequest,
     outputs: Vec<PathBuf>,
     checkpoint: Checkpoint,
+    in_memory: bool,
     started: Instant,
 }
 
@@ -91,11 +94,12 @@ pub enum Ending {
 }
 
 /// What a job has done.
-#[derive(Clone, Debug)]
 pub struct Outcome {
     pub ending: Ending,
     /// Result files, or the part of a shard.
     pub outputs: Vec<PathBuf>,
+    /// Of [`Job::in_memory`]: the results, if there are any so far.
+    pub results: Option<JobResults>,
     pub report: JobReport,
 }
 
@@ -103,17 +107,29 @@ impl Job {
     /// # Errors
     /// [`Error::Input`] when the scene is of no kind that can be read; [`Error::Usage`] when an output cannot be written or would replace an input or earlier sums; [`Error::Output`] while another run writes it.
     pub fn new(request: JobRequest, keeping: &Keeping) -> Result<Self> {
+        Self::checked(request, keeping, false)
+    }
+
+    /// A job whose results also stay in memory. It needs no files, and is no shard.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub fn in_memory(request: JobRequest, keeping: &Keeping) -> Result<Self> {
+        Self::checked(request, &Keeping { shard: None, ..keeping.clone() }, true)
+    }
+
+    fn checked(request: JobRequest, keeping: &Keeping, in_memory: bool) -> Result<Self> {
         let started = Instant::now();
-        if request.scene.bytes.is_none() && request.scene.path.exists() {
+        if request.scene.bytes.is_none() && request.scene.loaded.is_none() && request.scene.path.exists() {
             World::check_path(&request.scene.path)?;
         }
         let outputs = if keeping.shard.is_some() { Vec::from_iter(keeping.file.clone()) } else { request.outputs.concat() };
         check_kept(&outputs, request.inputs())?;
         let checkpoint = Checkpoint::new(keeping, &outputs)?;
         if keeping.shard.is_none() {
-            request.check_outputs()?;
+            request.check_outputs(in_memory)?;
         }
-        Ok(Self { request, outputs, checkpoint, started })
+        Ok(Self { request, outputs, checkpoint, in_memory, started })
     }
 
     /// A lock file. Remove it if the process ends during a run.
@@ -127,22 +143,23 @@ impl Job {
     /// [`Error::Input`] when a file cannot be used; [`Error::Usage`] when the request is impossible; [`Error::Gl`] when the device fails;
     /// [`Error::Output`] when a file cannot be written. All other files are written before it returns.
     pub fn run(self, watch: &mut dyn Watch) -> Result<Outcome> {
-        let Self { request, outputs, mut checkpoint, started } = self;
+        let Self { request, outputs, mut checkpoint, in_memory, started } = self;
         let is_shard = checkpoint.shard().is_some();
         watch.stage("loading");
         let loading = Instant::now();
-        let Loaded { world, settings, report } = request.scene.load(request.needs_light())?;
+        let loaded = request.scene.share(request.needs_light())?;
+        let Loaded { world, settings, report, .. } = &*loaded;
         check_kept(&outputs, report.files.iter().map(PathBuf::as_path))?;
         report.warnings.iter().for_each(|warning| watch.say(&format!("warning: {warning}")));
         let files: Vec<_> = report.files.iter().map(|path| path.display().to_string()).collect();
         watch.detail(&format!("read {}", files.join(", ")));
-        let settings = request.settings(&settings)?;
+        let settings = request.settings(settings)?;
         let load = loading.elapsed().as_secs_f64();
         let blocks = request.blocks(&settings);
         let shard = checkpoint.shard().map(|shard| shard.range(blocks.count())).transpose()?;
         let mine = shard.clone().unwrap_or(0..blocks.count());
         let mut remaining = Remaining::new(blocks.directions(mine.clone()).len() as f64 / mine.len().max(1) as f64);
-        request.check(&world, &settings, shard.as_ref(), watch)?;
+        request.check(world, &settings, shard.as_ref(), watch)?;
         let found = checkpoint.find(watch)?;
 
         watch.stage("starting OpenGL");
@@ -150,7 +167,7 @@ impl Job {
         let gpu = request.device.open()?;
         let device = starting.elapsed().as_secs_f64();
         watch.detail(&format!("OpenGL: {}", gpu.info().renderer));
-        let mut task = Task::begin(&request, &gpu, &world, &settings, shard, watch)?;
+        let mut task = Task::begin(&request, &gpu, world, &settings, shard, watch)?;
         if let Some(part) = found {
             task.resume(checkpoint.path(), &part)?;
             let [done, total] = task.directions();
@@ -162,7 +179,7 @@ impl Job {
             let blocks = request.blocks(task.settings());
             remaining = Remaining::new(blocks.directions(0..blocks.count()).len() as f64 / f64::from(blocks.count()));
         }
-        let already = checkpoint.may_be_finished() && task.is_written();
+        let already = !in_memory && checkpoint.may_be_finished() && task.is_written();
         if checkpoint.may_be_finished() && !already {
             checkpoint.say_beginning(watch);
         }
@@ -203,14 +220,14 @@ impl Job {
         watch.stage("writing");
         let writing = Instant::now();
         let mut kept = if ended { checkpoint.stop(|| task.save()) } else { Ok(false) };
-        let writes = !already && !is_shard && task.has_values();
-        let unwritten = if writes { task.write(watch) } else { Vec::new() };
+        let made = if already || is_shard { None } else { task.made(in_memory) };
+        let unwritten = made.as_ref().map_or(Vec::new(), |made| task.write(made, watch));
         let names: Vec<_> = outputs.iter().map(|path| path.display().to_string()).collect();
         let (paths, path) = (names.join(", "), checkpoint.path().display().to_string());
         if ended {
             let how = if failure.is_some() { "failed" } else { "stopped" };
             let what = match kept {
-                _ if writes && unwritten.is_empty() => format!("{} so far written to {paths}", task.kind()),
+                _ if made.is_some() && unwritten.is_empty() && !outputs.is_empty() => format!("{} so far written to {paths}", task.kind()),
                 Ok(true) => format!("kept in {path}"),
                 _ => "nothing kept".to_owned(),
             };
@@ -245,7 +262,8 @@ impl Job {
             peak_memory_bytes: peak_memory_bytes(),
             interrupted: ended,
         };
-        Ok(Outcome { ending, outputs, report })
+        let results = made.filter(|_| in_memory).map(|made| task.into_results(made));
+        Ok(Outcome { ending, outputs, results, report })
     }
 }
 

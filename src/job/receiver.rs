@@ -3,6 +3,7 @@
 use std::f32::consts::FRAC_1_PI;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
+use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
 use serde::{Deserialize, Serialize};
@@ -12,7 +13,7 @@ use super::per_source::normalize_directions;
 use crate::bake::{BakePoints, MOST_TURNS, PointRun, Turn, vertex_inset};
 use crate::blocks::Part;
 use crate::error::{Error, Result};
-use crate::export::{self, ExportMesh, ExportSource, Lightmap, PointValues, Positions, SourceMap};
+use crate::export::{self, ExportMesh, ExportSource, Lightmap, MapValues, PointValues, Positions, SourceMap};
 use crate::image::{self, Channel, Image, WriteOptions};
 use crate::points::{GBuffer, GatherPoint, LightMap, LightMapOptions, Resolution, Vertices, file};
 use crate::quantity::Quantity;
@@ -37,6 +38,9 @@ pub enum ReceiverKind {
     Camera,
     /// Points of a `.ply`, `.npy` or `.csv` file, in world space.
     Points(PathBuf),
+    /// The same in memory. A part cannot name them.
+    #[serde(skip)]
+    PointList(Arc<[file::OrientedPoint]>),
 }
 
 /// The points of a receiver, with the data to map their values back.
@@ -80,7 +84,7 @@ impl ReceiverKind {
             Self::Vertices => 0,
             Self::LightMap => 1,
             Self::Camera => 2,
-            Self::Points(_) => 3,
+            Self::Points(_) | Self::PointList(_) => 3,
         };
         Self::NAMES[index]
     }
@@ -106,14 +110,14 @@ impl ReceiverKind {
             Self::LightMap | Self::Camera if is_picture(path) => image::check_writable(path),
             Self::Vertices => export::check_writable(path, PointValues::ENDINGS),
             // PLY serves points without a mesh as well as glTF would.
-            Self::Points(_) => export::check_writable(path, &["ply", "npy"]),
-            Self::Camera => export::check_writable(path, &["exr", "png", "ply", "npy"]),
+            Self::Points(_) | Self::PointList(_) => export::check_writable(path, &["ply", "npy", "npz"]),
+            Self::Camera => export::check_writable(path, &["exr", "png", "ply", "npy", "npz"]),
             Self::LightMap => {
-                export::check_writable(path, &["exr", "png", "obj", "glb"])?;
+                export::check_writable(path, &["exr", "png", "obj", "glb", "npz"])?;
                 let serves = |quantity: &Quantity| match quantity {
                     Quantity::Irradiance => true,
                     Quantity::Ao => !is_picture(path),
-                    _ => false,
+                    _ => is_npz(path),
                 };
                 what.iter().any(serves).then_some(()).ok_or_else(|| no_light(path))
             }
@@ -157,16 +161,14 @@ impl Receiver {
                 Self::LightMap(Box::new(LightMap::new(&scene.mesh, &LightMapOptions { resolution, ..*light_map })?))
             }
             ReceiverKind::Camera => camera()?,
-            ReceiverKind::Points(path) => {
-                let read = file::read(path)?;
-                let enter =
-                    |point: &file::OrientedPoint| GatherPoint::flat(scene.space.enter_point(point.position), point.normal);
-                Self::Points {
-                    points: read.iter().map(enter).collect(),
-                    world: read.iter().map(|point| point.position).collect(),
-                }
-            }
+            ReceiverKind::Points(path) => Self::of_points(&file::read(path)?, &scene.space),
+            ReceiverKind::PointList(points) => Self::of_points(points, &scene.space),
         })
+    }
+
+    fn of_points(read: &[file::OrientedPoint], space: &UnitSpace) -> Self {
+        let enter = |point: &file::OrientedPoint| GatherPoint::flat(space.enter_point(point.position), point.normal);
+        Self::Points { points: read.iter().map(enter).collect(), world: read.iter().map(|point| point.position).collect() }
     }
 
     /// The receiver for the surfaces that the camera sees.
@@ -271,6 +273,11 @@ impl Receiver {
 }
 
 impl ReceiverValues {
+    /// Whether they are of pixels, and what lies behind the surfaces may show.
+    pub(super) fn is_of_camera(&self) -> bool {
+        self.image.is_some() && self.mesh.is_none()
+    }
+
     /// Writes the values. The file ending selects the format. `scene` has the materials of the mesh.
     ///
     /// # Errors
@@ -287,6 +294,7 @@ impl ReceiverValues {
         let surface = self.mesh.as_ref().map(of_scene);
         match (&self.image, surface) {
             (Some(image), _) if is_picture(path) => write_picture(image, self.mesh.is_none(), path, options),
+            (Some(image), Some(surface)) if is_npz(path) => MapValues { surface, image }.write(path, options),
             (Some(image), Some(surface)) => {
                 let openness = image.channel("AO").map(|samples| vec![Channel { name: "AO".into(), samples: samples.to_vec() }]);
                 let openness = openness.map(|channels| Image { channels, ..*image });
@@ -359,6 +367,10 @@ fn is_word(name: &str) -> bool {
 
 pub(super) fn is_picture(path: &Path) -> bool {
     path.extension().and_then(|ending| ending.to_str()).is_some_and(|ending| PICTURES.contains(&ending.to_lowercase().as_str()))
+}
+
+fn is_npz(path: &Path) -> bool {
+    path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("npz"))
 }
 
 pub(super) fn is_png(path: &Path) -> bool {

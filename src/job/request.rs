@@ -3,6 +3,7 @@
 use std::iter::successors;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -70,6 +71,9 @@ pub struct SceneRequest {
     /// The bytes of that file, if it is not to be read.
     #[serde(skip)]
     pub bytes: Option<Vec<u8>>,
+    /// The scene itself, if it is loaded already. Of the other fields, the view and the settings still count.
+    #[serde(skip)]
+    pub loaded: Option<SharedScene>,
     /// A lat-long picture that replaces the scene's environment.
     pub environment: Option<PathBuf>,
     /// See [`LoadOptions`], as the next.
@@ -103,6 +107,16 @@ pub struct SceneRequest {
     pub settings: Map<String, Value>,
 }
 
+/// A loaded scene that several jobs read. Equal to itself alone.
+#[derive(Clone, Debug)]
+pub struct SharedScene(pub Arc<Loaded>);
+
+impl PartialEq for SharedScene {
+    fn eq(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.0, &other.0)
+    }
+}
+
 /// The OpenGL context of a job.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct DeviceRequest {
@@ -114,11 +128,34 @@ impl SceneRequest {
     /// # Errors
     /// [`Error::Input`] when a file cannot be used, or `needs_light` and nothing emits light; [`Error::Usage`] when the camera or a setting is unusable.
     pub fn load(&self, needs_light: bool) -> Result<Loaded> {
+        self.share(needs_light).map(Arc::unwrap_or_clone)
+    }
+
+    /// The same without a copy of a scene that is loaded already, unless it has to change.
+    pub(super) fn share(&self, needs_light: bool) -> Result<Arc<Loaded>> {
+        let mut loaded = match &self.loaded {
+            Some(SharedScene(loaded)) => loaded.clone(),
+            None => self.read(needs_light).map(Arc::new)?,
+        };
+        if needs_light && loaded.needs_light() {
+            Arc::make_mut(&mut loaded).light()?;
+        }
+        if self.view != CameraChange::default() {
+            let settings = self.settings(&loaded.settings)?;
+            settings.validate()?;
+            let camera = loaded.world.changed_camera(settings.film.size, &self.view).check();
+            let camera = camera.map_err(|(problem, cure)| Error::usage(problem, cure))?;
+            Arc::make_mut(&mut loaded).world.cameras.insert(0, ("options".to_owned(), camera));
+        }
+        Ok(loaded)
+    }
+
+    fn read(&self, needs_light: bool) -> Result<Loaded> {
         let environment = self.environment.as_deref().map(Environment::load).transpose()?;
         let files = if self.allow_outside { Files::Anywhere } else { Files::Folder };
         let &Self { strict, no_default_light, flip, smooth_angle, clay, sun, sky, .. } = self;
         let (camera, scene) = (self.camera.clone(), self.scene.clone());
-        let mut loaded = World::load_with(
+        World::load_with(
             &self.path,
             LoadOptions {
                 environment,
@@ -135,15 +172,7 @@ impl SceneRequest {
                 scene,
                 bytes: self.bytes.clone(),
             },
-        )?;
-        if self.view != CameraChange::default() {
-            let settings = self.settings(&loaded.settings)?;
-            settings.validate()?;
-            let camera = loaded.world.changed_camera(settings.film.size, &self.view).check();
-            let camera = camera.map_err(|(problem, cure)| Error::usage(problem, cure))?;
-            loaded.world.cameras.insert(0, ("options".to_owned(), camera));
-        }
-        Ok(loaded)
+        )
     }
 
     /// Returns `of_scene`, changed by [`Self::settings`].
@@ -173,10 +202,10 @@ impl JobRequest {
         [&self.scene.path].into_iter().chain(&self.scene.environment).chain(points).map(PathBuf::as_path)
     }
 
-    /// Checks that the picture, or each receiver, has files that can be written.
-    pub(super) fn check_outputs(&self) -> Result<()> {
+    /// Checks that the picture, or each receiver, has files that can be written. Results in memory need none.
+    pub(super) fn check_outputs(&self, in_memory: bool) -> Result<()> {
         let wanted = if let Work::Bake(bake) = &self.work { bake.receivers.len() } else { 1 };
-        if self.outputs.len() != wanted || self.outputs.iter().any(Vec::is_empty) {
+        if self.outputs.len() != wanted || !in_memory && self.outputs.iter().any(Vec::is_empty) {
             let problem = format!("{} lists of files for {wanted} results, or an empty list", self.outputs.len());
             return Err(Error::usage(problem, "give one file or more for the picture, or for each receiver"));
         }
@@ -239,7 +268,8 @@ impl JobRequest {
             }
             return match serde_json::to_value(self) {
                 Err(_) if shard.is_some() => {
-                    Err(Error::usage("a path is not UTF-8, and a part is to hold it", "give names in UTF-8"))
+                    let cure = "give names in UTF-8, and files of points";
+                    Err(Error::usage("a part is to hold the job, and a path is not UTF-8 or points are in memory", cure))
                 }
                 _ => Ok(()),
             };

@@ -9,10 +9,10 @@ use serde_json::{Value, json};
 
 use super::inside_out::inside_out;
 use super::outputs::are_finished;
-use super::receiver::{is_picture, is_png};
 use super::report::{ReceiverReport, TaskReport};
+use super::results::{JobResults, Made, are_shown};
 use super::time::choose_directions;
-use super::{BakeRequest, JobRequest, Per, Receiver, ReceiverKind, Watch, Work, check_kept, per_source};
+use super::{BakeRequest, JobRequest, Receiver, ReceiverKind, Watch, Work, check_kept, per_source};
 use crate::bake::{Bake, BakePoints};
 use crate::blocks::Part;
 use crate::error::{Error, Result};
@@ -20,12 +20,12 @@ use crate::export::ExportSource;
 use crate::gather::chosen_for_bake;
 use crate::geometry::Geometry;
 use crate::gpu::Gpu;
-use crate::image::{Channel, Image, WriteOptions};
+use crate::image::Image;
 use crate::points::CameraPoints;
 use crate::prepared::Prepared;
 use crate::render::Render;
 use crate::scene::{Scene, World};
-use crate::settings::{Background, DisplaySettings, Exposure, Pipeline, Settings};
+use crate::settings::{DisplaySettings, Pipeline, Settings};
 
 /// Keys in the state of a part.
 const REQUEST: &str = "request";
@@ -59,13 +59,6 @@ macro_rules! either {
             Gather::Bake($gather, _) => $value,
         }
     };
-}
-
-/// Results to write.
-pub(super) enum Results<'a> {
-    Picture(Image),
-    /// The result of [`Bake::columns`], for the points of all receivers in order.
-    Values(&'a [Receiver], (Vec<Channel>, Vec<f32>), &'a Scene),
 }
 
 impl<'a> Task<'a> {
@@ -216,27 +209,43 @@ impl<'a> Task<'a> {
         self.request.outputs.iter().enumerate().all(|(receiver, paths)| are_finished(paths, &metadata(receiver)))
     }
 
-    /// Writes the results so far to all files that can be written. Returns the errors of the others.
-    pub fn write(&mut self, watch: &mut dyn Watch) -> Vec<Error> {
-        let results = match &self.gather {
-            Gather::Render(render) => Results::Picture(render.picture()),
-            Gather::Bake(bake, receivers) => match bake.columns() {
-                Some(values) => Results::Values(receivers, values, &bake.prepared().scene),
-                None => return Vec::new(),
-            },
-        };
-        if let Results::Picture(image) = &results
+    /// The results so far, if there are any. `in_memory`: see [`Made::of_points`].
+    pub fn made(&self, in_memory: bool) -> Option<Made> {
+        match &self.gather {
+            _ if !self.has_values() => None,
+            Gather::Render(render) => Some(Made::Picture(render.picture())),
+            Gather::Bake(bake, receivers) => {
+                let columns = bake.columns()?;
+                Some(Made::of_points(self.request, receivers, columns, &bake.prepared().scene, in_memory))
+            }
+        }
+    }
+
+    /// Writes results to all files that can be written. Returns the errors of the others.
+    pub fn write(&mut self, made: &Made, watch: &mut dyn Watch) -> Vec<Error> {
+        if let Made::Picture(image) = made
             && is_black(image)
         {
             watch.say("warning: the picture is black: the camera sees no surface that light reaches; turn it or the lights");
         }
-        let (job, done) = either!(&self.gather, gather => (gather.job(), (gather.directions_done(), gather.is_done())));
+        let (job, done) = self.about_results();
         self.request.warning_of_origin(&job).iter().for_each(|warning| watch.say(warning));
-        let shows = self.request.outputs.iter().flatten().any(|path| is_png(path));
-        self.stops = shows.then(|| results.stops(self.settings.display.exposure));
-        let (counts, errors) = results.write(self.request, &job, &self.settings.display, done);
-        self.counts = counts;
-        errors
+        self.stops = are_shown(self.request).then(|| made.stops(self.settings.display.exposure));
+        self.counts = made.counts();
+        let scene = if let Gather::Bake(bake, _) = &self.gather { Some(&bake.prepared().scene) } else { None };
+        made.write(self.request, scene, &job, &self.settings.display, done)
+    }
+
+    /// The job of the results, the directions done, and whether these are all.
+    fn about_results(&self) -> (Value, (u32, bool)) {
+        either!(&self.gather, gather => (gather.job(), (gather.directions_done(), gather.is_done())))
+    }
+
+    /// The end of the work, with results that stay in memory.
+    pub fn into_results(self, made: Made) -> JobResults {
+        let ((job, done), display) = (self.about_results(), self.settings.display);
+        let scene = if let Gather::Bake(bake, _) = self.gather { Some(bake.into_scene()) } else { None };
+        JobResults { made, request: self.request.clone(), scene, job, display, done }
     }
 
     /// The results in one word.
@@ -272,51 +281,6 @@ impl<'a> Task<'a> {
             part: outputs.into_iter().next().filter(|_| self.is_shard),
         };
         (report, json!({ "receivers": self.placing }))
-    }
-}
-
-impl Results<'_> {
-    /// The exposure of 8-bit files, in stops.
-    pub fn stops(&self, exposure: Exposure) -> f32 {
-        if let Self::Picture(image) = self { image.stops(exposure) } else { exposure.given() }
-    }
-
-    /// Writes all files that can be written. Returns the statistics of the points of each receiver, and the errors of the other files.
-    pub fn write(
-        self,
-        request: &JobRequest,
-        job: &Value,
-        display: &DisplaySettings,
-        done: (u32, bool),
-    ) -> (Vec<Value>, Vec<Error>) {
-        let (mut end, mut counts, mut errors) = (0, Vec::new(), Vec::new());
-        let exposure = self.stops(display.exposure);
-        for (index, paths) in request.outputs.iter().enumerate() {
-            let metadata = request.metadata(index, job, display, done);
-            let shows_behind =
-                !matches!(&self, Self::Values(receivers, ..) if !matches!(receivers[index], Receiver::Camera { .. }));
-            let background = if shows_behind { display.background } else { Background::Environment };
-            let options = WriteOptions { exposure, background, metadata: Some(&metadata) };
-            match &self {
-                Self::Picture(image) => errors.extend(paths.iter().filter_map(|path| image.write(path, &options).err())),
-                Self::Values(receivers, (columns, inside), scene) => {
-                    let range = end..end + receivers[index].points().len();
-                    end = range.end;
-                    let own = |all: &Channel| Channel { name: all.name.clone(), samples: all.samples[range.clone()].to_vec() };
-                    let picture = paths.iter().any(|path| is_picture(path));
-                    let own = columns.iter().map(own).collect();
-                    let mut values = receivers[index].values(own, &inside[range.clone()], &scene.space, picture);
-                    if let (Receiver::Vertices(_), Work::Bake(BakeRequest { per: Per::Source, .. })) =
-                        (&receivers[index], &request.work)
-                    {
-                        values = values.per_source(scene);
-                    }
-                    errors.extend(paths.iter().filter_map(|path| values.write(path, scene, &options).err()));
-                    counts.push(values.counts);
-                }
-            }
-        }
-        (counts, errors)
     }
 }
 

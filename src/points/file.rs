@@ -44,6 +44,13 @@ pub fn parse(path: &Path, bytes: &[u8]) -> Result<Vec<OrientedPoint>> {
     rows.finish()
 }
 
+/// The same of rows x, y, z, nx, ny, nz in memory. `name` stands for the file in errors.
+pub fn of_rows(name: &Path, all: impl Iterator<Item = [f64; 6]>) -> Result<Vec<OrientedPoint>> {
+    let mut rows = PointReader { path: name, points: Vec::new(), without_normal: 0, first_without_normal: (0, None) };
+    { all }.try_for_each(|row| rows.push(None, row))?;
+    rows.finish()
+}
+
 type Parse = fn(&[u8], &mut PointReader) -> Result<()>;
 
 /// Selects a parser by the path's ending.

@@ -50,7 +50,7 @@ pub use bvh::{Bvh, Hit, RAY_OFFSET};
 pub use camera::{Camera, CameraChange, Lens, WorldCamera};
 pub use flat_bvh::FlatBvh;
 pub(crate) use format::gltf;
-pub use format::{Files, LoadOptions, LoadReport, Loaded};
+pub use format::{Files, LoadOptions, LoadReport, Loaded, MeshArrays};
 pub use gloss::{Brdf, GlossMeans, LobeShares, LobeWeights, facing};
 pub use light::{
     Daylight, Environment, Focus, Lamp, LightChoice, LightSample, LightTree, Lights, PunctualKind, PunctualLight, Sky, Sun,

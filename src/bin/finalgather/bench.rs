@@ -71,7 +71,7 @@ pub fn run(args: &BenchArgs) -> Result<u8> {
     let file = args.scene.clone().map_or_else(default_scene, Ok)?;
     let mut request = args.view.choose(args.files.scene(&file)?)?;
     request.settings.insert("size".to_owned(), json!(args.size));
-    let Loaded { world, mut settings, report } = request.load(true)?;
+    let Loaded { world, mut settings, report, .. } = request.load(true)?;
     report.warnings.iter().for_each(|warning| terminal.say(&format!("warning: {warning}")));
     // A round has few directions. But its layers must be as large as in a render.
     settings.gather.layer_size = args.layer_size.unwrap_or(settings.gather.layer_size);

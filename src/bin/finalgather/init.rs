@@ -59,7 +59,7 @@ pub fn run(args: &InitArgs) -> Result<u8> {
         let problem = format!("--gltf-scene {scene}: a scene file cannot name a scene of a glTF file");
         return Err(Error::usage(problem, "leave it out here, and give it to render"));
     }
-    let Loaded { world, settings, report: load } = request.load(true)?;
+    let Loaded { world, settings, report: load, .. } = request.load(true)?;
     if !to_stdout {
         check_kept(std::slice::from_ref(&output), load.files.iter().map(PathBuf::as_path))?;
     }

@@ -1,4 +1,4 @@
-//! A world of one mesh and one material, made of faces that share vertices. PLY and STL files are such models.
+//! A world of one mesh, made of faces that share vertices. PLY and STL files are such models, and arrays in memory.
 
 use std::collections::HashMap;
 use std::path::Path;
@@ -6,7 +6,7 @@ use std::path::Path;
 use glam::{DAffine3, DVec3, Vec2, Vec3};
 
 use super::polygon::{MOST_CORNERS, triangulate};
-use super::warnings::{Fault, Place};
+use super::warnings::{Fault, Place, Warnings};
 use super::{Loader, origin_of};
 use crate::error::Result;
 use crate::scene::format::FARTHEST;
@@ -31,6 +31,16 @@ pub struct Indexed {
     pub ends: Vec<usize>,
     /// The line of each face in the file. Empty if it has no lines.
     pub lines: Vec<usize>,
+    /// The material of each face. Empty: the first.
+    pub materials: Vec<u32>,
+}
+
+/// A vertex as a file has it.
+pub struct RawVertex {
+    pub position: DVec3,
+    pub normal: Option<DVec3>,
+    pub uv: Option<Vec2>,
+    pub color: Option<Vec3>,
 }
 
 /// Why a vertex cannot be at this position.
@@ -42,6 +52,45 @@ pub fn unusable(position: DVec3) -> Option<String> {
 }
 
 impl Indexed {
+    /// Adds a vertex, and mends what is wrong with it.
+    ///
+    /// # Errors
+    /// [`Error::Input`](crate::error::Error::Input) where faults are errors.
+    pub fn push_vertex(&mut self, vertex: RawVertex, place: Place, warnings: &mut Warnings) -> Result<()> {
+        let number = self.positions.len();
+        let mut mend = |kind, problem: &dyn Fn() -> String, mend| {
+            let cure = "correct it, or export the model again";
+            warnings.mend(place, &Fault { kind, problem, mend, cure })
+        };
+        let RawVertex { position, normal, uv, color } = vertex;
+        let problem = unusable(position);
+        self.positions.push(if problem.is_some() { DVec3::NAN } else { position });
+        if let Some(problem) = problem {
+            mend("position", &|| format!("vertex {number} is {problem}"), "its faces are left out")?;
+        }
+        if let Some(normal) = normal {
+            self.normals.push(normal.normalize_or_zero().as_vec3());
+            if !normal.is_finite() {
+                mend("normal", &|| format!("vertex {number} has the normal {normal}"), "it gets none")?;
+            }
+        }
+        if let Some(uv) = uv {
+            self.uvs.push(if uv.is_finite() { uv } else { Vec2::ZERO });
+            if !uv.is_finite() {
+                mend("uv", &|| format!("vertex {number} has the texture coordinates {uv}"), "they become 0")?;
+            }
+        }
+        if let Some(color) = color {
+            // Not a number becomes 0.
+            let shown = color.max(Vec3::ZERO).min(Vec3::ONE);
+            self.colors.push(shown);
+            if shown != color {
+                mend("color", &|| format!("vertex {number} has the colour {color}"), "it becomes one from 0 to 1")?;
+            }
+        }
+        Ok(())
+    }
+
     /// Adds a face of the corners that were added to `corners` since the last face.
     pub fn end_face(&mut self, line: Option<usize>) {
         self.ends.push(self.corners.len());
@@ -49,7 +98,7 @@ impl Indexed {
     }
 
     /// Leaves out faces that are no faces, and triangles without area, with a warning.
-    pub fn into_world(self, loader: &mut Loader, path: &Path, material: Material) -> Result<World> {
+    pub fn into_world(self, loader: &mut Loader, path: &Path, materials: Vec<Material>) -> Result<World> {
         let origin = origin_of(self.positions.iter().copied().filter(|position| position.is_finite()));
         let mut mesh = Mesh { source_count: self.positions.len() as u32, ..Mesh::default() };
         let mut shared = Shared { index_of: vec![u32::MAX; self.positions.len()], split: HashMap::new() };
@@ -76,7 +125,8 @@ impl Indexed {
             for triangle in triangles {
                 if has_area(triangle.map(|corner| corners[corner])) {
                     let vertices = triangle.map(|corner| shared.vertex(&mut mesh, &self, range.start + corner, corners[corner]));
-                    mesh.triangles.push(Triangle { vertices, material: 0 });
+                    let material = self.materials.get(face).copied().unwrap_or(0);
+                    mesh.triangles.push(Triangle { vertices, material });
                 } else {
                     skipped += 1;
                 }
@@ -85,7 +135,7 @@ impl Indexed {
         loader.skipped(path, skipped, mesh.triangles.len())?;
         let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         let instances = vec![Instance { name, transform: DAffine3::from_translation(origin), ..Instance::default() }];
-        Ok(World { meshes: vec![mesh], instances, materials: vec![material], ..World::default() })
+        Ok(World { meshes: vec![mesh], instances, materials, ..World::default() })
     }
 
     /// What is wrong with a face, if anything: its kind, and the problem.

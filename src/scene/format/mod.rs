@@ -17,6 +17,7 @@ use crate::error::{Error, Result};
 use crate::file::{MOST_BYTES, explained};
 use crate::settings::{Background, DisplaySettings, Exposure, Settings};
 
+mod arrays;
 mod files;
 pub mod gltf;
 mod indexed;
@@ -27,6 +28,7 @@ mod stl;
 mod toml;
 mod warnings;
 
+pub use arrays::MeshArrays;
 pub use files::Files;
 pub(super) use files::{Reader, Unread};
 use warnings::Warnings;
@@ -48,6 +50,17 @@ pub struct Loaded {
     /// The default settings, changed by the scene file.
     pub settings: Settings,
     pub report: LoadReport,
+    lighting: Lighting,
+}
+
+/// What [`Loaded::light`] needs to know.
+#[derive(Clone, Debug)]
+struct Lighting {
+    path: PathBuf,
+    /// Whether no scene file says how pictures are to look.
+    is_bare: bool,
+    strict: bool,
+    no_default_light: bool,
 }
 
 /// Warnings and files of a load.
@@ -68,7 +81,7 @@ pub struct LoadOptions {
     pub sun: Option<Sun>,
     /// Replaces the environment or sky of the scene file by the sky of its sun.
     pub sky: Option<Sky>,
-    /// Accepts a world without light. Openness, for example, needs none.
+    /// Accepts a world without light. Openness, for example, needs none. [`Loaded::light`] gives it light later.
     pub unlit: bool,
     /// Refuses a world without light. Otherwise it gets a sky, unless its scene file gives one.
     pub no_default_light: bool,
@@ -153,10 +166,31 @@ impl World {
     ///
     /// # Errors
     /// As [`Self::load`].
-    pub fn load_with(path: &Path, mut options: LoadOptions) -> Result<Loaded> {
+    pub fn load_with(path: &Path, options: LoadOptions) -> Result<Loaded> {
         if options.bytes.is_none() && !matches!(options.files, Files::Memory(_)) {
             Self::check_path(path)?;
         }
+        Self::load_by(path, options, |loader| loader.read(path))
+    }
+
+    /// A world of arrays in memory, as a file of the same mesh would be.
+    ///
+    /// # Errors
+    /// [`Error::Input`] when no face can be drawn, or nothing emits light; [`Error::Usage`] when lists do not fit each other.
+    pub fn from_arrays(arrays: MeshArrays, options: LoadOptions) -> Result<Loaded> {
+        let path = PathBuf::from(&arrays.name);
+        Self::load_by(&path, options, |loader| {
+            let world = loader.model(|loader| arrays::load(loader, &path, arrays), &path)?;
+            Ok((world, Settings::default()))
+        })
+    }
+
+    /// Reads a world by `read`, and changes it as the options say. `path` is for messages.
+    fn load_by(
+        path: &Path,
+        mut options: LoadOptions,
+        read: impl FnOnce(&mut Loader) -> Result<(Self, Settings)>,
+    ) -> Result<Loaded> {
         let (environment, scene) = (options.environment.take(), options.scene.take());
         let reader = Reader::new(path, &options.files).with_bytes(options.bytes.as_deref());
         let textures = Textures::new(&reader);
@@ -173,18 +207,57 @@ impl World {
             smooth_angle: options.smooth_angle,
             scene,
         };
-        let loaded = loader.load(path, &options);
+        let is_bare = !is_scene_file(path);
+        let loaded = loader.load(path, &options, is_bare, read);
         let warnings = loader.warnings.finish();
-        match loaded {
-            Ok((mut world, settings)) => {
-                if options.bytes.is_some() {
-                    // It cannot be read again to add results.
-                    world.gltf = None;
-                }
-                Ok(Loaded { world, settings, report: LoadReport { warnings, files: reader.into_done() } })
-            }
-            Err(error) => Err(error.after(warnings)),
+        let (mut world, settings) = match loaded {
+            Ok(loaded) => loaded,
+            Err(error) => return Err(error.after(warnings)),
+        };
+        if options.bytes.is_some() {
+            // It cannot be read again to add results.
+            world.gltf = None;
         }
+        let LoadOptions { strict, no_default_light, unlit, .. } = options;
+        let lighting = Lighting { path: path.to_owned(), is_bare, strict, no_default_light };
+        let mut loaded = Loaded { world, settings, report: LoadReport { warnings, files: reader.into_done() }, lighting };
+        if !unlit {
+            loaded.light()?;
+        }
+        Ok(loaded)
+    }
+}
+
+impl Loaded {
+    /// Whether [`Self::light`] changes something.
+    pub fn needs_light(&self) -> bool {
+        self.world.is_dark() || self.world.gets_sky(self.lighting.strict, self.lighting.no_default_light)
+    }
+
+    /// Gives a world without light a sky, with a warning, unless its options or its scene file say otherwise.
+    ///
+    /// # Errors
+    /// [`Error::Input`] when the world stays dark.
+    pub fn light(&mut self) -> Result<()> {
+        if !self.needs_light() {
+            return Ok(());
+        }
+        let Lighting { path, is_bare, strict, no_default_light } = &self.lighting;
+        let problem = "no light: no material in use emits, there is no lamp, and no environment that is not black";
+        if !self.world.gets_sky(*strict, *no_default_light) {
+            let cure = "give a material that the model uses Ke in the MTL file, or emission under [materials.NAME] in a scene file; or an \
+                        environment, as [environment] in a scene file or by --env; or a sun, as [sun] or by --sun";
+            return Err(Error::input(path, None, problem, cure).after(self.report.warnings.clone()));
+        }
+        self.world.environment = Some(Environment::soft_sky());
+        let warning = format!("{}: it has no light, so a soft sky lights it (--env FILE is another)", path.display());
+        self.report.warnings.push(warning);
+        // Nobody has said how a bare model should look.
+        if *is_bare {
+            self.settings.display = DisplaySettings { exposure: Exposure::Auto, background: Background::Transparent };
+            self.settings.film.ground = true;
+        }
+        Ok(())
     }
 }
 
@@ -197,18 +270,26 @@ impl<'a> Loader<'a> {
     }
 
     /// Reads a scene file or a model.
-    fn load(&mut self, path: &Path, options: &LoadOptions) -> Result<(World, Settings)> {
-        let ending = path.extension().unwrap_or_default();
-        let is_bare = !ending.eq_ignore_ascii_case("toml");
-        let (mut world, mut settings) = match format_of(path) {
-            _ if !is_bare => toml::load(self, path)?,
-            Some(load) => {
-                let mut world = self.model(load, path)?;
-                world.lights.extend(self.daylight().map_err(|(problem, cure)| Error::usage(problem, cure))?);
-                (world, Settings::default())
-            }
-            None => return Err(Error::input(path, None, "not a kind of scene that can be read", "give it the ending of one")),
-        };
+    fn read(&mut self, path: &Path) -> Result<(World, Settings)> {
+        match format_of(path) {
+            _ if is_scene_file(path) => toml::load(self, path),
+            Some(load) => Ok((self.model(|loader| load(loader, path), path)?, Settings::default())),
+            None => Err(Error::input(path, None, "not a kind of scene that can be read", "give it the ending of one")),
+        }
+    }
+
+    /// Reads a world by `read`, and changes it as the options say.
+    fn load(
+        &mut self,
+        path: &Path,
+        options: &LoadOptions,
+        is_bare: bool,
+        read: impl FnOnce(&mut Self) -> Result<(World, Settings)>,
+    ) -> Result<(World, Settings)> {
+        let (mut world, mut settings) = read(self)?;
+        if is_bare {
+            world.lights.extend(self.daylight().map_err(|(problem, cure)| Error::usage(problem, cure))?);
+        }
         if let (Some(name), None) = (&self.scene, &world.gltf) {
             let cure = "leave out --gltf-scene, or give a glTF file";
             return Err(Error::input(path, None, format!("there is no scene {name:?}: only a glTF file has several"), cure));
@@ -228,14 +309,7 @@ impl<'a> Loader<'a> {
         world.environment = self.environment.take();
         world.textures = std::mem::take(&mut self.textures.list);
         self.check(&world);
-        if !options.unlit && (world.is_dark() || world.gets_sky(options.strict, options.no_default_light)) {
-            self.light(&mut world, path, options)?;
-            // Nobody has said how a bare model should look.
-            if is_bare {
-                settings.display = DisplaySettings { exposure: Exposure::Auto, background: Background::Transparent };
-                settings.film.ground = true;
-            }
-        } else if is_bare && !world.lights.is_empty() {
+        if is_bare && !world.lights.is_empty() {
             // Lamps in candela or lux do not say how bright their picture is to be.
             settings.display.exposure = Exposure::Auto;
         }
@@ -263,23 +337,10 @@ impl<'a> Loader<'a> {
         self.sky.is_some() || self.sun.is_some_and(|sun| sun.illuminance.is_none())
     }
 
-    /// Reads a model.
-    fn model(&mut self, load: MeshLoader, path: &Path) -> Result<World> {
+    /// Reads the model of a file of this name.
+    fn model(&mut self, load: impl FnOnce(&mut Self) -> Result<World>, path: &Path) -> Result<World> {
         let file = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        Ok(World { file, ..load(self, path)? })
-    }
-
-    /// Gives a world without light a sky, or refuses it.
-    fn light(&mut self, world: &mut World, path: &Path, options: &LoadOptions) -> Result<()> {
-        let problem = "no light: no material in use emits, there is no lamp, and no environment that is not black";
-        if !world.gets_sky(options.strict, options.no_default_light) {
-            let cure = "give a material that the model uses Ke in the MTL file, or emission under [materials.NAME] in a scene file; or an \
-                        environment, as [environment] in a scene file or by --env; or a sun, as [sun] or by --sun";
-            return Err(Error::input(path, None, problem, cure));
-        }
-        world.environment = Some(Environment::soft_sky());
-        self.warnings.say(format!("{}: it has no light, so a soft sky lights it (--env FILE is another)", path.display()));
-        Ok(())
+        Ok(World { file, ..load(self)? })
     }
 
     /// Tells of triangles without area that were left out of a model, where `kept` were not.
@@ -385,7 +446,11 @@ fn endings() -> String {
 
 /// Whether the ending is that of a scene file or a model.
 fn is_readable(path: &Path) -> bool {
-    path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("toml")) || format_of(path).is_some()
+    is_scene_file(path) || format_of(path).is_some()
+}
+
+fn is_scene_file(path: &Path) -> bool {
+    path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("toml"))
 }
 
 fn format_of(path: &Path) -> Option<MeshLoader> {

@@ -7,7 +7,7 @@ use std::path::Path;
 
 use glam::{DVec3, Vec2, Vec3};
 
-use super::indexed::{Indexed, unusable};
+use super::indexed::{Indexed, RawVertex};
 use super::warnings::{Fault, Place};
 use super::{Loader, beside};
 use crate::error::{Error, Result};
@@ -37,7 +37,7 @@ pub fn load(loader: &mut Loader, path: &Path) -> Result<World> {
         }
     }
     let material = reader.material(&header.comments)?;
-    reader.model.into_world(loader, path, material)
+    reader.model.into_world(loader, path, vec![material])
 }
 
 fn broken(path: &Path, ply::PlyFault { line, problem }: ply::PlyFault) -> Error {
@@ -150,49 +150,24 @@ impl PlyReader<'_, '_> {
 
     fn vertices(&mut self, element: &Element) -> Result<()> {
         let columns = Columns::of(element).ok_or_else(|| Error::input(self.path, None, "vertex has no x, y and z", CURE))?;
-        for vertex in 0..element.count {
+        for _ in 0..element.count {
             // Others keep their numbers beside one that is broken.
             if !self.next(element)? {
                 self.row.numbers.fill(f64::NAN);
             }
-            self.vertex(vertex, &columns)?;
+            self.vertex(&columns)?;
         }
         Ok(())
     }
 
-    fn vertex(&mut self, vertex: usize, columns: &Columns) -> Result<()> {
+    fn vertex(&mut self, columns: &Columns) -> Result<()> {
         let numbers = |columns: [usize; 3]| columns.map(|column| self.row.numbers[column]);
         let (position, normal) = (DVec3::from(numbers(columns.position)), columns.normal.map(|normal| numbers(normal).into()));
         let color = columns.color.map(|color| Vec3::from(numbers(color).map(columns.decode)));
         let uv = columns.uv.map(|uv| Vec2::from(uv.map(|column| self.row.numbers[column] as f32)));
         self.is_clear |= columns.alpha.is_some_and(|alpha| self.row.numbers[alpha] < columns.opaque);
-        let problem = unusable(position);
-        self.model.positions.push(if problem.is_some() { DVec3::NAN } else { position });
-        if let Some(problem) = problem {
-            self.mend("position", &|| format!("vertex {vertex} is {problem}"), "its faces are left out")?;
-        }
-        if let Some(normal) = normal {
-            let normal: DVec3 = normal;
-            self.model.normals.push(normal.normalize_or_zero().as_vec3());
-            if !normal.is_finite() {
-                self.mend("normal", &|| format!("vertex {vertex} has the normal {normal}"), "it gets none")?;
-            }
-        }
-        if let Some(uv) = uv {
-            self.model.uvs.push(if uv.is_finite() { uv } else { Vec2::ZERO });
-            if !uv.is_finite() {
-                self.mend("uv", &|| format!("vertex {vertex} has the texture coordinates {uv}"), "they become 0")?;
-            }
-        }
-        if let Some(color) = color {
-            // Not a number becomes 0.
-            let shown = color.max(Vec3::ZERO).min(Vec3::ONE);
-            self.model.colors.push(shown);
-            if shown != color {
-                self.mend("color", &|| format!("vertex {vertex} has the colour {color}"), "it becomes one from 0 to 1")?;
-            }
-        }
-        Ok(())
+        let place = Place { path: self.path, line: self.row.line };
+        self.model.push_vertex(RawVertex { position, normal, uv, color }, place, &mut self.loader.warnings)
     }
 
     /// The list of a face's vertices.

@@ -35,7 +35,7 @@ pub fn load(loader: &mut Loader, path: &Path) -> Result<World> {
         return Err(Error::input(path, None, "there is no triangle: this is not an STL", CURE));
     }
     let model = reader.model;
-    model.into_world(loader, path, Material::default())
+    model.into_world(loader, path, vec![Material::default()])
 }
 
 /// Whether the size is that of a binary file, or it has bytes that no text has. Binary files may begin with `solid` too.

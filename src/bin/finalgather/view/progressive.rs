@@ -87,7 +87,7 @@ struct RenderPass {
 /// If a file cannot be used.
 pub fn open(gpu: &Gpu, options: &WorkerOptions, path: &Path) -> Result<(OpenedScene, SceneRender)> {
     let request = SceneRequest { path: path.to_owned(), ..options.scene.clone() };
-    let Loaded { world, settings, report } = request.load(true)?;
+    let Loaded { world, settings, report, .. } = request.load(true)?;
     let settings = request.settings(&settings)?;
     // What the device refuses of the whole render is refused here. The photons alone take long.
     let render = Render::new(gpu, &world, &settings.with(few_photons))?;

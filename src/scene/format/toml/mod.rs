@@ -259,7 +259,8 @@ pub fn load(loader: &mut Loader, path: &Path) -> Result<(World, Settings)> {
         other => other,
     };
     reader.find(&mesh).map_err(missing)?;
-    let mut world = loader.model(format_of(&mesh).unwrap_or(obj::load), &mesh)?;
+    let load = format_of(&mesh).unwrap_or(obj::load);
+    let mut world = loader.model(|loader| load(loader, &mesh), &mesh)?;
     loader.flip |= file.flip;
     if let Some(angle) = file.smooth_angle {
         let degrees = *angle.get_ref();
