@@ -64,6 +64,7 @@ pub mod prepared;
 pub mod quantity;
 pub mod random;
 pub mod reference;
+pub mod relight;
 pub mod render;
 pub mod scene;
 pub mod settings;

@@ -20,7 +20,7 @@ const FLOORS: [&[&str]; 11] = [
     &["scene"],
     &["export", "geometry", "photon"],
     &["points", "prepared"],
-    &["direct", "film", "photon_map", "reference"],
+    &["direct", "film", "photon_map", "reference", "relight"],
     &["gather"],
     &["memory"],
     &["bake", "bench", "render"],

@@ -95,7 +95,7 @@ def box(side: float = 1.0, cells: int = 1, inwards: bool = False) -> Mesh:
 
 
 def room(cells: int = 2) -> tuple[Array, Array, Array]:
-    """Something like the Cornell box, open to +z, with a block on its floor: vertices, faces, colours of the vertices."""
+    """Something like the Cornell box, open to +z, with a block on its floor: vertices, faces, colours of vertices."""
     floor = quad([0, 0, 0], [0, 0, 1], [1, 0, 0], cells)
     ceiling = quad([0, 1, 0], [1, 0, 0], [0, 0, 1], cells)
     back = quad([0, 0, 0], [1, 0, 0], [0, 1, 0], cells)
@@ -200,6 +200,8 @@ def read_png(source: Union[Path, bytes]) -> NDArray[np.uint8]:
         for x, value in enumerate(row[1:].reshape(width, channels).astype(int), start=1):
             left, above, corner = pixels[y, x - 1], pixels[y - 1, x], pixels[y - 1, x - 1]
             near = [np.abs(left + above - corner - other) for other in (left, above, corner)]
-            paeth = np.where((near[0] <= near[1]) & (near[0] <= near[2]), left, np.where(near[1] <= near[2], above, corner))
+            paeth = np.where(
+                (near[0] <= near[1]) & (near[0] <= near[2]), left, np.where(near[1] <= near[2], above, corner)
+            )
             pixels[y, x] = (value + [0 * left, left, above, (left + above) // 2, paeth][row[0]]) % 256
     return pixels[1:, 1:].astype(np.uint8)

@@ -29,7 +29,9 @@ import finalgather as fg
 
 def scene_and_file(path: Path) -> tuple[fg.Scene, Path]:
     vertices, faces, colors = room()
-    return fg.Scene.from_arrays(vertices, faces, albedo=colors), write_ply(path / "room.ply", vertices, faces, colors=colors)
+    return fg.Scene.from_arrays(vertices, faces, albedo=colors), write_ply(
+        path / "room.ply", vertices, faces, colors=colors
+    )
 
 
 # The bits of the tool
@@ -69,11 +71,15 @@ def test_irradiance_of_vertices(tmp_path: Path, tool: Tool) -> None:
     texels = write_hdr(env, sky())
     out = tmp_path / "out.npy"
     common = ["--env", env, "--photons", 5000, "--directions", DIRECTIONS, "--seed", 3]
-    tool("bake", file, "--to", "vertices", "--per", "source", "--what", "irradiance,sh", "--order", 2, *common, "-o", out)
+    tool(
+        "bake", file, "--to", "vertices", "--per", "source", "--what", "irradiance,sh", "--order", 2, *common, "-o", out
+    )
     expected = columns(out)
     for environment in (env, texels):
         scene = fg.Scene.from_arrays(vertices, faces, albedo=colors, env=environment)
-        baked = fg.bake(scene, vertices=True, what=["irradiance", "sh"], order=2, directions=DIRECTIONS, photons=5000, seed=3)
+        baked = fg.bake(
+            scene, vertices=True, what=["irradiance", "sh"], order=2, directions=DIRECTIONS, photons=5000, seed=3
+        )
         assert same_bits(baked["irradiance"], stacked(expected, "Irradiance"))
         assert same_bits(baked["irradiance_direct"], stacked(expected, "IrradianceDirect"))
         assert same_bits(baked["irradiance_indirect"], stacked(expected, "IrradianceIndirect"))
@@ -108,7 +114,9 @@ def test_points(tmp_path: Path, tool: Tool) -> None:
     normals = (normals / np.linalg.norm(normals, axis=1, keepdims=True)).astype(np.float32)
     np.save(tmp_path / "points.npy", np.hstack([positions, normals]))
     out = tmp_path / "out.npy"
-    tool("bake", file, "--to", f"points:{tmp_path / 'points.npy'}", "--what", "ao", "--directions", DIRECTIONS, "-o", out)
+    tool(
+        "bake", file, "--to", f"points:{tmp_path / 'points.npy'}", "--what", "ao", "--directions", DIRECTIONS, "-o", out
+    )
     baked = fg.bake(scene, points=(positions, normals), what="ao", directions=DIRECTIONS)
     assert same_bits(baked["ao"], np.load(out))
     assert np.array_equal(baked.positions, positions) and np.allclose(baked.normals, normals, atol=1e-6)
@@ -117,7 +125,9 @@ def test_points(tmp_path: Path, tool: Tool) -> None:
 def test_light_map(tmp_path: Path, tool: Tool) -> None:
     scene, file = scene_and_file(tmp_path)
     out = tmp_path / "map.exr"
-    tool("bake", file, "--to", "lightmap", "--resolution", 32, "--what", "ao,sky", "--directions", DIRECTIONS, "-o", out)
+    tool(
+        "bake", file, "--to", "lightmap", "--resolution", 32, "--what", "ao,sky", "--directions", DIRECTIONS, "-o", out
+    )
     baked = fg.bake(scene, lightmap=32, what=["ao", "sky"], directions=DIRECTIONS)
     assert baked["ao"].shape == baked["sky"].shape == (32, 32)
     assert baked.mask is not None and baked.mask.shape == (32, 32)
@@ -136,7 +146,9 @@ def test_the_first_row_of_a_light_map_is_the_top() -> None:
     # The floor fills the left half, the wall a strip of the right.
     uv[:4] = np.stack([0.05 + 0.4 * floor[0][:, 0], 0.95 - 0.9 * floor[0][:, 2]], axis=1)
     uv[4:] = np.stack([0.55 + 0.4 * wall[0][:, 0], 0.05 + 0.9 * wall[0][:, 1]], axis=1)
-    baked = fg.bake(fg.Scene.from_arrays(vertices, faces, uv=uv), lightmap=16, uvs="own", what="ao", directions=DIRECTIONS)
+    baked = fg.bake(
+        fg.Scene.from_arrays(vertices, faces, uv=uv), lightmap=16, uvs="own", what="ao", directions=DIRECTIONS
+    )
     middle = baked["ao"][:, 4]
     assert middle[1] < 0.7 < 0.9 < middle[-2]
     assert baked.uv is not None and baked.uv.shape[1] == 2
@@ -144,7 +156,10 @@ def test_the_first_row_of_a_light_map_is_the_top() -> None:
 
 def test_texels_per_unit() -> None:
     vertices, faces, _ = room()
-    baked = [fg.bake(fg.Scene.from_arrays(vertices, faces), texels_per_unit=density, what="ao", directions=8) for density in (4.0, 8.0)]
+    baked = [
+        fg.bake(fg.Scene.from_arrays(vertices, faces), texels_per_unit=density, what="ao", directions=8)
+        for density in (4.0, 8.0)
+    ]
     height, width = baked[0]["ao"].shape
     # The layout may change a little with the gaps between charts, which do not grow.
     assert 1.2 * height < baked[1]["ao"].shape[0] <= 2 * height and width == height
@@ -172,11 +187,15 @@ def test_rows_follow_the_input() -> None:
     vertices[:, 1] *= 0.5
     order = np.random.default_rng(2).permutation(len(vertices))
     place = np.argsort(order)
-    shuffled = fg.bake(fg.Scene.from_arrays(vertices[order], place[faces]), vertices=True, what="ao", directions=DIRECTIONS)
+    shuffled = fg.bake(
+        fg.Scene.from_arrays(vertices[order], place[faces]), vertices=True, what="ao", directions=DIRECTIONS
+    )
     assert np.array_equal(shuffled.positions.astype(np.float32), vertices[order])
     assert shuffled.faces is not None and np.array_equal(np.sort(shuffled.faces), np.sort(place[faces]))
     plain = fg.bake(fg.Scene.from_arrays(vertices, faces), vertices=True, what="bent_normal", directions=DIRECTIONS)
-    moved = fg.bake(fg.Scene.from_arrays(vertices[order], place[faces]), vertices=True, what="bent_normal", directions=DIRECTIONS)
+    moved = fg.bake(
+        fg.Scene.from_arrays(vertices[order], place[faces]), vertices=True, what="bent_normal", directions=DIRECTIONS
+    )
     # Rays of other neighbours in a packet round as these do. Only the tree's order of equal faces may differ.
     assert np.allclose(moved["bent_normal"], plain["bent_normal"][order], atol=1e-5)
 
@@ -261,8 +280,9 @@ def points_below(count: int = 64) -> tuple[Array, Array]:
 def test_openness_below_a_plate() -> None:
     """1 less the form factor F of the plate.
 
-    Of N directions, N F/4 meet it, counted by cosine. The outline puts a share of them on the wrong side that falls with the power 3/4 of their
-    number, in sequences of low discrepancy. The factor 2 is that of the project's tests of closed forms.
+    Of N directions, N F/4 meet it, counted by cosine. In sequences of low discrepancy, the share of them that the
+    outline puts on the wrong side falls with the power 3/4 of their number. The factor 2 is that of the project's tests
+    of closed forms.
     """
     directions = 1024
     positions, normals = points_below()
@@ -277,13 +297,16 @@ def test_openness_below_a_plate() -> None:
 def test_surfaces_beyond_the_distance_do_not_count() -> None:
     positions, normals = points_below(8)
     scene = fg.Scene.from_arrays(PLATE, [[0, 1, 2], [0, 2, 3]])
-    near, far = (fg.bake(scene, points=(positions, normals), what=["ao", "sky"], ao_distance=reach, directions=64) for reach in (0.7, 3.0))
+    near, far = (
+        fg.bake(scene, points=(positions, normals), what=["ao", "sky"], ao_distance=reach, directions=64)
+        for reach in (0.7, 3.0)
+    )
     assert (near["ao"] == 1).all() and (far["ao"] < 0.9).all()
     assert same_bits(near["sky"], far["sky"]) and same_bits(far["sky"], far["ao"])
 
 
 def test_irradiance_below_a_lamp() -> None:
-    """π L F. Lights are sampled by 128 rays for each of 8 blocks or more, whose error for a square that is 1/3 away is below 3 %."""
+    """π L F. Each point sends light_samples = 128 rays to places that are spread over the lamp, so 3 % is ample."""
     positions, normals = points_below()
     lamp = fg.Scene.from_arrays(PLATE, [[0, 1, 2], [0, 2, 3]], albedo=0.0, emission=[2.0, 1.0, 0.0])
     baked = fg.bake(lamp, points=(positions, normals), directions=DIRECTIONS, photons=100)
@@ -303,10 +326,12 @@ def lobes(normals: Array) -> Array:
 
 
 def test_transfer_of_open_surfaces() -> None:
-    """Without shadows it is a closed form. With few directions, a convex body comes near: sums over N directions are off by about N^-3/4."""
+    """Without shadows it is a closed form. A convex body comes near: sums over N directions are off by about N^-3/4."""
     directions = 1024
     vertices, faces = box()
-    baked = fg.bake(fg.Scene.from_arrays(vertices, faces), vertices=True, what=["prt", "prt_unshadowed"], directions=directions)
+    baked = fg.bake(
+        fg.Scene.from_arrays(vertices, faces), vertices=True, what=["prt", "prt_unshadowed"], directions=directions
+    )
     expected = np.repeat(lobes(baked.normals)[:, :, None], 3, axis=2)
     assert np.abs(baked["prt_unshadowed"] - expected).max() < 1e-6
     assert np.abs(baked["prt"] - expected).max() < 2 * directions**-0.75
@@ -341,7 +366,20 @@ def test_arrays_are_writable_or_refuse() -> None:
 
 def test_write_as_the_tool(tmp_path: Path, tool: Tool) -> None:
     scene, file = scene_and_file(tmp_path)
-    tool("bake", file, "--to", "vertices", "--per", "source", "--what", "ao", "--directions", DIRECTIONS, "-o", tmp_path / "tool.npy")
+    tool(
+        "bake",
+        file,
+        "--to",
+        "vertices",
+        "--per",
+        "source",
+        "--what",
+        "ao",
+        "--directions",
+        DIRECTIONS,
+        "-o",
+        tmp_path / "tool.npy",
+    )
     baked = fg.bake(scene, vertices=True, what="ao", directions=DIRECTIONS)
     for ending in ("npy", "npz", "ply"):
         baked.write(tmp_path / f"out.{ending}")

@@ -44,7 +44,9 @@ IMPOSSIBLE: dict[str, Callable[[], object]] = {
     "a picture without pixels": lambda: fg.render(SCENE, size=0),
     "points of other normals": lambda: fg.bake(SCENE, points=(np.zeros((2, 3)), np.ones((3, 3))), what="ao", **QUICK),
     "points without normals": lambda: fg.bake(SCENE, points=(np.zeros((2, 3)), np.zeros((2, 3))), what="ao", **QUICK),
-    "points that are not numbers": lambda: fg.bake(SCENE, points=(np.full((1, 3), np.nan), POINT[1]), what="ao", **QUICK),
+    "points that are not numbers": lambda: fg.bake(
+        SCENE, points=(np.full((1, 3), np.nan), POINT[1]), what="ao", **QUICK
+    ),
     "no points": lambda: fg.bake(SCENE, points=(np.zeros((0, 3)), np.zeros((0, 3))), what="ao", **QUICK),
     "a camera that looks nowhere": lambda: fg.render(SCENE, eye=[0, 0, 0], target=[0, 0, 0], **QUICK),
     "a vector of two numbers": lambda: fg.render(SCENE, eye=[0, 0], **QUICK),

@@ -55,7 +55,13 @@ def test_progress_of_a_bake() -> None:
 def test_progress_of_a_picture() -> None:
     vertices, faces, _ = room()
     calls: list[Call] = []
-    fg.render(fg.Scene.from_arrays(vertices, faces, env=1.0), size=16, directions=64, photons=500, progress=lambda *call: calls.append(call))
+    fg.render(
+        fg.Scene.from_arrays(vertices, faces, env=1.0),
+        size=16,
+        directions=64,
+        photons=500,
+        progress=lambda *call: calls.append(call),
+    )
     check_calls(calls, 64)
 
 
@@ -99,7 +105,9 @@ def test_an_exception_in_progress_ends_the_job(tmp_path: Path) -> None:
     assert calls.count(calls[-1]) == 1
     # The scene and the device still work, and what was done is kept.
     went_on: list[int] = []
-    values = openness(scene, progress=lambda done, *_: went_on.append(done), checkpoint=checkpoint, resume=checkpoint.exists())
+    values = openness(
+        scene, progress=lambda done, *_: went_on.append(done), checkpoint=checkpoint, resume=checkpoint.exists()
+    )
     assert same_bits(values, openness(scene))
 
 
@@ -123,7 +131,8 @@ except fg.Interrupted as stopped:
     values = stopped.result["ao"]
     # Python is as it was: another job works, and so does the next Ctrl-C.
     again = fg.bake(bumpy(), vertices=True, what="ao", directions=8)["ao"]
-    print("stopped", len(values), bool(np.isfinite(values).all()), stopped.result.report["interrupted"], len(again), flush=True)
+    report = stopped.result.report
+    print("stopped", len(values), bool(np.isfinite(values).all()), report["interrupted"], len(again), flush=True)
     try:
         import signal
         signal.raise_signal(signal.SIGINT)
@@ -134,7 +143,11 @@ except fg.Interrupted as stopped:
 
 def python(script: str, **options: Any) -> subprocess.Popen[str]:
     return subprocess.Popen(
-        [sys.executable, "-c", textwrap.dedent(script)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, **options
+        [sys.executable, "-c", textwrap.dedent(script)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        **options,
     )
 
 
@@ -153,7 +166,9 @@ def test_interrupted_and_resumed(tmp_path: Path) -> None:
     assert child.returncode == 0, err
     # The same call goes on from there, to the same bits.
     calls: list[Call] = []
-    values = openness(scene, directions=directions, checkpoint=checkpoint, resume=True, progress=lambda *call: calls.append(call))
+    values = openness(
+        scene, directions=directions, checkpoint=checkpoint, resume=True, progress=lambda *call: calls.append(call)
+    )
     assert calls[0][0] > 0
     assert same_bits(values, openness(scene, directions=directions))
 
@@ -173,7 +188,9 @@ def test_interrupted_before_the_first_values() -> None:
             print(type(stopped).__name__, type(getattr(stopped, "result", None)).__name__)
     """)
     out, err = child.communicate(timeout=60)
-    assert out.split() in (["Interrupted", "Baked"], ["Interrupted", "NoneType"], ["KeyboardInterrupt", "NoneType"]), out + err
+    assert out.split() in (["Interrupted", "Baked"], ["Interrupted", "NoneType"], ["KeyboardInterrupt", "NoneType"]), (
+        out + err
+    )
 
 
 # Checkpoints

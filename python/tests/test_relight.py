@@ -61,7 +61,22 @@ def test_ways_to_give_an_environment(transfer: Array, tmp_path: Path, tool: Tool
     vertices, faces, colors = room()
     file = write_ply(tmp_path / "room.ply", vertices, faces, colors=colors)
     prt, lit = tmp_path / "prt.npy", tmp_path / "lit.npy"
-    tool("bake", file, "--to", "vertices", "--per", "source", "--what", "prt", "--gather-bounces", 1, "--directions", 64, "-o", prt)
+    tool(
+        "bake",
+        file,
+        "--to",
+        "vertices",
+        "--per",
+        "source",
+        "--what",
+        "prt",
+        "--gather-bounces",
+        1,
+        "--directions",
+        64,
+        "-o",
+        prt,
+    )
     tool("relight", prt, "--env", tmp_path / "sky.hdr", "-o", lit)
     assert same_bits(by_array, np.load(lit))
 
@@ -69,7 +84,14 @@ def test_ways_to_give_an_environment(transfer: Array, tmp_path: Path, tool: Tool
 def test_axes_of_an_environment() -> None:
     """The middle of a picture is -z, +x lies right of it, and the top row is +y."""
     height = 32
-    directions = {"+x": (16, 48), "-x": (16, 16), "+y": (0, slice(None)), "-y": (31, slice(None)), "-z": (16, 32), "+z": (16, 0)}
+    directions = {
+        "+x": (16, 48),
+        "-x": (16, 16),
+        "+y": (0, slice(None)),
+        "-y": (31, slice(None)),
+        "-z": (16, 32),
+        "+z": (16, 0),
+    }
     vertices, faces = box()
     baked = fg.bake(fg.Scene.from_arrays(vertices, faces), vertices=True, what="prt", directions=64)
     for name, (row, column) in directions.items():
@@ -80,9 +102,9 @@ def test_axes_of_an_environment() -> None:
 
 
 def test_transfer_is_light(scene: fg.Scene, transfer: Array) -> None:
-    """Relit by a dim gradient, which two bands hold, transfer of two bounces is what a gather of that light finds.
+    """Relit by a gradient, which two bands hold, transfer gives what a gather of that light finds.
 
-    Photons bounce to the end, and so does a gather with many bounces. The rest after 3 bounces of albedo 0.7 in an open room is below 3 %.
+    The sum over 256 directions is off by about 1 %. One that divides by its weights is not, so the mean may differ so.
     """
     texels = sky(32)
     light = fg.relight(fg.prt(scene, order=3, gather_bounces=3, directions=256), texels)
@@ -94,10 +116,14 @@ def test_transfer_is_light(scene: fg.Scene, transfer: Array) -> None:
 
 
 def test_picture(scene: fg.Scene, transfer: Array, tmp_path: Path) -> None:
-    film = fg.relight_picture(scene, transfer, sky(), size=(24, 16), eye=[0.5, 0.6, 3.0], target=[0.5, 0.5, 0.5], fov=45.0)
+    film = fg.relight_picture(
+        scene, transfer, sky(), size=(24, 16), eye=[0.5, 0.6, 3.0], target=[0.5, 0.5, 0.5], fov=45.0
+    )
     assert film.size == (24, 16) and film.rgb.shape == (16, 24, 3) and film.rgb.max() > 0.1
     assert read_png(film._repr_png_()).shape[:2] == (16, 24)
-    brighter = fg.relight_picture(scene, transfer, 2 * sky(), size=(24, 16), eye=[0.5, 0.6, 3.0], target=[0.5, 0.5, 0.5], fov=45.0)
+    brighter = fg.relight_picture(
+        scene, transfer, 2 * sky(), size=(24, 16), eye=[0.5, 0.6, 3.0], target=[0.5, 0.5, 0.5], fov=45.0
+    )
     assert np.allclose(brighter.rgb, 2 * film.rgb, rtol=1e-4, atol=1e-5)
 
 

@@ -104,7 +104,7 @@ def test_background() -> None:
 
 
 def test_a_grey_ball_under_a_grey_sky() -> None:
-    """A convex body of albedo a under radiance L shows a L. The estimator is exact for constant radiance, but for 32 bits."""
+    """A convex body of albedo a under radiance L shows a L: exactly for constant radiance, but for 32 bits."""
     film = body(size=24)
     assert np.abs(film.rgb[12, 12] - 0.25).max() < 1e-4
     assert np.abs(film.rgb[0, 0] - 0.5).max() < 1e-6

@@ -1,10 +1,16 @@
 //! Merges the parts of a job's shards into the results of the whole job, from the files and without OpenGL.
 
+use std::mem::take;
 use std::path::{Path, PathBuf};
+use std::time::Instant;
 
+use super::report::Noting;
 use super::results::Made;
-use super::task::{place, request_of};
-use super::{DeviceRequest, JobRequest, Receiver, SceneRequest, Watch, Work, all_written, check_kept, outputs_of};
+use super::task::{camera_of, place, request_of};
+use super::{
+    DeviceRequest, JobRequest, MergeReport, TotalSeconds, Receiver, ReportHead, SceneRequest, Watch, Work, all_written, check_kept,
+    outputs_of,
+};
 use crate::bake::Merge;
 use crate::blocks::Part;
 use crate::error::{Error, Result};
@@ -17,7 +23,15 @@ use crate::settings::{DisplaySettings, Settings};
 /// # Errors
 /// [`Error::Input`] when a part is damaged, of another job or repeated; [`Error::Usage`] when directions are missing; [`Error::Output`] when a file
 /// cannot be written.
-pub fn merge(parts: &[PathBuf], outputs: &[String], change: impl Fn(&mut DisplaySettings), watch: &mut dyn Watch) -> Result<()> {
+pub fn merge(
+    parts: &[PathBuf],
+    outputs: &[String],
+    change: impl Fn(&mut DisplaySettings),
+    watch: &mut dyn Watch,
+) -> Result<MergeReport> {
+    let started = Instant::now();
+    let mut noting = Noting::new(watch);
+    let watch = &mut noting;
     let changed = |settings: &Settings, mut display: DisplaySettings| {
         change(&mut display);
         settings.with(|settings| settings.display = display).validate().map(|()| display)
@@ -28,7 +42,7 @@ pub fn merge(parts: &[PathBuf], outputs: &[String], change: impl Fn(&mut Display
     // Reads one part at a time, because there may be many.
     let each = |add: &mut dyn FnMut(&Path, &Part) -> Result<()>| parts.iter().try_for_each(|path| add(path, &Part::read(path)?));
     let inputs = parts.iter().map(PathBuf::as_path);
-    let errors = match first.job["what"].as_str() {
+    let (of, settings, request, errors) = match first.job["what"].as_str() {
         Some("render") => {
             let request = JobRequest {
                 time: None,
@@ -45,7 +59,8 @@ pub fn merge(parts: &[PathBuf], outputs: &[String], change: impl Fn(&mut Display
             request.warning_of_origin(merge.job()).iter().for_each(|warning| watch.say(warning));
             let (settings, picture) = (merge.settings(), Made::Picture(merge.picture()?));
             let (display, done) = (changed(settings, settings.display)?, (settings.directions.count, true));
-            picture.write(&request, None, merge.job(), &display, done)
+            let errors = picture.write(&request, None, merge.job(), &display, done);
+            ("render", settings.with(|settings| settings.display = display), request, errors)
         }
         Some("bake") => {
             first.check_version(path)?;
@@ -70,11 +85,20 @@ pub fn merge(parts: &[PathBuf], outputs: &[String], change: impl Fn(&mut Display
             each(&mut |path, part| merge.add(path, part))?;
             let values = Made::of_points(&request, &receivers, merge.columns(&prepared, &points.points)?, scene, false);
             let (display, done) = (changed(&settings, own)?, (settings.directions.count, true));
-            values.write(&request, Some(scene), merge.job(), &display, done)
+            let errors = values.write(&request, Some(scene), merge.job(), &display, done);
+            ("bake", settings.with(|settings| settings.display = display), request, errors)
         }
         _ => return Err(unknown(path)),
     };
-    all_written(errors, watch)
+    all_written(errors, watch)?;
+    let outputs = request.outputs.concat().iter().map(|path| path.display().to_string()).collect();
+    Ok(MergeReport {
+        head: ReportHead::new("merge", outputs, camera_of(&first), take(&mut watch.warnings)),
+        parts: parts.len(),
+        of,
+        settings,
+        seconds: TotalSeconds { total: started.elapsed().as_secs_f64() },
+    })
 }
 
 fn unknown(path: &Path) -> Error {

@@ -17,12 +17,13 @@ mod results;
 mod task;
 mod time;
 
+use std::mem::take;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use self::checkpoint::Checkpoint;
 use self::remaining::Remaining;
-use self::report::peak_memory_bytes;
+use self::report::Noting;
 use self::task::Task;
 use crate::error::{Error, Result};
 use crate::scene::{Loaded, World};
@@ -34,7 +35,7 @@ pub use openness::Openness;
 pub use outputs::{check_kept, metadata, of_picture};
 pub use per_source::Per;
 pub use receiver::{Receiver, ReceiverKind, ReceiverValues, outputs_of};
-pub use report::{JobReport, JobSeconds, ReceiverReport, TaskReport};
+pub use report::{JobReport, JobSeconds, MergeReport, TotalSeconds, ReceiverReport, ReportHead, TaskReport};
 pub use request::{BakeRequest, DeviceRequest, JobRequest, SceneRequest, SharedScene, Work};
 pub use results::JobResults;
 
@@ -144,6 +145,8 @@ impl Job {
     /// [`Error::Output`] when a file cannot be written. All other files are written before it returns.
     pub fn run(self, watch: &mut dyn Watch) -> Result<Outcome> {
         let Self { request, outputs, mut checkpoint, in_memory, started } = self;
+        let mut noting = Noting::new(watch);
+        let watch = &mut noting;
         let is_shard = checkpoint.shard().is_some();
         watch.stage("loading");
         let loading = Instant::now();
@@ -252,15 +255,16 @@ impl Job {
         all_written(failure.into_iter().chain(unwritten).chain(kept.err()), watch)?;
 
         write += writing.elapsed().as_secs_f64();
-        let (report, stages) = task.report(already, names);
+        let (report, stages) = task.report(already, &names);
+        let command = if request.work == Work::Render { "render" } else { "bake" };
+        let head = ReportHead::new(command, names, task.camera(), take(&mut watch.warnings));
         let report = JobReport {
+            head: ReportHead { interrupted: ended, ..head },
             gl: gpu.identity(),
             settings: *task.settings(),
             pipeline: task.pipeline(),
             task: report,
             seconds: JobSeconds { load, device, stages, write, total: started.elapsed().as_secs_f64() },
-            peak_memory_bytes: peak_memory_bytes(),
-            interrupted: ended,
         };
         let results = made.filter(|_| in_memory).map(|made| task.into_results(made));
         Ok(Outcome { ending, outputs, results, report })

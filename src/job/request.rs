@@ -218,6 +218,11 @@ impl JobRequest {
         files.try_for_each(|(kind, path)| kind.check_writable(path, &bake.plan.what))
     }
 
+    /// Whether results are of the camera's pixels.
+    pub(super) fn has_camera(&self) -> bool {
+        if let Work::Bake(bake) = &self.work { bake.receivers.contains(&ReceiverKind::Camera) } else { true }
+    }
+
     /// Openness and transfer need no light.
     pub(super) fn needs_light(&self) -> bool {
         let needs = |quantity: &Quantity| matches!(quantity, Quantity::Irradiance | Quantity::Sh);

@@ -24,17 +24,20 @@ use crate::image::Image;
 use crate::points::CameraPoints;
 use crate::prepared::Prepared;
 use crate::render::Render;
-use crate::scene::{Scene, World};
+use crate::scene::{Scene, World, WorldCamera};
 use crate::settings::{DisplaySettings, Pipeline, Settings};
 
 /// Keys in the state of a part.
 const REQUEST: &str = "request";
 const DISPLAY: &str = "display";
+const CAMERA: &str = "camera";
 
 pub(super) struct Task<'a> {
     request: &'a JobRequest,
     settings: Settings,
     gather: Gather,
+    /// Of a picture, or of pixels.
+    camera: Option<WorldCamera>,
     /// Number of directions of a render or of its shard.
     directions: u32,
     is_shard: bool,
@@ -116,7 +119,12 @@ impl<'a> Task<'a> {
         if let (Gather::Bake(bake, _), Some(most)) = (&mut gather, request.memory) {
             bake.fit(most)?;
         }
-        Ok(Self { request, settings: *settings, gather, directions, is_shard, counts: Vec::new(), stops: None, placing })
+        let camera = request.has_camera().then(|| world.camera(settings.film.size));
+        Ok(Self { request, settings: *settings, gather, camera, directions, is_shard, counts: Vec::new(), stops: None, placing })
+    }
+
+    pub fn camera(&self) -> Option<WorldCamera> {
+        self.camera
     }
 
     /// The pipeline of the gather, never `auto`.
@@ -189,6 +197,7 @@ impl<'a> Task<'a> {
 
     pub fn save(&self) -> Part<'_> {
         let mut part = either!(&self.gather, gather => gather.save());
+        part.state[CAMERA] = json!(self.camera);
         if let Gather::Bake(_, receivers) = &self.gather {
             // Null if a path is not UTF-8. Then it is not a shard, and a merge never reads it.
             part.state[REQUEST] = serde_json::to_value(self.request).unwrap_or_default();
@@ -254,13 +263,13 @@ impl<'a> Task<'a> {
     }
 
     /// The report, and the seconds of stages. `finished`: an earlier run finished the job. `outputs`: all files, or the part of a shard.
-    pub fn report(&self, finished: bool, outputs: Vec<String>) -> (TaskReport, Value) {
+    pub fn report(&self, finished: bool, outputs: &[String]) -> (TaskReport, Value) {
         let (bake, receivers) = match &self.gather {
             Gather::Render(render) => {
                 let statistics = render.statistics().clone();
                 let (seconds, scene, error) = (json!(statistics.seconds), statistics.scene, statistics.error);
                 let (gather, photons, exposure) = (statistics.gather, statistics.photons, self.stops);
-                let report = TaskReport::Render { scene, gather, photons, error, exposure, outputs };
+                let report = TaskReport::Render { scene, gather, photons, error, exposure };
                 return (report, seconds);
             }
             Gather::Bake(bake, receivers) => (bake, receivers),
@@ -278,10 +287,15 @@ impl<'a> Task<'a> {
             plan: bake.plan().clone(),
             bake: bake.statistics(),
             receivers: receivers.collect(),
-            part: outputs.into_iter().next().filter(|_| self.is_shard),
+            part: outputs.first().filter(|_| self.is_shard).cloned(),
         };
         (report, json!({ "receivers": self.placing }))
     }
+}
+
+/// The camera of the picture or the pixels that a part is of.
+pub(super) fn camera_of(part: &Part) -> Option<WorldCamera> {
+    serde_json::from_value(part.state[CAMERA].clone()).ok().flatten()
 }
 
 /// The request of a bake and the display of its files, from a part at `path`.

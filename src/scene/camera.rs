@@ -17,7 +17,7 @@ pub struct Camera {
 }
 
 /// A camera in world space, as files and users give it.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct WorldCamera {
     pub eye: DVec3,
     pub target: DVec3,
@@ -37,7 +37,7 @@ pub struct CameraChange {
 }
 
 /// A thin lens, centred on the eye and perpendicular to the direction of view.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Lens {
     pub radius: f32,
     /// Distance from the eye to the plane in focus, along the direction of view.

@@ -29,6 +29,10 @@ pub struct MergeArgs {
     /// What a .png shows where there is no surface: environment, transparent, #rrggbb, or linear r,g,b from 0 to 1 [default: the job's]
     #[arg(long, value_name = "WHAT", value_parser = str::parse::<Background>)]
     background: Option<Background>,
+
+    /// Print one JSON object about the merge on stdout
+    #[arg(long)]
+    json: bool,
 }
 
 /// Returns the exit code.
@@ -38,8 +42,11 @@ pub fn run(args: &MergeArgs) -> Result<u8> {
         display.background = args.background.unwrap_or(display.background);
     };
     let mut terminal = Terminal::new(Vec::new())?;
-    finalgather::job::merge(&args.parts, &args.outputs, change, &mut terminal)?;
+    let merged = finalgather::job::merge(&args.parts, &args.outputs, change, &mut terminal)?;
     terminal.clear();
     report::say(&format!("{}: merged from {} parts", args.outputs.join(", "), args.parts.len()));
+    if args.json {
+        report::print_json(&merged)?;
+    }
     Ok(0)
 }

@@ -31,15 +31,7 @@ pub fn line(job: &JobReport) -> String {
     if let warnings @ 1.. = report::warnings() {
         facts.push(counted(warnings, "warning"));
     }
-    format!("{}: {}", outputs(job).join(", "), facts.join(", "))
-}
-
-fn outputs(job: &JobReport) -> Vec<String> {
-    match &job.task {
-        TaskReport::Render { outputs, .. } => outputs.clone(),
-        TaskReport::Bake { part: Some(part), .. } => vec![part.clone()],
-        TaskReport::Bake { receivers, .. } => receivers.iter().flat_map(|receiver| receiver.outputs.clone()).collect(),
-    }
+    format!("{}: {}", job.head.outputs.join(", "), facts.join(", "))
 }
 
 fn times(job: &JobReport) -> String {
