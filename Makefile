@@ -5,11 +5,11 @@ TARGET_DIR := $(or $(CARGO_TARGET_DIR),target)
 DATA := $(or $(XDG_DATA_HOME),$(HOME)/.local/share)
 INSTALLED = $(or $(CARGO_INSTALL_ROOT),$(CARGO_HOME),$(HOME)/.cargo)/bin/finalgather
 
-.PHONY: help setup render check test figures bench install
+.PHONY: help setup render check test wheel python-test figures bench install
 .DEFAULT_GOAL := help
 
 help: ## List the targets
-	@sed -n 's/^\([a-z]*\):.*## \(.*\)/make \1|\2/p' $(MAKEFILE_LIST) | while IFS='|' read -r name text; do printf '%-14s%s\n' "$$name" "$$text"; done
+	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/make \1|\2/p' $(MAKEFILE_LIST) | while IFS='|' read -r name text; do printf '%-14s%s\n' "$$name" "$$text"; done
 
 setup: ## Install what a render needs and is missing
 	@scripts/setup.sh
@@ -38,6 +38,14 @@ test: ## Run all tests, those of the GL part also on a driver that offers no mor
 	@scripts/setup.sh --tests
 	$(CARGO) test --release --locked
 	GALLIUM_DRIVER=softpipe $(CARGO) test --release --locked --test 'gl_*'
+
+wheel: setup ## Build the Python package to target/wheels/
+	scripts/python.sh wheel
+
+python-test: ## Build the Python package and run its tests
+	@scripts/setup.sh --tests
+	$(CARGO) build --release --locked --package finalgather
+	scripts/python.sh test
 
 figures: setup ## Measure and draw all figures to paper_figures/out/index.html; about 40 minutes on two cores
 	$(CARGO) build --release --locked --package paper_figures

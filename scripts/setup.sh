@@ -54,6 +54,7 @@ library libEGL.so.1 || missing "libEGL.so.1 (GLVND)" libegl1 libglvnd-egl libglv
 library libEGL_mesa.so.0 || missing "Mesa's EGL" libegl-mesa0 mesa-libEGL mesa
 software_gl || missing "Mesa's software OpenGL driver" libgl1-mesa-dri mesa-dri-drivers mesa
 if [[ $tests ]]; then
+    python3 -c 'import ensurepip, venv' 2>/dev/null || missing "Python with venv" "python3 python3-venv" python3 python
     command -v glslangValidator >/dev/null || missing glslangValidator glslang-tools glslang glslang
     # Of the window: servers without a screen, who types and points, and what winit and glutin load by name.
     command -v Xvfb >/dev/null || missing Xvfb xvfb xorg-x11-server-Xvfb xorg-server-xvfb

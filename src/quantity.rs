@@ -62,7 +62,11 @@ const MEANINGS: [(&str, &str, &str); 9] = [
     ("Sky", "sky", "share of the cosine-weighted hemisphere that leaves the scene"),
     ("SH", "sh", "coefficients of the incident radiance, W/(m² sr) in each channel"),
     ("PRTUnshadowed", "prt_unshadowed", "the same as PRT with nothing around"),
-    ("PRT", "prt", "coefficients of the transfer from incident radiance to irradiance / π: cosine and 1/π are in, the albedo is not"),
+    (
+        "PRT",
+        "prt",
+        "coefficients of the transfer from incident radiance to irradiance / π: cosine and 1/π are in, the albedo is not",
+    ),
 ];
 
 /// Neighbouring columns of one quantity, as one array.
@@ -96,7 +100,10 @@ impl ValueArray {
 
     /// The name as variables have it: `bent_normal`.
     pub fn key(&self) -> String {
-        MEANINGS.iter().find(|(name, ..)| *name == self.name).map_or_else(|| self.name.to_lowercase(), |(_, key, _)| (*key).to_owned())
+        MEANINGS
+            .iter()
+            .find(|(name, ..)| *name == self.name)
+            .map_or_else(|| self.name.to_lowercase(), |(_, key, _)| (*key).to_owned())
     }
 
     /// The shape of an array of points, or of rows of pixels.

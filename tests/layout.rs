@@ -45,7 +45,7 @@ fn files(folder: &str, ending: &str) -> Vec<PathBuf> {
 }
 
 fn rust() -> Vec<PathBuf> {
-    ["src", "tests"].into_iter().flat_map(|folder| files(folder, "rs")).collect()
+    ["src", "tests", "python/src"].into_iter().flat_map(|folder| files(folder, "rs")).collect()
 }
 
 fn read(path: &Path) -> String {

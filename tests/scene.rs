@@ -72,7 +72,7 @@ fn png(width: u32, height: u32, color: [u8; 3]) -> Vec<u8> {
 
 #[test]
 fn cornell_box_loads_exactly() {
-    let Loaded { world: scene, settings, report } = World::load(Path::new("scenes/cornell.toml")).unwrap();
+    let Loaded { world: scene, settings, report, .. } = World::load(Path::new("scenes/cornell.toml")).unwrap();
     let parts: Vec<_> =
         scene.instances.iter().map(|instance| (instance.name.as_str(), scene.meshes[instance.mesh].triangles.len())).collect();
     let walls = ["floor", "ceiling", "back_wall", "green_wall", "red_wall"].map(|name| (name, 2));
@@ -105,7 +105,7 @@ fn cornell_box_loads_exactly() {
 
 #[test]
 fn textured_demo_multiplies_colour_and_tile() {
-    let Loaded { world, settings, report } = World::load(Path::new("scenes/cornell_textured.toml")).unwrap();
+    let Loaded { world, settings, report, .. } = World::load(Path::new("scenes/cornell_textured.toml")).unwrap();
     assert_eq!((settings.directions.count, world.textures.len()), (2000, 1));
     assert_eq!(report.warnings, [""; 0]);
     let scene = world.flatten();

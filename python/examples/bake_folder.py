@@ -71,8 +71,15 @@ def is_finished(task: Task, record: Path, version: str) -> bool:
         return False
 
 
+# Of a worker, that Ctrl-C has reached it: a pool hands it one task more than it works on.
+stopped = False
+
+
 def bake_one(task: Task) -> Outcome:
     """Runs in a worker. Returns all failures, so that a pool need not know their classes."""
+    global stopped
+    if stopped:
+        return Outcome(task.mesh, "stopped")
     # Read when the first job starts. Workers of Dask and Ray do not inherit it.
     os.environ.setdefault("RAYON_NUM_THREADS", str(task.threads))
     os.environ.setdefault("LP_NUM_THREADS", str(task.threads))
@@ -105,6 +112,7 @@ def bake_one(task: Task) -> Outcome:
             old.unlink(missing_ok=True)
         return Outcome(task.mesh, "baked")
     except KeyboardInterrupt:
+        stopped = True
         return Outcome(task.mesh, "stopped")
     except Exception as error:
         return Outcome(task.mesh, "failed", f"{type(error).__name__}: {error}")

@@ -91,7 +91,7 @@ def harmonics(directions: Array) -> Array:
 
 
 def transfer_by_embree(mesh: trimesh.Trimesh, rays: int) -> Array:
-    """As papers of digitised humans bake it (PIFu and others): directions of the whole sphere, which all vertices share."""
+    """As papers on digitised humans do (PIFu and others): directions of the whole sphere, shared by all vertices."""
     side = max(1, round(rays**0.5))
     rng = np.random.default_rng(3)
     # One random place in each cell of the unit square.
@@ -117,7 +117,7 @@ def main() -> None:
         "--rays", type=int, default=256, help="rays a vertex, over the hemisphere (default: %(default)s)"
     )
     parser.add_argument(
-        "--reference", type=int, default=16_384, help="directions of the reference (default: %(default)s)"
+        "--reference", type=int, default=4096, help="directions of the reference (default: %(default)s)"
     )
     options = parser.parse_args()
     rays, many = options.rays, {"directions": options.reference, "sequence": "sobol", "seed": 1}

@@ -42,32 +42,6 @@ class Settings(TypedDict, total=False):
     exposure: Union[Literal["auto"], float]
     background: Union[str, Sequence[float]]
 
-class Error(Exception):
-    """Base of all errors. The text says the problem and its cure."""
-
-    problem: str
-    cure: str
-
-class InputError(Error, ValueError):
-    """A file or an array cannot be used."""
-
-class UsageError(Error, ValueError):
-    """The request is impossible."""
-
-class DeviceError(Error, RuntimeError):
-    """There is no OpenGL 3.3, or it failed."""
-
-class OutputError(Error, OSError):
-    """A file cannot be written."""
-
-class Warning(UserWarning):
-    """Something was mended, or may not be what was meant."""
-
-class Interrupted(KeyboardInterrupt):
-    """Ctrl-C ended a job. `result` holds what was done up to there, or None."""
-
-    result: Union[Film, Baked, None]
-
 @final
 class Scene:
     """Surfaces and lights. It never changes, so threads may share it."""
@@ -171,7 +145,7 @@ class Film:
 
 @final
 class Baked(Mapping[str, NDArray[np.float32]]):
-    """Values at points: an array of each quantity by its name."""
+    """Values at points: an array of each quantity by its name, new each time."""
 
     def __getitem__(self, name: str) -> NDArray[np.float32]: ...
     def __len__(self) -> int: ...
@@ -202,7 +176,7 @@ class Baked(Mapping[str, NDArray[np.float32]]):
 class Comparison:
     """How far a picture is from its reference."""
 
-    def as_dict(self) -> dict[str, Any]: ...
+    def as_dict(self) -> dict[str, float]: ...
     def __getitem__(self, name: str) -> float: ...
     @property
     def map(self) -> Film: ...

@@ -102,10 +102,10 @@ def room(cells: int = 2) -> tuple[Array, Array, Array]:
     left = quad([0, 0, 0], [0, 1, 0], [0, 0, 1], cells)
     right = quad([1, 0, 0], [0, 0, 1], [0, 1, 0], cells)
     block = box(0.3)
-    parts = [floor, ceiling, back, left, right, (block[0] + np.float32([0.6, 0.2, 0.45]), block[1])]
+    parts = [floor, ceiling, back, left, right, (block[0] + np.array([0.6, 0.2, 0.45], np.float32), block[1])]
     colors = [[0.7, 0.7, 0.7]] * 3 + [[0.6, 0.05, 0.05], [0.1, 0.5, 0.1], [0.7, 0.6, 0.5]]
     vertices, faces = join(*parts)
-    return vertices, faces, np.repeat(np.float32(colors), [len(part[0]) for part in parts], axis=0)
+    return vertices, faces, np.repeat(np.array(colors, np.float32), [len(part[0]) for part in parts], axis=0)
 
 
 def sphere(frequency: int = 4, radius: float = 1.0) -> Mesh:
@@ -118,7 +118,8 @@ def sphere(frequency: int = 4, radius: float = 1.0) -> Mesh:
     number[triangle[:, 0], triangle[:, 1]] = np.arange(len(triangle))
     up = [[number[a, b], number[a + 1, b], number[a, b + 1]] for a, b, _ in triangle if a + b < frequency]
     down = [[number[a + 1, b], number[a + 1, b + 1], number[a, b + 1]] for a, b, _ in triangle if a + b < frequency - 1]
-    points, faces = [], []
+    points: list[Array] = []
+    faces: list[Array] = []
     for octant in np.ndindex(2, 2, 2):
         sign = 1 - 2 * np.array(octant)
         corners = np.array(up + down)
@@ -167,7 +168,8 @@ def write_hdr(path: Path, radiance: Array) -> Array:
     height, width, _ = radiance.shape
     header = f"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y {height} +X {width}\n".encode()
     path.write_bytes(header + np.dstack([mantissa, (exponent + 128).astype(np.uint8)]).tobytes())
-    return np.ldexp(mantissa.astype(np.float32), exponent[..., None] - 8)
+    texels: Array = np.ldexp(mantissa.astype(np.float32), exponent[..., None] - 8)
+    return texels
 
 
 def sky(height: int = 16) -> Array:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -84,7 +85,7 @@ def test_ways_to_give_an_environment(transfer: Array, tmp_path: Path, tool: Tool
 def test_axes_of_an_environment() -> None:
     """The middle of a picture is -z, +x lies right of it, and the top row is +y."""
     height = 32
-    directions = {
+    directions: dict[str, tuple[int, Any]] = {
         "+x": (16, 48),
         "-x": (16, 16),
         "+y": (0, slice(None)),
@@ -132,6 +133,15 @@ def test_picture_of_open_walls() -> None:
     scene = fg.Scene.from_arrays(*sphere(3), albedo=1.0)
     film = fg.relight_picture(scene, fg.prt(scene, directions=1024), 1.0, size=16)
     assert np.abs(film.rgb - 1).max() < 2 * 1024**-0.75
+
+
+def test_vertices_without_transfer_have_no_light() -> None:
+    transfer = np.ones((3, 9, 3), np.float32)
+    transfer[1] = np.nan
+    light = fg.relight(transfer, 1.0)
+    assert np.isnan(light[1]).all() and np.isfinite(light[[0, 2]]).all()
+    # The axes before are those of the points: a list, or a picture.
+    assert fg.relight(np.ones((2, 5, 9, 3)), 1.0).shape == (2, 5, 3)
 
 
 @pytest.mark.parametrize(

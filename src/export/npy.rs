@@ -8,7 +8,7 @@ use std::path::Path;
 
 use serde_json::{Map, Value, json};
 
-use super::{PointValues, Positions, SourceMap};
+use super::{PointValues, Positions, SourceMap, npz};
 use crate::blocks::sha256;
 use crate::error::{Error, Result};
 use crate::file::{MOST_BYTES, MOST_WORDS, read_file, write_file};
@@ -124,10 +124,13 @@ pub fn is_of(path: &Path, positions: Positions) -> Option<bool> {
     Some(description(path)?[POSITIONS].as_str()? == digest(positions))
 }
 
-const CURE: &str = "give a .npy file of `finalgather bake --what prt`, with its .json beside it";
+const CURE: &str = "give a .npz file of `finalgather bake --what prt`, or a .npy with its .json beside it";
 
-/// Reads the columns `PRT.00.R` and so on from a file of [`PointValues::write`]. All coefficients of an order must be there.
+/// Reads the columns `PRT.00.R` and so on from a file of [`PointValues::write`], `.npy` or `.npz`. All coefficients of an order must be there.
 pub fn read_prt(path: &Path) -> Result<Vec<Channel>> {
+    if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("npz")) {
+        return npz::read_prt(path);
+    }
     let read = |path: &Path, most: u64| {
         read_file(path, most).map_err(|error| Error::input(path, None, format!("not readable: {error}"), CURE))
     };
@@ -157,9 +160,14 @@ pub fn parse_prt(path: &Path, bytes: &[u8], about: &[u8]) -> Result<Vec<Channel>
             samples: (0..array.shape[0]).map(|row| at(row, column) as f32).collect(),
         })
         .collect();
-    let names: Vec<&str> = prt.iter().map(|column| column.name.as_str()).collect();
-    if !matches!(&ValueArray::of(&names)[..], [one] if one.is_of_coefficients()) {
-        return Err(Error::input(&json_path, None, "the columns are not the coefficients of radiance transfer", CURE));
+    checked_prt(path, &json_path, prt)
+}
+
+/// Returns these columns of the array at `path` if they are all coefficients of radiance transfer, as `names` says, and finite.
+pub(super) fn checked_prt(path: &Path, names: &Path, prt: Vec<Channel>) -> Result<Vec<Channel>> {
+    let all: Vec<&str> = prt.iter().map(|column| column.name.as_str()).collect();
+    if !matches!(&ValueArray::of(&all)[..], [one] if one.is_of_coefficients()) {
+        return Err(Error::input(names, None, "the columns are not the coefficients of radiance transfer", CURE));
     }
     match prt.iter().find_map(|column| column.samples.iter().position(|sample| !sample.is_finite()).map(|point| (point, column)))
     {

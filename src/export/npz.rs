@@ -11,7 +11,7 @@ use serde_json::{Value, json};
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipArchive, ZipWriter};
 
-use super::npy::{ABOUT, describe_columns, describe_sources, sources_array};
+use super::npy::{ABOUT, checked_prt, describe_columns, describe_sources, sources_array};
 use super::{ExportMesh, PointValues, Positions};
 use crate::error::{Error, Result};
 use crate::file::{MOST_BYTES, MOST_WORDS, read_file, write_file};
@@ -111,6 +111,25 @@ fn write_arrays(path: &Path, mut arrays: Arrays, about: &Value) -> Result<()> {
     }
     let packed = zip.finish().map_err(|error| refused(&error))?;
     write_file(path, &packed.into_inner())
+}
+
+/// The columns `PRT.00.R` and so on of a file's array `prt`.
+pub fn read_prt(path: &Path) -> Result<Vec<Channel>> {
+    let refused = |problem: String| Error::input(path, None, problem, "give a file of `finalgather bake --what prt`");
+    let bytes = read_file(path, MOST_BYTES).map_err(|error| refused(format!("not readable: {error}")))?;
+    let mut zip = ZipArchive::new(Cursor::new(bytes)).map_err(|error| refused(format!("no .npz: {error}")))?;
+    let entry = zip.by_name("prt.npy").map_err(|error| refused(format!("its transfer, prt, is not there: {error}")))?;
+    let mut bytes = Vec::new();
+    entry.take(MOST_BYTES).read_to_end(&mut bytes).map_err(|error| refused(format!("not readable: {error}")))?;
+    let array = npy::Array::parse(path, &bytes)?;
+    let &[points, coefficients, 3] = &array.shape[..] else {
+        return Err(refused(format!("prt has the shape {:?}, not [points, order², 3]", array.shape)));
+    };
+    let column = |k: usize| Channel {
+        name: format!("PRT.{:02}.{}", k / 3, ["R", "G", "B"][k % 3]),
+        samples: (0..points).map(|point| array.at(&[point, k / 3, k % 3]) as f32).collect(),
+    };
+    checked_prt(path, path, (0..3 * coefficients).map(column).collect())
 }
 
 /// The metadata of a file, if it is whole.

@@ -63,8 +63,13 @@ impl ErrorMap {
     pub fn write(&self, path: &Path) -> Result<()> {
         match PictureFormat::of(path)? {
             PictureFormat::Exr => self.0.write(path, &WriteOptions::default()),
-            PictureFormat::Png => write_file(path, &png::encode(self.0.width, self.0.height, &self.to_rgb8())?),
+            PictureFormat::Png => write_file(path, &self.to_png()?),
         }
+    }
+
+    /// The bytes of that PNG.
+    pub fn to_png(&self) -> Result<Vec<u8>> {
+        png::encode(self.0.width, self.0.height, &self.to_rgb8())
     }
 
     fn to_rgb8(&self) -> Vec<u8> {

@@ -15,8 +15,11 @@ use crate::settings::Background;
 const KNEE: f32 = 0.8;
 
 impl Image {
-    /// With an alpha channel if the background is transparent.
-    pub(super) fn to_png(&self, exposure: f32, background: Background) -> Result<Vec<u8>> {
+    /// The bytes of a PNG file, with an alpha channel if the background is transparent.
+    ///
+    /// # Errors
+    /// As [`Self::rgb`].
+    pub fn to_png(&self, exposure: f32, background: Background) -> Result<Vec<u8>> {
         let rgba = self.to_srgba8(exposure, background)?;
         if background == Background::Transparent && self.channel("A").is_some() {
             return encode_as(self.width, self.height, &rgba, ExtendedColorType::Rgba8);

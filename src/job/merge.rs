@@ -8,8 +8,8 @@ use super::report::Noting;
 use super::results::Made;
 use super::task::{camera_of, place, request_of};
 use super::{
-    DeviceRequest, JobRequest, MergeReport, TotalSeconds, Receiver, ReportHead, SceneRequest, Watch, Work, all_written, check_kept,
-    outputs_of,
+    DeviceRequest, JobRequest, MergeReport, Receiver, ReportHead, SceneRequest, TotalSeconds, Watch, Work, all_written,
+    check_kept, outputs_of,
 };
 use crate::bake::Merge;
 use crate::blocks::Part;

@@ -35,7 +35,7 @@ pub use openness::Openness;
 pub use outputs::{check_kept, metadata, of_picture};
 pub use per_source::Per;
 pub use receiver::{Receiver, ReceiverKind, ReceiverValues, outputs_of};
-pub use report::{JobReport, JobSeconds, MergeReport, TotalSeconds, ReceiverReport, ReportHead, TaskReport};
+pub use report::{JobReport, JobSeconds, MergeReport, ReceiverReport, ReportHead, TaskReport, TotalSeconds};
 pub use request::{BakeRequest, DeviceRequest, JobRequest, SceneRequest, SharedScene, Work};
 pub use results::JobResults;
 
@@ -95,6 +95,7 @@ pub enum Ending {
 }
 
 /// What a job has done.
+#[derive(Debug)]
 pub struct Outcome {
     pub ending: Ending,
     /// Result files, or the part of a shard.
@@ -153,7 +154,10 @@ impl Job {
         let loaded = request.scene.share(request.needs_light())?;
         let Loaded { world, settings, report, .. } = &*loaded;
         check_kept(&outputs, report.files.iter().map(PathBuf::as_path))?;
-        report.warnings.iter().for_each(|warning| watch.say(&format!("warning: {warning}")));
+        // Whoever loaded the scene has told its warnings.
+        let told = request.scene.loaded.as_ref().map_or(0, |SharedScene(scene)| scene.report.warnings.len());
+        watch.warnings.extend_from_slice(&report.warnings[..told]);
+        report.warnings[told..].iter().for_each(|warning| watch.say(&format!("warning: {warning}")));
         let files: Vec<_> = report.files.iter().map(|path| path.display().to_string()).collect();
         watch.detail(&format!("read {}", files.join(", ")));
         let settings = request.settings(settings)?;
@@ -230,7 +234,9 @@ impl Job {
         if ended {
             let how = if failure.is_some() { "failed" } else { "stopped" };
             let what = match kept {
-                _ if made.is_some() && unwritten.is_empty() && !outputs.is_empty() => format!("{} so far written to {paths}", task.kind()),
+                _ if made.is_some() && unwritten.is_empty() && !outputs.is_empty() => {
+                    format!("{} so far written to {paths}", task.kind())
+                }
                 Ok(true) => format!("kept in {path}"),
                 _ => "nothing kept".to_owned(),
             };

@@ -61,6 +61,7 @@ pub enum Receiver {
 }
 
 /// Values of a receiver in world space, for files.
+#[derive(Debug)]
 pub struct ReceiverValues {
     /// Statistics of the points.
     pub counts: Value,

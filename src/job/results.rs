@@ -12,6 +12,7 @@ use crate::scene::Scene;
 use crate::settings::{Background, DisplaySettings, Exposure};
 
 /// What a job has made.
+#[derive(Debug)]
 pub(super) enum Made {
     Picture(Image),
     /// Of each receiver.
@@ -102,6 +103,7 @@ impl Made {
 }
 
 /// The results of a job in memory.
+#[derive(Debug)]
 pub struct JobResults {
     pub(super) made: Made,
     pub(super) request: JobRequest,

@@ -9,7 +9,8 @@ from pathlib import Path
 
 import numpy as np
 import trimesh
-from conftest import REPOSITORY, same_bits
+from conftest import REPOSITORY, join, quad, same_bits
+from PIL import Image
 
 import finalgather as fg
 
@@ -44,26 +45,28 @@ def test_meshes_of_trimesh() -> None:
 
 def test_colours_of_trimesh() -> None:
     """They are bytes in sRGB, and light that a second surface reflects has them."""
-    floor = trimesh.Trimesh([[0, 0, 0], [0, 0, 1], [1, 0, 1], [1, 0, 0]], [[0, 1, 2], [0, 2, 3]], process=False)
-    wall = trimesh.Trimesh([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [[0, 1, 2], [0, 2, 3]], process=False)
-    both = trimesh.util.concatenate([floor, wall])
+    vertices, faces = join(quad([0, 0, 0], [0, 0, 1], [1, 0, 0]), quad([0, 0, 0], [1, 0, 0], [0, 1, 0]))
+    both = trimesh.Trimesh(vertices, faces, process=False)
     both.visual = trimesh.visual.ColorVisuals(both, vertex_colors=np.array([[188, 0, 0, 255]] * 8, np.uint8))
     # IEC 61966-2-1.
     linear = ((188 / 255 + 0.055) / 1.055) ** 2.4
-    light = []
-    for scene in (
+    scenes = (
         fg.Scene.from_trimesh(both, env=1.0),
-        fg.Scene.from_arrays(both.vertices, both.faces, albedo=[linear, 0, 0], env=1.0),
-    ):
-        light.append(fg.bake(scene, vertices=True, directions=64, photons=2000)["irradiance_indirect"])
-    assert np.allclose(*light, rtol=1e-3, atol=1e-5) and light[0][:, 0].max() > 0 and not light[0][:, 1:].any()
+        fg.Scene.from_arrays(vertices, faces, albedo=[linear, 0, 0], env=1.0),
+    )
+    found, expected = (
+        fg.bake(scene, vertices=True, directions=64, photons=2000)["irradiance_indirect"] for scene in scenes
+    )
+    assert np.allclose(found, expected, rtol=1e-3, atol=1e-5)
+    assert found[:, 0].max() > 0 and not found[:, 1:].any()
 
 
 def test_texture_of_trimesh() -> None:
-    image = __import__("PIL.Image").Image.new("RGB", (4, 4), (188, 0, 0))
-    quad = trimesh.Trimesh([[0, 0, 0], [0, 0, 1], [1, 0, 1], [1, 0, 0]], [[0, 1, 2], [0, 2, 3]], process=False)
-    quad.visual = trimesh.visual.TextureVisuals(uv=[[0, 0], [0, 1], [1, 1], [1, 0]], image=image)
-    scene = fg.Scene.from_trimesh(quad, env=1.0)
+    floor = trimesh.Trimesh(*quad([0, 0, 0], [0, 0, 1], [1, 0, 0]), process=False)
+    floor.visual = trimesh.visual.TextureVisuals(
+        uv=floor.vertices[:, [0, 2]], image=Image.new("RGB", (4, 4), (188, 0, 0))
+    )
+    scene = fg.Scene.from_trimesh(floor, env=1.0)
     film = fg.render(scene, size=16, directions=16, photons=100, eye=[0.5, 2, 0.5], target=[0.5, 0, 0.5], up=[0, 0, -1])
     linear = ((188 / 255 + 0.055) / 1.055) ** 2.4
     assert np.allclose(film["Albedo"][8, 8], [linear, 0, 0], atol=1e-4)

@@ -102,9 +102,9 @@ def test_ctrl_c_and_on(tmp_path: Path) -> None:
     write_ply(meshes / "ball.ply", *sphere(20))
     # As many directions as take some seconds.
     long = ("--directions", "16384")
-    process = subprocess.Popen(
-        command(meshes, out, *long), start_new_session=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE
-    )
+    # Shells start jobs in the background without SIGINT.
+    arguments = ["env", "--default-signal=INT", *command(meshes, out, *long)]
+    process = subprocess.Popen(arguments, start_new_session=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
     ends = time.monotonic() + 60
     while not list(out.glob("*.lock")) and time.monotonic() < ends and process.poll() is None:
         time.sleep(0.05)

@@ -6,7 +6,7 @@ use std::time::Instant;
 use finalgather::error::{Error, Result};
 use finalgather::export::{self, ExportMesh, ExportSource, PointValues, Positions, read_prt};
 use finalgather::image::{self, Channel, WriteOptions};
-use finalgather::job::{TotalSeconds, ReportHead, SceneRequest, check_kept};
+use finalgather::job::{ReportHead, SceneRequest, TotalSeconds, check_kept};
 use finalgather::relight::{RelitModel, irradiance};
 use finalgather::scene::{Environment, Loaded};
 use finalgather::settings::{Exposure, Settings};
@@ -22,14 +22,14 @@ const CURE: &str = "give the scene that it was baked of, with --to vertices and 
 #[derive(Debug, clap::Args)]
 #[command(after_long_help = include_str!("help/relight.txt"), allow_negative_numbers = true)]
 pub struct RelightArgs {
-    /// Transfer: a .npy of `finalgather bake --what prt`, with its .json beside it
+    /// Transfer: a .npy of `finalgather bake --what prt`, with its .json beside it, or a .npz
     transfer: PathBuf,
 
     /// Lat-long picture of the environment, .hdr or .exr
     #[arg(long, value_name = "FILE")]
     env: PathBuf,
 
-    /// File to write: .npy (irradiance of each point) or, with --scene, .ply and .glb (its vertices), .png and .exr (a picture); can be given several times
+    /// File to write: .npy or .npz (irradiance of each point) or, with --scene, .ply and .glb (its vertices), .png and .exr (a picture); can be given several times
     #[arg(short, long = "output", value_name = "FILE", required = true)]
     outputs: Vec<PathBuf>,
 
@@ -76,7 +76,7 @@ pub fn run(args: &RelightArgs) -> Result<u8> {
             "png" | "exr" => image::check_writable(path)?,
             _ => export::check_writable(path, &["npy", "npz", "ply", "glb", "png", "exr"])?,
         }
-        if ending(path) != "npy" && args.scene.is_none() {
+        if !["npy", "npz"].contains(&ending(path)) && args.scene.is_none() {
             return Err(Error::usage(
                 format!("{}: what the points lie on is not known", path.display()),
                 "name the scene that was baked, --scene, or write .npy",
@@ -89,6 +89,7 @@ pub fn run(args: &RelightArgs) -> Result<u8> {
     let baked = args.scene.as_deref().map(|path| Baked::load(&args.files.scene(path)?)).transpose()?;
     if let Some(Baked { loaded, .. }) = &baked {
         check_kept(&args.outputs, loaded.report.files.iter().map(PathBuf::as_path))?;
+        loaded.report.warnings.iter().for_each(|warning| report::say(&format!("warning: {warning}")));
     }
     let irradiance = irradiance(&transfer, &environment);
     let columns = columns_of(&irradiance);

@@ -10,7 +10,7 @@ use super::warnings::Place;
 use crate::error::{Error, Result};
 use crate::scene::{ImageTexture, Material, World};
 
-/// A mesh of triangles with shared vertices. Lists of attributes have one entry for each vertex, or none.
+/// A mesh of faces with shared vertices. Lists of attributes have one entry for each vertex, or none.
 #[derive(Clone, Debug, Default)]
 pub struct MeshArrays {
     /// Stands for the name of a file in messages.
@@ -23,11 +23,13 @@ pub struct MeshArrays {
     pub uvs: Vec<Vec2>,
     /// Linear colours from 0 to 1, which multiply the albedo.
     pub colors: Vec<Vec3>,
-    /// Indices of vertices, counter-clockwise seen from the front. One that is no vertex makes no face.
-    pub triangles: Vec<[u32; 3]>,
+    /// Indices of vertices, face after face, counter-clockwise seen from the front. One that is no vertex makes no face.
+    pub faces: Vec<u32>,
+    /// Corners of each face, 3 or more.
+    pub corners: usize,
     /// Albedo and emission. At least one.
     pub materials: Vec<Material>,
-    /// The material of each triangle. Empty: the first.
+    /// The material of each face. Empty: the first.
     pub material_of: Vec<u32>,
     /// For the materials.
     pub textures: Vec<ImageTexture>,
@@ -41,7 +43,11 @@ impl MeshArrays {
         if let Some((name, length)) = of_vertices.into_iter().find(|&(_, length)| length != 0 && length != count) {
             return Err(Error::usage(format!("{name}: {length} rows for {count} vertices"), "give one row a vertex, or none"));
         }
-        let (faces, materials) = (self.triangles.len(), self.material_of.len());
+        if self.corners < 3 || !self.faces.len().is_multiple_of(self.corners) {
+            let problem = format!("faces: {} indices for faces of {} corners", self.faces.len(), self.corners);
+            return Err(Error::usage(problem, "give three corners or more, and the same number for each face"));
+        }
+        let (faces, materials) = (self.faces.len() / self.corners, self.material_of.len());
         if materials != 0 && materials != faces {
             return Err(Error::usage(format!("materials: {materials} rows for {faces} faces"), "give one row a face, or none"));
         }
@@ -58,15 +64,15 @@ impl MeshArrays {
 
 pub fn load(loader: &mut Loader, path: &Path, arrays: MeshArrays) -> Result<World> {
     arrays.check()?;
-    let MeshArrays { positions, normals, uvs, colors, triangles, materials, material_of, textures, .. } = arrays;
+    let MeshArrays { positions, normals, uvs, colors, faces, corners, materials, material_of, textures, .. } = arrays;
     let mut model = Indexed { materials: material_of, ..Indexed::default() };
     for (vertex, position) in positions.into_iter().enumerate() {
         let normal = normals.get(vertex).copied();
         let (uv, color) = (uvs.get(vertex).copied(), colors.get(vertex).copied());
         model.push_vertex(RawVertex { position, normal, uv, color }, Place { path, line: None }, &mut loader.warnings)?;
     }
-    for triangle in triangles {
-        model.corners.extend(triangle);
+    for face in faces.chunks_exact(corners) {
+        model.corners.extend(face);
         model.end_face(None);
     }
     loader.textures.list.extend(textures);

@@ -48,7 +48,7 @@ pub struct JobArgs {
     #[arg(long, hide_short_help = true, value_name = "SECONDS", default_value_t = 30, value_parser = |text: &str| count(text).ok().filter(|&seconds: &u64| seconds <= 86_400).ok_or("not whole seconds, 86400 at most"))]
     checkpoint_every: u64,
 
-    /// Go on from the checkpoint or, with --shard, from its part, if the file exists. Without --checkpoint: if every output records that this job finished (.exr, .npy and .ply can), leave the outputs as they are
+    /// Go on from the checkpoint or, with --shard, from its part, if the file exists. Without --checkpoint: if every output records that this job finished (.exr, .npy, .npz and .ply can), leave the outputs as they are
     #[arg(long)]
     resume: bool,
 

@@ -1,0 +1,269 @@
+//! Pictures and bakes.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use finalgather::bake::{Plan, RadianceCache};
+use finalgather::job::{BakeRequest, Ending, Job, JobRequest, Keeping, Outcome, Per, ReceiverKind, Work};
+use finalgather::points::{LightMapOptions, Resolution, UvSource, file};
+use finalgather::quantity::Quantity;
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use pyo3::types::{PyBool, PyDict};
+use pyo3::{PyClass, PyClassInitializer};
+use serde_json::Value;
+
+use crate::arrays::rows_of_3;
+use crate::baked::Baked;
+use crate::errors::{begin_work, raised, usage};
+use crate::film::Film;
+use crate::request::{View, device as device_request, keeping, scene_request};
+use crate::scene::Scene;
+use crate::watch::{PythonWatch, warn};
+
+/// Settings that do nothing in a bake, but for those of pictures with the camera.
+const OF_PICTURES: [&str; 7] = ["size", "background", "points", "interleave", "estimator", "target_error", "ground"];
+
+/// Renders a picture.
+#[pyfunction]
+#[pyo3(signature = (scene, *, eye=None, target=None, up=None, fov=None, time=None, memory=None, checkpoint=None, resume=false, progress=None, backend="auto", device="auto", **settings))]
+#[allow(clippy::too_many_arguments)]
+pub fn render(
+    py: Python,
+    scene: &Scene,
+    eye: Option<&Bound<PyAny>>,
+    target: Option<&Bound<PyAny>>,
+    up: Option<&Bound<PyAny>>,
+    fov: Option<f32>,
+    time: Option<f64>,
+    memory: Option<usize>,
+    checkpoint: Option<PathBuf>,
+    resume: bool,
+    progress: Option<&Bound<PyAny>>,
+    backend: &str,
+    device: &str,
+    settings: Option<&Bound<PyDict>>,
+) -> PyResult<Film> {
+    if time.is_some_and(|seconds| !(seconds.is_finite() && seconds > 0.0)) {
+        return Err(usage(py, "time is no number of seconds", "give a finite number above 0"));
+    }
+    let request = JobRequest {
+        scene: scene_request(scene, &View { eye, target, up, fov }, settings, "render")?,
+        work: Work::Render,
+        outputs: vec![Vec::new()],
+        memory,
+        time,
+        device: device_request(py, backend, device)?,
+    };
+    run(py, request, &keeping(py, checkpoint, resume)?, progress, Film::of_job)
+}
+
+/// Computes values at points.
+#[pyfunction]
+#[pyo3(signature = (scene, *, vertices=false, points=None, lightmap=None, camera=false, what=None, order=3, gather_bounces=2, ao_distance=None, radiance_cache="photons", per="source", texels_per_unit=None, uvs="auto", padding=2, samples_per_texel=4, eye=None, target=None, up=None, fov=None, memory=None, checkpoint=None, resume=false, progress=None, backend="auto", device="auto", **settings))]
+#[allow(clippy::too_many_arguments)]
+pub fn bake(
+    py: Python,
+    scene: &Scene,
+    vertices: bool,
+    points: Option<(Bound<PyAny>, Bound<PyAny>)>,
+    lightmap: Option<u32>,
+    camera: bool,
+    what: Option<&Bound<PyAny>>,
+    order: usize,
+    gather_bounces: u32,
+    ao_distance: Option<f32>,
+    radiance_cache: &str,
+    per: &str,
+    texels_per_unit: Option<f32>,
+    uvs: &str,
+    padding: u32,
+    samples_per_texel: u32,
+    eye: Option<&Bound<PyAny>>,
+    target: Option<&Bound<PyAny>>,
+    up: Option<&Bound<PyAny>>,
+    fov: Option<f32>,
+    memory: Option<usize>,
+    checkpoint: Option<PathBuf>,
+    resume: bool,
+    progress: Option<&Bound<PyAny>>,
+    backend: &str,
+    device: &str,
+    settings: Option<&Bound<PyDict>>,
+) -> PyResult<Baked> {
+    let is_map = lightmap.is_some() || texels_per_unit.is_some();
+    let receiver = match (vertices, &points, is_map, camera) {
+        (_, None, false, false) => ReceiverKind::Vertices,
+        (false, Some((positions, normals)), false, false) => ReceiverKind::PointList(point_list(positions, normals)?),
+        (false, None, true, false) => ReceiverKind::LightMap,
+        (false, None, false, true) => ReceiverKind::Camera,
+        _ => return Err(usage(py, "a bake is of one kind of points", "give one of vertices, points, lightmap and camera")),
+    };
+    if lightmap.is_some() && texels_per_unit.is_some() {
+        return Err(usage(py, "the light map has two sizes", "give lightmap, its side, or texels_per_unit"));
+    }
+    let resolution = texels_per_unit.map_or(Resolution::Pixels(lightmap.unwrap_or_default()), Resolution::TexelsPerUnit);
+    let light_map = LightMapOptions { resolution, uvs: named::<UvSource>(py, uvs, "uvs")?, padding, samples_per_texel };
+    if is_map {
+        check_map(py, &light_map)?;
+    }
+    let plan = Plan {
+        what: quantities(what, py)?,
+        order,
+        gather_bounces,
+        ao_distance,
+        radiance_cache: match radiance_cache {
+            "photons" => RadianceCache::Photons,
+            "gathered" => RadianceCache::Vertices,
+            other => return Err(usage(py, format!("radiance_cache is {other:?}"), "give \"photons\" or \"gathered\"")),
+        },
+        memory: Plan::MEMORY,
+    };
+    let is_camera = receiver == ReceiverKind::Camera;
+    for name in settings.into_iter().flat_map(|settings| settings.keys()) {
+        let name: String = name.extract()?;
+        if OF_PICTURES.contains(&name.as_str()) && !(is_camera && ["size", "background"].contains(&name.as_str())) {
+            warn(py, &format!("{name} has no effect on these points"))?;
+        }
+    }
+    let request = JobRequest {
+        scene: scene_request(scene, &View { eye, target, up, fov }, settings, "bake")?,
+        work: Work::Bake(BakeRequest { receivers: vec![receiver], plan, light_map, per: named::<Per>(py, per, "per")? }),
+        outputs: vec![Vec::new()],
+        memory,
+        time: None,
+        device: device_request(py, backend, device)?,
+    };
+    run(py, request, &keeping(py, checkpoint, resume)?, progress, Baked::of_job)
+}
+
+/// Radiance transfer at the vertices, for any light from afar.
+#[pyfunction]
+#[pyo3(signature = (scene, *, order=3, gather_bounces=2, unshadowed=false, memory=None, checkpoint=None, resume=false, progress=None, backend="auto", device="auto", **settings))]
+#[allow(clippy::too_many_arguments)]
+pub fn prt(
+    py: Python,
+    scene: &Scene,
+    order: usize,
+    gather_bounces: u32,
+    unshadowed: bool,
+    memory: Option<usize>,
+    checkpoint: Option<PathBuf>,
+    resume: bool,
+    progress: Option<&Bound<PyAny>>,
+    backend: &str,
+    device: &str,
+    settings: Option<&Bound<PyDict>>,
+) -> PyResult<Py<PyAny>> {
+    let quantity = if unshadowed { Quantity::PrtUnshadowed } else { Quantity::Prt };
+    let plan = Plan {
+        what: vec![quantity],
+        order,
+        gather_bounces,
+        ao_distance: None,
+        radiance_cache: RadianceCache::Photons,
+        memory: Plan::MEMORY,
+    };
+    let receivers = vec![ReceiverKind::Vertices];
+    let light_map = LightMapOptions { resolution: Resolution::Pixels(1), uvs: UvSource::Auto, padding: 1, samples_per_texel: 1 };
+    let request = JobRequest {
+        scene: scene_request(scene, &View { eye: None, target: None, up: None, fov: None }, settings, "prt")?,
+        work: Work::Bake(BakeRequest { receivers, plan, light_map, per: Per::Source }),
+        outputs: vec![Vec::new()],
+        memory,
+        time: None,
+        device: device_request(py, backend, device)?,
+    };
+    let baked = run(py, request, &keeping(py, checkpoint, resume)?, progress, Baked::of_job)?;
+    baked.array(py, if unshadowed { "prt_unshadowed" } else { "prt" })
+}
+
+/// Runs a job without the interpreter's lock, and makes its result by `wrap`.
+fn run<T: PyClass + Into<PyClassInitializer<T>>>(
+    py: Python,
+    request: JobRequest,
+    keeping: &Keeping,
+    progress: Option<&Bound<PyAny>>,
+    wrap: impl FnOnce(Outcome) -> Option<T>,
+) -> PyResult<T> {
+    begin_work(py)?;
+    let bar = progress.map(bar).transpose()?.flatten();
+    let mut watch = PythonWatch::new(bar.as_ref().map(|(call, _)| call.clone().unbind()));
+    let outcome = py.detach(|| Job::in_memory(request, keeping).and_then(|job| job.run(&mut watch)));
+    if let Some((call, true)) = bar {
+        call.call_method0("close")?;
+    }
+    let is_interrupted = watch.is_interrupted(py);
+    if let Some(error) = watch.ended_by.take_if(|_| !is_interrupted) {
+        return Err(error);
+    }
+    let outcome = outcome.map_err(|error| raised(py, &error))?;
+    if !is_interrupted || outcome.ending == Ending::Finished {
+        let result = wrap(outcome).ok_or_else(|| PyValueError::new_err("the job has no result"))?;
+        return Ok(result);
+    }
+    let result = wrap(outcome).map(|result| Py::new(py, result)).transpose()?;
+    let kind = py.import("finalgather.errors")?.getattr("Interrupted")?;
+    Err(PyErr::from_value(kind.call1((result,))?))
+}
+
+/// What to call with progress, and whether to close it at the end.
+fn bar<'py>(progress: &Bound<'py, PyAny>) -> PyResult<Option<(Bound<'py, PyAny>, bool)>> {
+    if let Ok(wanted) = progress.cast::<PyBool>() {
+        let bar = || Ok((progress.py().import("finalgather._progress")?.call_method0("Bar")?, true));
+        return wanted.is_true().then(bar).transpose();
+    }
+    Ok(Some((progress.clone(), false)))
+}
+
+/// Points in memory.
+fn point_list(positions: &Bound<PyAny>, normals: &Bound<PyAny>) -> PyResult<Arc<[file::OrientedPoint]>> {
+    let py = positions.py();
+    let (positions, normals) = (rows_of_3(positions, "positions")?, rows_of_3(normals, "normals")?);
+    if positions.len() != normals.len() {
+        let problem = format!("points: {} positions and {} normals", positions.len(), normals.len());
+        return Err(usage(py, problem, "give one normal a position"));
+    }
+    let rows = positions.iter().zip(&normals).map(|([x, y, z], [nx, ny, nz])| [*x, *y, *z, *nx, *ny, *nz]);
+    file::of_rows("points".as_ref(), rows).map(Arc::from).map_err(|error| raised(py, &error))
+}
+
+/// The quantities that are asked for, each once.
+fn quantities(what: Option<&Bound<PyAny>>, py: Python) -> PyResult<Vec<Quantity>> {
+    let Some(what) = what else { return Ok(vec![Quantity::Irradiance]) };
+    let names = match what.extract::<String>() {
+        Ok(one) => vec![one],
+        Err(_) => what
+            .extract::<Vec<String>>()
+            .map_err(|_| usage(py, "what is no name of a quantity", "give names, as [\"ao\", \"prt\"]"))?,
+    };
+    let mut quantities = Vec::new();
+    for name in names {
+        let quantity = named::<Quantity>(py, &name, "what")?;
+        if !quantities.contains(&quantity) {
+            quantities.push(quantity);
+        }
+    }
+    Ok(quantities)
+}
+
+/// A value by its name, with underscores or hyphens.
+fn named<T: serde::de::DeserializeOwned>(py: Python, name: &str, argument: &str) -> PyResult<T> {
+    serde_json::from_value(Value::from(name.replace('_', "-"))).map_err(|error| {
+        let text = error.to_string().replace('-', "_");
+        let known = text.split_once("expected ").map_or("one of those in the documentation", |(_, known)| known);
+        usage(py, format!("{argument} is {name:?}"), &format!("give {known}"))
+    })
+}
+
+fn check_map(py: Python, map: &LightMapOptions) -> PyResult<()> {
+    match map.resolution {
+        Resolution::Pixels(side) if !(1..=16384).contains(&side) => {
+            Err(usage(py, format!("lightmap is {side}"), "give its side in texels, from 1 to 16384"))
+        }
+        Resolution::TexelsPerUnit(texels) if !(texels > 0.0 && texels.is_finite()) => {
+            Err(usage(py, format!("texels_per_unit is {texels}"), "give a number above 0"))
+        }
+        _ => Ok(()),
+    }
+}

@@ -1,0 +1,91 @@
+//! Light from radiance transfer.
+
+use finalgather::image::Channel;
+use finalgather::relight::{RelitModel, irradiance};
+use glam::Vec3;
+use numpy::{PyArrayDyn, PyUntypedArrayMethods};
+use pyo3::prelude::*;
+
+use crate::arrays::{array, environment, singles, wrong_shape};
+use crate::errors::{begin_work, usage};
+use crate::film::Film;
+use crate::request::View;
+use crate::scene::{Scene, size_of};
+
+/// Columns of transfer, and the shape of its points.
+fn columns(object: &Bound<PyAny>) -> PyResult<(Vec<Channel>, Vec<usize>)> {
+    let array = singles(object, "transfer")?;
+    let wrong = || wrong_shape(object.py(), "transfer", array.shape(), "[points, order², 3]");
+    let [of_points @ .., coefficients, 3] = array.shape() else { return Err(wrong()) };
+    if of_points.is_empty() || coefficients.isqrt().pow(2) != *coefficients || !(1..=25).contains(coefficients) {
+        return Err(wrong());
+    }
+    let (samples, width) = (array.as_slice()?, 3 * coefficients);
+    let column = |k: usize| Channel {
+        name: format!("PRT.{:02}.{}", k / 3, ["R", "G", "B"][k % 3]),
+        samples: samples.iter().skip(k).step_by(width).copied().collect(),
+    };
+    Ok(((0..width).map(column).collect(), of_points.to_vec()))
+}
+
+/// Irradiance in W/m² under an environment. Points without transfer have none.
+fn lit(transfer: &[Channel], env: &Bound<PyAny>) -> PyResult<Vec<Vec3>> {
+    begin_work(env.py())?;
+    let environment = environment(env)?;
+    let mut light = env.py().detach(|| irradiance(transfer, &environment));
+    for (light, first) in light.iter_mut().zip(&transfer[0].samples).filter(|(_, first)| first.is_nan()) {
+        *light = Vec3::splat(*first);
+    }
+    Ok(light)
+}
+
+/// Irradiance in W/m² under an environment, from transfer of the shape [points, order², 3].
+#[pyfunction]
+pub fn relight<'py>(transfer: &Bound<'py, PyAny>, env: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArrayDyn<f32>>> {
+    let (columns, mut shape) = columns(transfer)?;
+    let light = lit(&columns, env)?;
+    shape.push(3);
+    array(transfer.py(), &shape, light.iter().flat_map(|light| light.to_array()).collect())
+}
+
+/// The scene under an environment, from transfer at its vertices.
+#[pyfunction]
+#[pyo3(signature = (scene, transfer, env, *, size=None, eye=None, target=None, up=None, fov=None))]
+#[allow(clippy::too_many_arguments)]
+pub fn relight_picture(
+    py: Python,
+    scene: &Scene,
+    transfer: &Bound<PyAny>,
+    env: &Bound<PyAny>,
+    size: Option<&Bound<PyAny>>,
+    eye: Option<&Bound<PyAny>>,
+    target: Option<&Bound<PyAny>>,
+    up: Option<&Bound<PyAny>>,
+    fov: Option<f32>,
+) -> PyResult<Film> {
+    let loaded = scene.loaded();
+    let size = size.map(size_of).transpose()?.unwrap_or(loaded.settings.film.size);
+    if size.contains(&0) || size.iter().any(|&side| side > 16384) {
+        return Err(usage(py, format!("size is {size:?}"), "give 1 to 16384 pixels on a side"));
+    }
+    let camera = loaded.world.changed_camera(size, &View { eye, target, up, fov }.change()?);
+    let camera = camera.check().map_err(|(problem, cure)| usage(py, problem, cure))?;
+    let (columns, of_points) = columns(transfer)?;
+    let light = lit(&columns, env)?;
+    let environment = environment(env)?;
+    let model = py.detach(|| RelitModel::new(&loaded.world));
+    let (lists, sources) = (&model.scene.source_lists, &model.mesh.sources);
+    // A row for each vertex of the input, or for each vertex of the bake.
+    let light = match of_points[..] {
+        [rows] if rows == lists.total() && !sources.is_empty() => {
+            sources.iter().map(|&source| light[lists.place(source)]).collect()
+        }
+        [rows] if rows == model.mesh.positions.len() => light,
+        _ => {
+            let problem = format!("transfer: {of_points:?} points, and the scene has {} vertices", lists.total());
+            return Err(usage(py, problem, "give the transfer that was baked at the vertices of this scene"));
+        }
+    };
+    let picture = py.detach(|| model.picture(&light, &environment, camera, size));
+    Ok(Film::of_image(picture))
+}

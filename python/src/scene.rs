@@ -1,0 +1,365 @@
+//! Scenes from files and arrays.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use finalgather::job::{SceneRequest, SharedScene};
+use finalgather::scene::{Files, ImageTexture, LoadOptions, Loaded, Material, MeshArrays, Sampler, Sky, Sun};
+use finalgather::{World, error};
+use glam::{DVec3, Vec2, Vec3};
+use numpy::{PyArray2, PyUntypedArrayMethods};
+use pyo3::exceptions::PyTypeError;
+use pyo3::prelude::*;
+
+use crate::arrays::{bytes, color, colors, environment, floats, indices, rows_of_3, singles, wrong_shape};
+use crate::errors::{raised, usage};
+use crate::watch::warn;
+
+/// Surfaces and lights. It never changes, so threads may share it.
+#[pyclass(frozen, module = "finalgather")]
+pub struct Scene {
+    loaded: Arc<Loaded>,
+    /// Empty for arrays.
+    path: PathBuf,
+}
+
+/// Options that files and arrays share.
+struct Lighting<'a, 'py> {
+    env: Option<&'a Bound<'py, PyAny>>,
+    sun: Option<(f32, f32)>,
+    sky: bool,
+    default_light: bool,
+}
+
+impl Lighting<'_, '_> {
+    fn options(&self) -> PyResult<LoadOptions> {
+        Ok(LoadOptions {
+            environment: self.env.map(environment).transpose()?,
+            sun: self.sun.map(|(azimuth, height)| Sun::at(azimuth, height)),
+            sky: self.sky.then(Sky::default),
+            no_default_light: !self.default_light,
+            // Jobs that need light ask for it.
+            unlit: true,
+            ..LoadOptions::default()
+        })
+    }
+}
+
+#[pymethods]
+impl Scene {
+    #[staticmethod]
+    #[pyo3(signature = (path, *, env=None, sun=None, sky=false, camera=None, gltf_scene=None, smooth_angle=None, flip=false, clay=false, strict=false, allow_outside=false, default_light=true))]
+    #[allow(clippy::too_many_arguments)]
+    fn load(
+        py: Python,
+        path: PathBuf,
+        env: Option<&Bound<PyAny>>,
+        sun: Option<(f32, f32)>,
+        sky: bool,
+        camera: Option<String>,
+        gltf_scene: Option<String>,
+        smooth_angle: Option<f32>,
+        flip: bool,
+        clay: bool,
+        strict: bool,
+        allow_outside: bool,
+        default_light: bool,
+    ) -> PyResult<Self> {
+        let smooth_angle = checked_angle(py, smooth_angle)?;
+        let options = LoadOptions {
+            camera,
+            scene: gltf_scene,
+            smooth_angle,
+            flip,
+            clay,
+            strict,
+            files: if allow_outside { Files::Anywhere } else { Files::Folder },
+            ..Lighting { env, sun, sky, default_light }.options()?
+        };
+        Self::new(py, path.clone(), || World::load_with(&path, options))
+    }
+
+    #[staticmethod]
+    #[pyo3(signature = (vertices, faces, *, normals=None, uv=None, albedo=None, texture=None, emission=None, env=None, sun=None, sky=false, smooth_angle=None, flip=false, clay=false, strict=false, default_light=true, name="arrays".to_owned()))]
+    #[allow(clippy::too_many_arguments)]
+    fn from_arrays(
+        py: Python,
+        vertices: &Bound<PyAny>,
+        faces: &Bound<PyAny>,
+        normals: Option<&Bound<PyAny>>,
+        uv: Option<&Bound<PyAny>>,
+        albedo: Option<&Bound<PyAny>>,
+        texture: Option<&Bound<PyAny>>,
+        emission: Option<&Bound<PyAny>>,
+        env: Option<&Bound<PyAny>>,
+        sun: Option<(f32, f32)>,
+        sky: bool,
+        smooth_angle: Option<f32>,
+        flip: bool,
+        clay: bool,
+        strict: bool,
+        default_light: bool,
+        name: String,
+    ) -> PyResult<Self> {
+        let positions: Vec<_> = rows_of_3(vertices, "vertices")?.into_iter().map(DVec3::from_array).collect();
+        let (shape, faces) = indices(faces, "faces")?;
+        let &[count, corners] = &shape[..] else { return Err(wrong_shape(py, "faces", &shape, "[faces, 3] or [faces, 4]")) };
+        let normals = normals.map(|normals| rows_of_3(normals, "normals")).transpose()?.unwrap_or_default();
+        let uvs = uv.map(coordinates).transpose()?.unwrap_or_default();
+        let textures: Vec<_> = texture.map(picture_of_bytes).transpose()?.into_iter().collect();
+        if !textures.is_empty() && uvs.is_empty() {
+            return Err(usage(py, "texture: there are no coordinates on it", "give uv too, one row a vertex"));
+        }
+        let (material, colors) = reflection(albedo, !textures.is_empty())?;
+        if !textures.is_empty() && !colors.is_empty() {
+            return Err(usage(py, "albedo: colours of vertices and a texture do not mix", "give one of them"));
+        }
+        let (materials, material_of) = emitting(material, emission, count)?;
+        let arrays = MeshArrays {
+            name,
+            positions,
+            normals: normals.into_iter().map(DVec3::from_array).collect(),
+            uvs,
+            colors,
+            faces,
+            corners,
+            materials,
+            material_of,
+            textures,
+        };
+        let smooth_angle = checked_angle(py, smooth_angle)?;
+        let options = Lighting { env, sun, sky, default_light }.options()?;
+        let options = LoadOptions { smooth_angle, flip, clay, strict, ..options };
+        Self::new(py, PathBuf::new(), || World::from_arrays(arrays, options))
+    }
+
+    /// A scene of a `trimesh.Trimesh`, or of the meshes of a `trimesh.Scene`.
+    #[staticmethod]
+    #[pyo3(signature = (mesh, *, smooth=false, env=None, sun=None, sky=false, strict=false, default_light=true))]
+    #[allow(clippy::too_many_arguments)]
+    fn from_trimesh(
+        py: Python,
+        mesh: &Bound<PyAny>,
+        smooth: bool,
+        env: Option<&Bound<PyAny>>,
+        sun: Option<(f32, f32)>,
+        sky: bool,
+        strict: bool,
+        default_light: bool,
+    ) -> PyResult<Self> {
+        let joined = if mesh.hasattr("geometry")? { mesh.call_method0("to_mesh")? } else { mesh.clone() };
+        if !joined.hasattr("faces")? {
+            return Err(PyTypeError::new_err("mesh: give a trimesh.Trimesh or a trimesh.Scene"));
+        }
+        let attribute = |name: &str| joined.getattr(name);
+        let normals = smooth.then(|| attribute("vertex_normals")).transpose()?;
+        let visual = attribute("visual")?;
+        let kind: Option<String> = visual.getattr("kind")?.extract()?;
+        let (mut uv, mut texture, mut albedo) = (None, None, None);
+        match kind.as_deref() {
+            Some("texture") => match picture_of_visual(&visual)? {
+                Some((coordinates, picture)) => (uv, texture) = (Some(coordinates), Some(picture)),
+                None => albedo = Some(visual.call_method0("to_color")?.getattr("vertex_colors")?),
+            },
+            Some(_) => albedo = Some(visual.getattr("vertex_colors")?),
+            None => {}
+        }
+        let (vertices, faces) = (attribute("vertices")?, attribute("faces")?);
+        Self::from_arrays(
+            py,
+            &vertices,
+            &faces,
+            normals.as_ref(),
+            uv.as_ref(),
+            albedo.as_ref(),
+            texture.as_ref(),
+            None,
+            env,
+            sun,
+            sky,
+            None,
+            false,
+            false,
+            strict,
+            default_light,
+            "trimesh".to_owned(),
+        )
+    }
+
+    /// Number of vertices of the input.
+    #[getter]
+    fn vertex_count(&self) -> usize {
+        finalgather::scene::SourceLists::of(&self.loaded.world).total()
+    }
+
+    /// Number of triangles.
+    #[getter]
+    fn face_count(&self) -> usize {
+        let World { instances, meshes, .. } = &self.loaded.world;
+        instances.iter().map(|instance| meshes[instance.mesh].triangles.len()).sum()
+    }
+
+    /// The least and the largest coordinates.
+    #[getter]
+    fn bounds<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let corners = self.loaded.world.bounds().map(|corner| corner.to_array().to_vec());
+        Ok(PyArray2::from_vec2(py, &corners)?)
+    }
+
+    /// What was mended in the input.
+    #[getter]
+    fn warnings(&self) -> Vec<String> {
+        self.loaded.report.warnings.clone()
+    }
+
+    /// The files that were read.
+    #[getter]
+    fn files(&self) -> Vec<String> {
+        self.loaded.report.files.iter().map(|path| path.display().to_string()).collect()
+    }
+
+    fn __repr__(&self) -> String {
+        let name = if self.path.as_os_str().is_empty() { &self.loaded.world.file } else { &self.path.display().to_string() };
+        format!("<finalgather.Scene {name}: {} vertices, {} faces>", self.vertex_count(), self.face_count())
+    }
+
+    fn _repr_html_(&self) -> String {
+        let [min, max] = self.loaded.world.bounds();
+        let rows = [
+            ("vertices", self.vertex_count().to_string()),
+            ("faces", self.face_count().to_string()),
+            ("from", min.to_string()),
+            ("to", max.to_string()),
+            ("warnings", self.warnings().len().to_string()),
+        ];
+        table(&["", "scene"], rows.map(|(name, value)| vec![name.to_owned(), value]))
+    }
+}
+
+impl Scene {
+    fn new(py: Python, path: PathBuf, load: impl FnOnce() -> error::Result<Loaded> + Send) -> PyResult<Self> {
+        let loaded = py.detach(load).map_err(|error| raised(py, &error))?;
+        loaded.report.warnings.iter().try_for_each(|warning| warn(py, warning))?;
+        Ok(Self { loaded: Arc::new(loaded), path })
+    }
+
+    pub fn request(&self) -> SceneRequest {
+        SceneRequest { path: self.path.clone(), loaded: Some(SharedScene(self.loaded.clone())), ..SceneRequest::default() }
+    }
+
+    pub fn loaded(&self) -> &Loaded {
+        &self.loaded
+    }
+}
+
+fn checked_angle(py: Python, degrees: Option<f32>) -> PyResult<Option<f32>> {
+    match degrees {
+        Some(degrees) if !World::SMOOTH_ANGLES.contains(&degrees) => {
+            Err(usage(py, format!("smooth_angle is {degrees}"), World::SMOOTH_ANGLE_CURE))
+        }
+        _ => Ok(degrees),
+    }
+}
+
+fn coordinates(object: &Bound<PyAny>) -> PyResult<Vec<Vec2>> {
+    let array = singles(object, "uv")?;
+    match *array.shape() {
+        [_, 2] => Ok(array.as_slice()?.as_chunks().0.iter().map(|&uv| Vec2::from_array(uv)).collect()),
+        ref shape => Err(wrong_shape(object.py(), "uv", shape, "[vertices, 2]")),
+    }
+}
+
+/// A texture from bytes in sRGB.
+fn picture_of_bytes(object: &Bound<PyAny>) -> PyResult<ImageTexture> {
+    let py = object.py();
+    let Some(array) = bytes(object, "texture")? else {
+        return Err(usage(py, "texture: no bytes", "give uint8 in sRGB, of the shape [height, width, 3]"));
+    };
+    let &[height, width, channels @ 3..=4] = array.shape() else {
+        return Err(wrong_shape(py, "texture", array.shape(), "[height, width, 3] or [height, width, 4]"));
+    };
+    let side = |length: usize| u32::try_from(length).ok().filter(|length| (1..=16384).contains(length));
+    let (Some(width), Some(height)) = (side(width), side(height)) else {
+        return Err(usage(py, format!("texture: {width} x {height} texels"), "give 1 to 16384 on a side"));
+    };
+    let texel = |texel: &[u8]| [texel[0], texel[1], texel[2], texel.get(3).copied().unwrap_or(255)];
+    let texels = array.as_slice()?.chunks_exact(channels).map(texel).collect();
+    Ok(ImageTexture { width, height, texels, sampler: Sampler::default() })
+}
+
+/// Coordinates and picture of a visual of trimesh, if it has both.
+fn picture_of_visual<'py>(visual: &Bound<'py, PyAny>) -> PyResult<Option<(Bound<'py, PyAny>, Bound<'py, PyAny>)>> {
+    let (uv, material) = (visual.getattr("uv")?, visual.getattr("material")?);
+    for name in ["baseColorTexture", "image"] {
+        let picture = material.getattr_opt(name)?.filter(|picture| !picture.is_none());
+        if let Some(picture) = picture.filter(|_| !uv.is_none()) {
+            let rgb = picture.call_method1("convert", ("RGB",))?;
+            return Ok(Some((uv, visual.py().import("numpy")?.call_method1("asarray", (rgb,))?)));
+        }
+    }
+    Ok(None)
+}
+
+/// The material of the albedo, and colours of vertices if it is theirs.
+fn reflection(albedo: Option<&Bound<PyAny>>, is_textured: bool) -> PyResult<(Material, Vec<Vec3>)> {
+    let white = Material { albedo: Vec3::ONE, ..Material::default() };
+    let Some(object) = albedo else {
+        return Ok((if is_textured { white } else { Material::default() }, Vec::new()));
+    };
+    match color(object, "albedo")? {
+        Some(albedo) if albedo.cmpge(Vec3::ZERO).all() && albedo.cmple(Vec3::ONE).all() => {
+            Ok((Material { albedo, ..white }, Vec::new()))
+        }
+        Some(albedo) => Err(usage(object.py(), format!("albedo is {albedo}"), "give linear reflectance from 0 to 1")),
+        None => Ok((white, colors(object, "albedo")?)),
+    }
+}
+
+/// Materials with emission, and that of each face if they differ.
+fn emitting(material: Material, emission: Option<&Bound<PyAny>>, faces: usize) -> PyResult<(Vec<Material>, Vec<u32>)> {
+    let Some(object) = emission else { return Ok((vec![material], Vec::new())) };
+    let py = object.py();
+    let of = |emission: Vec3| match emission.is_finite() && emission.min_element() >= 0.0 {
+        true => Ok(Material { emission, ..material.clone() }),
+        false => Err(usage(py, format!("emission is {emission}"), "give finite radiance of 0 or more, in W/(m² sr)")),
+    };
+    if let Some(emission) = color(object, "emission")? {
+        return Ok((vec![of(emission)?], Vec::new()));
+    }
+    let array = floats(object, "emission")?;
+    if *array.shape() != [faces, 3] {
+        return Err(wrong_shape(py, "emission", array.shape(), &format!("[{faces}, 3], one row a face, or give a colour")));
+    }
+    let (mut materials, mut material_of): (Vec<Material>, _) = (Vec::new(), Vec::new());
+    let mut known = std::collections::HashMap::new();
+    for row in array.as_slice()?.as_chunks().0 {
+        let emission = DVec3::from_array(*row).as_vec3();
+        let next = materials.len() as u32;
+        let index = *known.entry(emission.to_array().map(f32::to_bits)).or_insert(next);
+        if index == next {
+            materials.push(of(emission)?);
+        }
+        material_of.push(index);
+    }
+    Ok((materials, material_of))
+}
+
+/// A table in HTML.
+pub fn table(head: &[&str], rows: impl IntoIterator<Item = Vec<String>>) -> String {
+    let plain = |text: &str| text.replace('&', "&amp;").replace('<', "&lt;");
+    let row = |kind: &str, cells: &[String]| -> String {
+        let cells: String = cells.iter().map(|cell| format!("<{kind}>{}</{kind}>", plain(cell))).collect();
+        format!("<tr>{cells}</tr>")
+    };
+    let head: Vec<_> = head.iter().map(|&cell| cell.to_owned()).collect();
+    let rows: String = rows.into_iter().map(|cells| row("td", &cells)).collect();
+    format!("<table>{}{rows}</table>", row("th", &head))
+}
+
+/// A picture size: a side, or width and height.
+pub fn size_of(object: &Bound<PyAny>) -> PyResult<[u32; 2]> {
+    object
+        .extract::<u32>()
+        .map(|side| [side, side])
+        .or_else(|_| object.extract::<(u32, u32)>().map(|(width, height)| [width, height]))
+}
