@@ -226,7 +226,8 @@ fn json_tells_all_about_the_run() {
         keys.sort();
         keys.join(" ")
     };
-    let top = "error exposure gather gl interrupted outputs peak_memory_bytes photons pipeline scene seconds settings";
+    let top = "camera command error exposure gather gl interrupted outputs peak_memory_bytes photons pipeline scene schema seconds \
+               settings version warnings";
     assert_eq!(keys(&report), top);
     assert_eq!(keys(&report["gl"]), "backend renderer version");
     for (section, numbers) in [

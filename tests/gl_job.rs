@@ -72,7 +72,7 @@ fn a_render_is_stopped_and_goes_on() {
     let keeping = Keeping { file: Some(path("sums")), resume: true, ..Keeping::default() };
     let mut watch = Stop { after: 32, ..Stop::default() };
     let outcome = run("two.exr", &keeping, &mut watch);
-    assert!(outcome.ending == Ending::Stopped && outcome.report.interrupted);
+    assert!(outcome.ending == Ending::Stopped && outcome.report.head.interrupted);
     assert_eq!((watch.directions, watch.stages.first()), ([32, 64], Some(&"loading")));
     assert!(watch.said.last().is_some_and(|line| line.starts_with("stopped after 32 of 64")), "{:?}", watch.said);
     assert!(Image::read(&path("two.exr")).unwrap() != Image::read(&path("one.exr")).unwrap(), "it was not stopped");

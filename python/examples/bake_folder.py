@@ -104,7 +104,7 @@ def bake_one(task: Task) -> Outcome:
             order=task.options.order,
             directions=task.options.directions,
             checkpoint=checkpoint,
-            resume=checkpoint.exists(),
+            resume=True,
         )
         baked.write(task.out)
         record.write_text(json.dumps(known))

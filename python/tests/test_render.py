@@ -115,6 +115,11 @@ def test_a_grey_ball_under_a_grey_sky() -> None:
     assert np.abs(film.rgb[0, 0] - 0.5).max() < 1e-6
 
 
+def test_numbers_of_numpy() -> None:
+    more = {"eye": np.array([0, 0, 5]), "fov": np.float32(40), "exposure": np.float64(1), "seed": np.uint8(3)}
+    assert same_bits(body(size=np.int64(12), **more).rgb, body(size=12, eye=(0, 0, 5), fov=40, exposure=1, seed=3).rgb)
+
+
 def test_size_is_of_width_and_height() -> None:
     assert body(size=(24, 12)).rgb.shape == (12, 24, 3)
     assert body(size=12).rgb.shape == (12, 12, 3)

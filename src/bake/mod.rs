@@ -181,10 +181,8 @@ impl Bake {
 
     /// The scene alone, once the work is done.
     pub fn into_scene(self) -> Scene {
-        let prepared = self.prepared.clone();
-        // The photons share it.
-        drop(self);
-        Rc::try_unwrap(prepared).map_or_else(|shared| shared.scene.clone(), |prepared| prepared.scene)
+        let prepared = { self }.prepared;
+        Rc::try_unwrap(prepared).map_or_else(|shared| shared.scene.clone(), |own| own.scene)
     }
 
     pub fn is_done(&self) -> bool {

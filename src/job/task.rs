@@ -12,7 +12,7 @@ use super::outputs::are_finished;
 use super::report::{ReceiverReport, TaskReport};
 use super::results::{JobResults, Made, are_shown};
 use super::time::choose_directions;
-use super::{BakeRequest, JobRequest, Receiver, ReceiverKind, Watch, Work, check_kept, per_source};
+use super::{BakeRequest, JobRequest, Receiver, ReceiverKind, SceneRequest, Watch, Work, check_kept, per_source};
 use crate::bake::{Bake, BakePoints};
 use crate::blocks::Part;
 use crate::error::{Error, Result};
@@ -254,7 +254,9 @@ impl<'a> Task<'a> {
     pub fn into_results(self, made: Made) -> JobResults {
         let ((job, done), display) = (self.about_results(), self.settings.display);
         let scene = if let Gather::Bake(bake, _) = self.gather { Some(bake.into_scene()) } else { None };
-        JobResults { made, request: self.request.clone(), scene, job, display, done }
+        // Results keep no scene but their own.
+        let request = JobRequest { scene: SceneRequest::default(), ..self.request.clone() };
+        JobResults { made, request, scene, job, display, done }
     }
 
     /// The results in one word.
