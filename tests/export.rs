@@ -478,7 +478,7 @@ fn what_cannot_be_written_is_said_and_leaves_nothing() {
         let error = tent.values(columns).write(&folder.path().join(name), &WriteOptions::default()).unwrap_err();
         assert!(matches!(error, Error::Usage { .. }) && error.to_string().contains(fragment), "has no \"{fragment}\": {error}");
     };
-    refused("a.stl", &[], "end the path in .ply, .npy, .glb, .obj");
+    refused("a.stl", &[], "end the path in .ply, .npy, .npz, .glb, .obj");
     refused("a.ply", &columns(&["AO", "AO"]), "two columns AO");
     let mut short = columns(&["AO"]);
     short[0].samples.pop();

@@ -19,18 +19,13 @@ Vector = Union[Sequence[float], NDArray[np.floating[Any]]]
 Progress = Union[bool, Callable[[int, int, Union[float, None]], object], None]
 Quantity = Literal["irradiance", "ao", "bent_normal", "sky", "sh", "prt", "prt_unshadowed"]
 
-class Settings(TypedDict, total=False):
+class BakeSettings(TypedDict, total=False):
     """Settings by their keys in scene files. Those of the scene hold where none is given."""
 
     seed: int
-    size: Union[int, tuple[int, int]]
-    points: Literal["auto", "camera", "traced"]
-    interleave: Union[Literal["auto"], int]
-    ground: bool
+    size: Union[int, Sequence[int]]
     directions: int
     sequence: Literal["random", "r2", "sobol"]
-    estimator: Literal["self-normalised", "plain"]
-    target_error: float
     pipeline: Literal["auto", "kill", "early-kill", "fused", "raycast", "raycast-gl"]
     layer_size: Union[Literal["auto"], int]
     stop_fraction: float
@@ -39,8 +34,17 @@ class Settings(TypedDict, total=False):
     photon_map: Literal["surface", "grid"]
     grid_cells: int
     light_samples: int
-    exposure: Union[Literal["auto"], float]
     background: Union[str, Sequence[float]]
+
+class Settings(BakeSettings, total=False):
+    """Those of pictures too."""
+
+    points: Literal["auto", "camera", "traced"]
+    interleave: Union[Literal["auto"], int]
+    ground: bool
+    estimator: Literal["self-normalised", "plain"]
+    target_error: float
+    exposure: Union[Literal["auto"], float]
 
 @final
 class Scene:
@@ -80,7 +84,7 @@ class Scene:
         clay: bool = False,
         strict: bool = False,
         default_light: bool = True,
-        name: str = "arrays",
+        name: str = ...,
     ) -> Scene: ...
     @staticmethod
     def from_trimesh(
@@ -207,7 +211,7 @@ def bake(
     points: Union[tuple[ArrayLike, ArrayLike], None] = None,
     lightmap: Union[int, None] = None,
     camera: bool = False,
-    what: Union[Quantity, Sequence[Quantity]] = "irradiance",
+    what: Union[Quantity, Sequence[Quantity], None] = None,
     order: int = 3,
     gather_bounces: int = 2,
     ao_distance: Union[float, None] = None,
@@ -227,7 +231,7 @@ def bake(
     progress: Progress = None,
     backend: str = "auto",
     device: str = "auto",
-    **settings: Unpack[Settings],
+    **settings: Unpack[BakeSettings],
 ) -> Baked: ...
 def prt(
     scene: Scene,
@@ -241,7 +245,7 @@ def prt(
     progress: Progress = None,
     backend: str = "auto",
     device: str = "auto",
-    **settings: Unpack[Settings],
+    **settings: Unpack[BakeSettings],
 ) -> NDArray[np.float32]: ...
 def relight(transfer: ArrayLike, env: EnvironmentLike) -> NDArray[np.float32]: ...
 def relight_picture(
@@ -249,7 +253,7 @@ def relight_picture(
     transfer: ArrayLike,
     env: EnvironmentLike,
     *,
-    size: Union[int, tuple[int, int], None] = None,
+    size: Union[int, Sequence[int], None] = None,
     eye: Union[Vector, None] = None,
     target: Union[Vector, None] = None,
     up: Union[Vector, None] = None,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import warnings
 from typing import Any, Optional
 
 
@@ -11,22 +12,27 @@ class Bar:
 
     def __init__(self) -> None:
         self._bar: Optional[Any] = None
+        self._new: Optional[Any] = None
         try:
-            from tqdm.auto import tqdm
+            with warnings.catch_warnings():
+                # It asks for widgets in a notebook that has none, and does without.
+                warnings.simplefilter("ignore")
+                from tqdm.auto import tqdm
         except ImportError:
             return
-        self._bar = tqdm(unit="direction", leave=False)
+        self._new = tqdm
 
     def __call__(self, done: int, total: int, seconds_left: Optional[float]) -> None:
-        if self._bar is not None:
-            self._bar.total = total
-            self._bar.update(done - self._bar.n)
+        if self._new is None:
+            left = "" if seconds_left is None else f", {seconds_left:.0f} s left"
+            print(f"\r{done} of {total} directions{left} ", end="", file=sys.stderr, flush=True)
             return
-        left = "" if seconds_left is None else f", {seconds_left:.0f} s left"
-        print(f"\r{done} of {total} directions{left} ", end="", file=sys.stderr, flush=True)
+        if self._bar is None:
+            self._bar = self._new(total=total, unit="direction")
+        self._bar.update(done - self._bar.n)
 
     def close(self) -> None:
         if self._bar is not None:
             self._bar.close()
-        else:
+        elif self._new is None:
             print(file=sys.stderr)

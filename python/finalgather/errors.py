@@ -47,3 +47,7 @@ class Interrupted(KeyboardInterrupt):
     def __init__(self, result: Union[Film, Baked, None] = None) -> None:
         super().__init__("ended by Ctrl-C" if result is None else "ended by Ctrl-C; .result holds what was done")
         self.result = result
+
+    def __reduce__(self) -> tuple[type[Interrupted], tuple[()]]:
+        # A result does not travel between processes.
+        return type(self), ()

@@ -15,6 +15,9 @@ use crate::errors::{begin_work, raised, usage};
 /// The array of an object, in this type of numbers and in row order. Only what differs is copied.
 fn converted<'py, T: Element>(object: &Bound<'py, PyAny>, name: &str, dtype: &str) -> PyResult<PyReadonlyArrayDyn<'py, T>> {
     let py = object.py();
+    if kind_of(object).is_ok_and(|(kind, _)| kind == "c") {
+        return Err(usage(py, format!("{name}: complex numbers"), "give real ones, as array.real"));
+    }
     let wrong = |error: PyErr| usage(py, format!("{name}: {error}"), "give an array of numbers");
     let options = [("dtype", dtype), ("order", "C")].into_py_dict(py)?;
     let array = py.import("numpy")?.call_method("asarray", (object,), Some(&options)).map_err(wrong)?;
@@ -80,7 +83,10 @@ pub fn environment(object: &Bound<PyAny>) -> PyResult<Environment> {
     let py = object.py();
     // Its sums are made by several threads.
     begin_work(py)?;
-    let refused = |error: finalgather::Error| raised(py, &error);
+    let refused = |error: finalgather::Error| match error {
+        finalgather::Error::Usage { problem, cure } => usage(py, format!("env: {problem}"), &cure),
+        other => raised(py, &other),
+    };
     if let Ok(path) = object.extract::<PathBuf>() {
         return Environment::load(&path).map_err(refused);
     }

@@ -12,7 +12,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyIterator, PyList};
 
 use crate::arrays::{array, interleaved};
-use crate::errors::raised;
+use crate::errors::{begin_work, raised};
 use crate::film::to_dict;
 use crate::scene::table;
 
@@ -188,6 +188,7 @@ impl Baked {
     /// Writes a file of the kind of its ending, as the tool does.
     #[pyo3(signature = (path, *, exposure=0.0))]
     fn write(&self, py: Python, path: PathBuf, exposure: f32) -> PyResult<()> {
+        begin_work(py)?;
         let display = finalgather::settings::DisplaySettings { exposure: Exposure::Stops(exposure), ..self.results.display() };
         py.detach(|| self.results.write(0, &path, &display)).map_err(|error| raised(py, &error))
     }

@@ -92,6 +92,7 @@ impl Comparison {
 
     /// FLIP: black where there is no difference to see, pale yellow where there is most.
     fn _repr_png_<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
+        begin_work(py)?;
         self.map.to_png().map(|bytes| PyBytes::new(py, &bytes)).map_err(|error| raised(py, &error))
     }
 

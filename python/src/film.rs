@@ -13,7 +13,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 
 use crate::arrays::{array, interleaved};
-use crate::errors::{raised, usage};
+use crate::errors::{begin_work, raised, usage};
 use crate::scene::table;
 
 /// A picture: named channels of 32 bits, linear.
@@ -177,6 +177,7 @@ impl Film {
         exposure: Option<&Bound<PyAny>>,
         background: Option<&Bound<PyAny>>,
     ) -> PyResult<Bound<'py, PyArrayDyn<u8>>> {
+        begin_work(py)?;
         let display = self.display(exposure, background)?;
         let (image, [height, width]) = (self.image(), self.shape());
         let bytes = py.detach(|| image.to_srgba8(image.stops(display.exposure), display.background));
@@ -192,6 +193,7 @@ impl Film {
         exposure: Option<&Bound<PyAny>>,
         background: Option<&Bound<PyAny>>,
     ) -> PyResult<()> {
+        begin_work(py)?;
         let display = self.display(exposure, background)?;
         let written = py.detach(|| match &*self.picture {
             Picture::Job(results) => results.write(0, &path, &display),
@@ -207,6 +209,7 @@ impl Film {
     }
 
     fn _repr_png_<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
+        begin_work(py)?;
         let (display, image) = (self.display(None, None)?, self.image());
         let bytes = py.detach(|| image.to_png(image.stops(display.exposure), display.background));
         bytes.map(|bytes| PyBytes::new(py, &bytes)).map_err(|error| raised(py, &error))

@@ -4,12 +4,12 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use finalgather::bake::{Plan, RadianceCache};
-use finalgather::job::{BakeRequest, Ending, Job, JobRequest, Keeping, Outcome, Per, ReceiverKind, Work};
+use finalgather::job::{BakeRequest, Job, JobRequest, Keeping, Outcome, Per, ReceiverKind, Work};
 use finalgather::points::{LightMapOptions, Resolution, UvSource, file};
 use finalgather::quantity::Quantity;
-use pyo3::exceptions::PyValueError;
+use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
-use pyo3::types::{PyBool, PyDict};
+use pyo3::types::PyDict;
 use pyo3::{PyClass, PyClassInitializer};
 use serde_json::Value;
 
@@ -36,7 +36,7 @@ pub fn render(
     up: Option<&Bound<PyAny>>,
     fov: Option<f32>,
     time: Option<f64>,
-    memory: Option<usize>,
+    memory: Option<i64>,
     checkpoint: Option<PathBuf>,
     resume: bool,
     progress: Option<&Bound<PyAny>>,
@@ -51,7 +51,7 @@ pub fn render(
         scene: scene_request(scene, &View { eye, target, up, fov }, settings, "render")?,
         work: Work::Render,
         outputs: vec![Vec::new()],
-        memory,
+        memory: memory.map(|mib| count(py, mib, "memory")).transpose()?.map(|mib| mib as usize),
         time,
         device: device_request(py, backend, device)?,
     };
@@ -67,23 +67,23 @@ pub fn bake(
     scene: &Scene,
     vertices: bool,
     points: Option<(Bound<PyAny>, Bound<PyAny>)>,
-    lightmap: Option<u32>,
+    lightmap: Option<i64>,
     camera: bool,
     what: Option<&Bound<PyAny>>,
-    order: usize,
-    gather_bounces: u32,
+    order: i64,
+    gather_bounces: i64,
     ao_distance: Option<f32>,
     radiance_cache: &str,
     per: &str,
     texels_per_unit: Option<f32>,
     uvs: &str,
-    padding: u32,
-    samples_per_texel: u32,
+    padding: i64,
+    samples_per_texel: i64,
     eye: Option<&Bound<PyAny>>,
     target: Option<&Bound<PyAny>>,
     up: Option<&Bound<PyAny>>,
     fov: Option<f32>,
-    memory: Option<usize>,
+    memory: Option<i64>,
     checkpoint: Option<PathBuf>,
     resume: bool,
     progress: Option<&Bound<PyAny>>,
@@ -102,15 +102,17 @@ pub fn bake(
     if lightmap.is_some() && texels_per_unit.is_some() {
         return Err(usage(py, "the light map has two sizes", "give lightmap, its side, or texels_per_unit"));
     }
-    let resolution = texels_per_unit.map_or(Resolution::Pixels(lightmap.unwrap_or_default()), Resolution::TexelsPerUnit);
+    let side = lightmap.map(|side| count(py, side, "lightmap")).transpose()?.unwrap_or_default();
+    let resolution = texels_per_unit.map_or(Resolution::Pixels(side), Resolution::TexelsPerUnit);
+    let (padding, samples_per_texel) = (count(py, padding, "padding")?, count(py, samples_per_texel, "samples_per_texel")?);
     let light_map = LightMapOptions { resolution, uvs: named::<UvSource>(py, uvs, "uvs")?, padding, samples_per_texel };
     if is_map {
         check_map(py, &light_map)?;
     }
     let plan = Plan {
         what: quantities(what, py)?,
-        order,
-        gather_bounces,
+        order: count(py, order, "order")? as usize,
+        gather_bounces: count(py, gather_bounces, "gather_bounces")?,
         ao_distance,
         radiance_cache: match radiance_cache {
             "photons" => RadianceCache::Photons,
@@ -130,7 +132,7 @@ pub fn bake(
         scene: scene_request(scene, &View { eye, target, up, fov }, settings, "bake")?,
         work: Work::Bake(BakeRequest { receivers: vec![receiver], plan, light_map, per: named::<Per>(py, per, "per")? }),
         outputs: vec![Vec::new()],
-        memory,
+        memory: memory.map(|mib| count(py, mib, "memory")).transpose()?.map(|mib| mib as usize),
         time: None,
         device: device_request(py, backend, device)?,
     };
@@ -144,10 +146,10 @@ pub fn bake(
 pub fn prt(
     py: Python,
     scene: &Scene,
-    order: usize,
-    gather_bounces: u32,
+    order: i64,
+    gather_bounces: i64,
     unshadowed: bool,
-    memory: Option<usize>,
+    memory: Option<i64>,
     checkpoint: Option<PathBuf>,
     resume: bool,
     progress: Option<&Bound<PyAny>>,
@@ -158,8 +160,8 @@ pub fn prt(
     let quantity = if unshadowed { Quantity::PrtUnshadowed } else { Quantity::Prt };
     let plan = Plan {
         what: vec![quantity],
-        order,
-        gather_bounces,
+        order: count(py, order, "order")? as usize,
+        gather_bounces: count(py, gather_bounces, "gather_bounces")?,
         ao_distance: None,
         radiance_cache: RadianceCache::Photons,
         memory: Plan::MEMORY,
@@ -170,7 +172,7 @@ pub fn prt(
         scene: scene_request(scene, &View { eye: None, target: None, up: None, fov: None }, settings, "prt")?,
         work: Work::Bake(BakeRequest { receivers, plan, light_map, per: Per::Source }),
         outputs: vec![Vec::new()],
-        memory,
+        memory: memory.map(|mib| count(py, mib, "memory")).transpose()?.map(|mib| mib as usize),
         time: None,
         device: device_request(py, backend, device)?,
     };
@@ -198,7 +200,7 @@ fn run<T: PyClass + Into<PyClassInitializer<T>>>(
         return Err(error);
     }
     let outcome = outcome.map_err(|error| raised(py, &error))?;
-    if !is_interrupted || outcome.ending == Ending::Finished {
+    if !is_interrupted {
         let result = wrap(outcome).ok_or_else(|| PyValueError::new_err("the job has no result"))?;
         return Ok(result);
     }
@@ -209,11 +211,16 @@ fn run<T: PyClass + Into<PyClassInitializer<T>>>(
 
 /// What to call with progress, and whether to close it at the end.
 fn bar<'py>(progress: &Bound<'py, PyAny>) -> PyResult<Option<(Bound<'py, PyAny>, bool)>> {
-    if let Ok(wanted) = progress.cast::<PyBool>() {
+    if let Ok(wanted) = progress.extract::<bool>() {
         let bar = || Ok((progress.py().import("finalgather._progress")?.call_method0("Bar")?, true));
-        return wanted.is_true().then(bar).transpose();
+        return wanted.then(bar).transpose();
     }
-    Ok(Some((progress.clone(), false)))
+    match progress.is_callable() {
+        true => Ok(Some((progress.clone(), false))),
+        false => {
+            Err(PyTypeError::new_err("progress: give True, or what to call with directions done, their total, and seconds left"))
+        }
+    }
 }
 
 /// Points in memory.
@@ -247,6 +254,11 @@ fn quantities(what: Option<&Bound<PyAny>>, py: Python) -> PyResult<Vec<Quantity>
     Ok(quantities)
 }
 
+/// A whole number of 0 or more.
+fn count(py: Python, number: i64, name: &str) -> PyResult<u32> {
+    u32::try_from(number).map_err(|_| usage(py, format!("{name} is {number}"), "give a whole number of 0 or more"))
+}
+
 /// A value by its name, with underscores or hyphens.
 fn named<T: serde::de::DeserializeOwned>(py: Python, name: &str, argument: &str) -> PyResult<T> {
     serde_json::from_value(Value::from(name.replace('_', "-"))).map_err(|error| {
@@ -257,6 +269,10 @@ fn named<T: serde::de::DeserializeOwned>(py: Python, name: &str, argument: &str)
 }
 
 fn check_map(py: Python, map: &LightMapOptions) -> PyResult<()> {
+    let samples = map.samples_per_texel;
+    if samples == 0 || samples.isqrt().pow(2) != samples {
+        return Err(usage(py, format!("samples_per_texel is {samples}"), "give a square number, as 1, 4 or 9"));
+    }
     match map.resolution {
         Resolution::Pixels(side) if !(1..=16384).contains(&side) => {
             Err(usage(py, format!("lightmap is {side}"), "give its side in texels, from 1 to 16384"))

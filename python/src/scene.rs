@@ -12,7 +12,7 @@ use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 
 use crate::arrays::{bytes, color, colors, environment, floats, indices, rows_of_3, singles, wrong_shape};
-use crate::errors::{raised, usage};
+use crate::errors::{begin_work, raised, usage};
 use crate::watch::warn;
 
 /// Surfaces and lights. It never changes, so threads may share it.
@@ -32,7 +32,11 @@ struct Lighting<'a, 'py> {
 }
 
 impl Lighting<'_, '_> {
-    fn options(&self) -> PyResult<LoadOptions> {
+    fn options(&self, py: Python) -> PyResult<LoadOptions> {
+        if self.sky {
+            // Several threads make its picture.
+            begin_work(py)?;
+        }
         Ok(LoadOptions {
             environment: self.env.map(environment).transpose()?,
             sun: self.sun.map(|(azimuth, height)| Sun::at(azimuth, height)),
@@ -74,7 +78,7 @@ impl Scene {
             clay,
             strict,
             files: if allow_outside { Files::Anywhere } else { Files::Folder },
-            ..Lighting { env, sun, sky, default_light }.options()?
+            ..Lighting { env, sun, sky, default_light }.options(py)?
         };
         Self::new(py, path.clone(), || World::load_with(&path, options))
     }
@@ -128,7 +132,7 @@ impl Scene {
             textures,
         };
         let smooth_angle = checked_angle(py, smooth_angle)?;
-        let options = Lighting { env, sun, sky, default_light }.options()?;
+        let options = Lighting { env, sun, sky, default_light }.options(py)?;
         let options = LoadOptions { smooth_angle, flip, clay, strict, ..options };
         Self::new(py, PathBuf::new(), || World::from_arrays(arrays, options))
     }
@@ -302,7 +306,7 @@ fn picture_of_visual<'py>(visual: &Bound<'py, PyAny>) -> PyResult<Option<(Bound<
 
 /// The material of the albedo, and colours of vertices if it is theirs.
 fn reflection(albedo: Option<&Bound<PyAny>>, is_textured: bool) -> PyResult<(Material, Vec<Vec3>)> {
-    let white = Material { albedo: Vec3::ONE, ..Material::default() };
+    let white = Material { albedo: Vec3::ONE, albedo_texture: is_textured.then_some(0), ..Material::default() };
     let Some(object) = albedo else {
         return Ok((if is_textured { white } else { Material::default() }, Vec::new()));
     };
@@ -358,8 +362,5 @@ pub fn table(head: &[&str], rows: impl IntoIterator<Item = Vec<String>>) -> Stri
 
 /// A picture size: a side, or width and height.
 pub fn size_of(object: &Bound<PyAny>) -> PyResult<[u32; 2]> {
-    object
-        .extract::<u32>()
-        .map(|side| [side, side])
-        .or_else(|_| object.extract::<(u32, u32)>().map(|(width, height)| [width, height]))
+    object.extract::<u32>().map(|side| [side, side]).or_else(|_| object.extract())
 }

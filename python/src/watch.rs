@@ -36,8 +36,22 @@ impl PythonWatch {
         self.noticed.is_some() && self.ended_by.as_ref().is_some_and(|error| error.is_instance_of::<PyKeyboardInterrupt>(py))
     }
 
+    /// Keeps what Python raised. Its code may also be where a signal is noticed: then the job ends as after a look at signals.
     fn keep(&mut self, outcome: PyResult<()>) {
-        self.ended_by = self.ended_by.take().or(outcome.err());
+        let Err(error) = outcome else { return };
+        if Python::attach(|py| error.is_instance_of::<PyKeyboardInterrupt>(py)) {
+            self.noticed.get_or_insert_with(Instant::now);
+        }
+        self.ended_by.get_or_insert(error);
+    }
+
+    /// Looks whether a signal came. False after the second, which does not wait.
+    fn look(&mut self) -> bool {
+        self.looked = Instant::now();
+        let Err(error) = Python::attach(|py| py.check_signals()) else { return true };
+        let is_first = self.noticed.replace(Instant::now()).is_none();
+        self.ended_by.get_or_insert(error);
+        is_first
     }
 }
 
@@ -69,15 +83,8 @@ impl Watch for PythonWatch {
         if self.noticed.is_none() && self.ended_by.is_some() {
             return false;
         }
-        if self.looked.elapsed() >= LOOKS || between_blocks {
-            self.looked = Instant::now();
-            if let Err(error) = Python::attach(|py| py.check_signals()) {
-                // The second Ctrl-C does not wait.
-                if self.noticed.replace(Instant::now()).is_some() {
-                    return false;
-                }
-                self.keep(Err(error));
-            }
+        if (self.looked.elapsed() >= LOOKS || between_blocks) && !self.look() {
+            return false;
         }
         self.noticed.is_none_or(|noticed| !between_blocks && noticed.elapsed() < GRACE)
     }

@@ -97,13 +97,16 @@ def test_albedo_of_all() -> None:
 def test_texture() -> None:
     """The albedo that a camera sees: bytes of sRGB, and row 0 is where v is 1."""
     wall = quad([0, 0, 0], [1, 0, 0], [0, 1, 0])
-    texture = np.array([[[188, 0, 0], [0, 188, 0]], [[0, 0, 188], [255, 255, 255]]], np.uint8)
+    texels = np.array([[[188, 0, 0], [0, 188, 0]], [[0, 0, 188], [255, 255, 255]]], np.uint8)
+    # Wide fields, so that a pixel in the middle of one meets no other by interpolation.
+    texture = texels.repeat(4, axis=0).repeat(4, axis=1)
     scene = fg.Scene.from_arrays(*wall, uv=wall[0][:, :2], texture=texture, env=1.0)
     film = fg.render(scene, eye=[0.5, 0.5, 1], target=[0.5, 0.5, 0], fov=53.0, size=16, directions=8, photons=100)
     # The sRGB curve of IEC 61966-2-1.
     linear = ((188 / 255 + 0.055) / 1.055) ** 2.4
     seen = film["Albedo"][[3, 3, 12, 12], [3, 12, 3, 12]]
-    assert np.allclose(seen, [[linear, 0, 0], [0, linear, 0], [0, 0, linear], [1, 1, 1]], atol=1e-4)
+    # Drivers may decode by an approximation: Mesa's software driver by one that is off by 0.0007 here.
+    assert np.allclose(seen, [[linear, 0, 0], [0, linear, 0], [0, 0, linear], [1, 1, 1]], atol=2e-3)
 
 
 def test_colours_of_bytes_are_srgb() -> None:

@@ -69,7 +69,7 @@ impl Plan {
         }
         if self.ao_distance.is_some_and(|distance| !(distance > 0.0 && distance.is_finite())) {
             return Err(Error::usage(
-                "ao-distance is no length above 0",
+                "--ao-distance is no length above 0",
                 "give one in the scene's units, or leave it out for any distance",
             ));
         }

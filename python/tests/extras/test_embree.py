@@ -69,4 +69,5 @@ def test_texture_of_trimesh() -> None:
     scene = fg.Scene.from_trimesh(floor, env=1.0)
     film = fg.render(scene, size=16, directions=16, photons=100, eye=[0.5, 2, 0.5], target=[0.5, 0, 0.5], up=[0, 0, -1])
     linear = ((188 / 255 + 0.055) / 1.055) ** 2.4
-    assert np.allclose(film["Albedo"][8, 8], [linear, 0, 0], atol=1e-4)
+    # Drivers may decode by an approximation.
+    assert np.allclose(film["Albedo"][8, 8], [linear, 0, 0], atol=2e-3)

@@ -25,7 +25,7 @@ def check(report: dict[str, Any]) -> None:
 def test_tool(tool: Tool, tmp_path: Path) -> None:
     model, sky = tmp_path / "ball.ply", tmp_path / "sky.exr"
     write_ply(model, *sphere(2))
-    shape = ("--size", 16, "--directions", 32, "--photons", 1000)
+    shape = ("--size", "32x16", "--directions", 32, "--photons", 1000)
     picture = json.loads(tool("render", model, *shape, "-o", sky, "--json"))
     assert picture["camera"] is not None and picture["outputs"] == [str(sky)]
     check(picture)
@@ -55,6 +55,7 @@ def test_package() -> None:
 
 def test_the_schema_can_refuse() -> None:
     report = fg.bake(fg.Scene.from_arrays(*box(cells=2)), what="ao", directions=16).report
-    for change in ({"schema": 2}, {"command": "render"}, {"surprise": 1}, {"seconds": {}}, {"part": 3}):
+    changes: list[dict[str, Any]] = [{"schema": 2}, {"command": "render"}, {"surprise": 1}, {"seconds": {}}, {"part": 3}]
+    for change in changes:
         with pytest.raises(AssertionError):
             check({**report, **change})
