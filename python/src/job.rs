@@ -24,7 +24,16 @@ use crate::watch::{PythonWatch, warn};
 /// Settings that do nothing in a bake, but for those of pictures with the camera.
 const OF_PICTURES: [&str; 7] = ["size", "background", "points", "interleave", "estimator", "target_error", "ground"];
 
-/// Renders a picture.
+/// Renders a picture: radiance in W/(m² sr), as a Film.
+///
+/// eye, target, up: vectors in the scene's units that replace those of its camera. fov: full vertical angle of view in degrees. time: seconds; as many
+/// directions as fit, in place of the setting. The size in pixels is a setting: size=512 or size=(640, 480).
+///
+/// memory: MiB that the job may take. checkpoint: a file that keeps the sums, for the same call with resume=True. progress: True, or what to call with
+/// directions done, their total, and seconds left or None. backend: "auto", "egl" or "osmesa". device: "auto", "sw" or an index.
+///
+/// Other arguments are settings by their keys in scene files. They replace those of the scene: directions=1000, seed=0, photons=1_000_000,
+/// pipeline="auto" and so on.
 #[pyfunction]
 #[pyo3(signature = (scene, *, eye=None, target=None, up=None, fov=None, time=None, memory=None, checkpoint=None, resume=false, progress=None, backend="auto", device="auto", **settings))]
 #[allow(clippy::too_many_arguments)]
@@ -58,7 +67,22 @@ pub fn render(
     run(py, request, &keeping(py, checkpoint, resume)?, progress, Film::of_job)
 }
 
-/// Computes values at points.
+/// Computes values at points, as a Baked: a mapping of names to arrays.
+///
+/// Where: vertices=True (also where nothing is said): the vertices of the scene, in the order of the input. points=(positions, unit normals), both [n, 3].
+/// lightmap=256: a map of so many texels on a side; texels_per_unit in place of that; uvs, padding, samples_per_texel. camera=True: one point in each
+/// pixel, with eye, target, up, fov and size.
+///
+/// what: one name or several. irradiance (W/m², [n, 3], also irradiance_direct and irradiance_indirect), ao, bent_normal, sky, sh (W/(m² sr),
+/// [n, order², 3]), prt and prt_unshadowed ([n, order², 3]). order: bands of spherical harmonics, 1 to 5. gather_bounces: surfaces that may reflect light
+/// in prt, and with radiance_cache="gathered". ao_distance: surfaces farther away do not count. per="row": a row for each normal of a vertex, in place
+/// of the mean.
+///
+/// memory: MiB that the job may take. checkpoint: a file that keeps the sums, for the same call with resume=True. progress: True, or what to call with
+/// directions done, their total, and seconds left or None. backend: "auto", "egl" or "osmesa". device: "auto", "sw" or an index.
+///
+/// Other arguments are settings by their keys in scene files. They replace those of the scene: directions=1000, seed=0, photons=1_000_000,
+/// pipeline="auto" and so on.
 #[pyfunction]
 #[pyo3(signature = (scene, *, vertices=false, points=None, lightmap=None, camera=false, what=None, order=3, gather_bounces=2, ao_distance=None, radiance_cache="photons", per="source", texels_per_unit=None, uvs="auto", padding=2, samples_per_texel=4, eye=None, target=None, up=None, fov=None, memory=None, checkpoint=None, resume=false, progress=None, backend="auto", device="auto", **settings))]
 #[allow(clippy::too_many_arguments)]
@@ -139,7 +163,16 @@ pub fn bake(
     run(py, request, &keeping(py, checkpoint, resume)?, progress, Baked::of_job)
 }
 
-/// Radiance transfer at the vertices, for any light from afar.
+/// Radiance transfer at the vertices, [n, order², 3], in the order of the input: from incident radiance to irradiance over π.
+///
+/// It is bake(scene, what="prt")["prt"]. order: bands of spherical harmonics, 1 to 5. gather_bounces: surfaces that may reflect light on its way, 0 for
+/// shadows alone. unshadowed=True: without other surfaces.
+///
+/// memory: MiB that the job may take. checkpoint: a file that keeps the sums, for the same call with resume=True. progress: True, or what to call with
+/// directions done, their total, and seconds left or None. backend: "auto", "egl" or "osmesa". device: "auto", "sw" or an index.
+///
+/// Other arguments are settings by their keys in scene files. They replace those of the scene: directions=1000, seed=0, photons=1_000_000,
+/// pipeline="auto" and so on.
 #[pyfunction]
 #[pyo3(signature = (scene, *, order=3, gather_bounces=2, unshadowed=false, memory=None, checkpoint=None, resume=false, progress=None, backend="auto", device="auto", **settings))]
 #[allow(clippy::too_many_arguments)]

@@ -51,6 +51,12 @@ impl Lighting<'_, '_> {
 
 #[pymethods]
 impl Scene {
+    /// A scene of a file: .toml, .obj, .glb, .gltf, .ply or .stl.
+    ///
+    /// env: a lat-long picture (.hdr, .exr), its texels [height, width, 3] with row 0 at +y, a colour or a grey: radiance in W/(m² sr). sun: azimuth and
+    /// height in degrees; sky=True: its clear sky. camera, gltf_scene: by their names. smooth_angle: faces that meet at no more degrees share normals.
+    /// flip: fronts become backs. clay: all surfaces grey. strict: refuse what else is mended. allow_outside: the scene may name files outside its
+    /// folder. default_light=False: no soft sky for scenes without light.
     #[staticmethod]
     #[pyo3(signature = (path, *, env=None, sun=None, sky=false, camera=None, gltf_scene=None, smooth_angle=None, flip=false, clay=false, strict=false, allow_outside=false, default_light=true))]
     #[allow(clippy::too_many_arguments)]
@@ -83,6 +89,11 @@ impl Scene {
         Self::new(py, path.clone(), || World::load_with(&path, options))
     }
 
+    /// A scene of arrays: vertices [v, 3], and faces [f, 3] or [f, 4], counter-clockwise seen from the front.
+    ///
+    /// normals [v, 3]: else faces are flat. uv [v, 2] and texture [h, w, 3 or 4], uint8 in sRGB, row 0 where v is 1. albedo: linear reflectance from 0 to
+    /// 1, a grey, a colour or [v, 3]; uint8 is sRGB; 0.5 if it is not given. emission: radiance of fronts in W/(m² sr), a grey, a colour or [f, 3].
+    /// The others are those of load.
     #[staticmethod]
     #[pyo3(signature = (vertices, faces, *, normals=None, uv=None, albedo=None, texture=None, emission=None, env=None, sun=None, sky=false, smooth_angle=None, flip=false, clay=false, strict=false, default_light=true, name="arrays".to_owned()))]
     #[allow(clippy::too_many_arguments)]
@@ -137,7 +148,9 @@ impl Scene {
         Self::new(py, PathBuf::new(), || World::from_arrays(arrays, options))
     }
 
-    /// A scene of a `trimesh.Trimesh`, or of the meshes of a `trimesh.Scene`.
+    /// A scene of a trimesh.Trimesh, or of the meshes of a trimesh.Scene, with its colours or its texture.
+    ///
+    /// smooth=True takes its normals of vertices; else faces are flat. The others are those of load.
     #[staticmethod]
     #[pyo3(signature = (mesh, *, smooth=false, env=None, sun=None, sky=false, strict=false, default_light=true))]
     #[allow(clippy::too_many_arguments)]

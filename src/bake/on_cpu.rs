@@ -9,7 +9,7 @@ use super::integrals::HEMISPHERE;
 use super::schedule::{BlockInProgress, Round};
 use crate::direction::Direction;
 use crate::points::GatherPoint;
-use crate::points::packets::{Ends, PacketConsumer, PointHits, PointPacket, cast, packets};
+use crate::points::packets::{Ends, PacketConsumer, PointHits, PointPacket, cast, packets, put_in_order};
 use crate::prepared::Prepared;
 use crate::reference::Reference;
 use crate::scene::{LANES, Lanes, NO_TRIANGLE, Rays, Scene, of_lane};
@@ -77,11 +77,7 @@ impl PacketTile {
     pub fn read(&self) -> [Vec<Vec4>; HEMISPHERE] {
         let mut planes = [(); HEMISPHERE].map(|()| vec![Vec4::ZERO; self.count]);
         planes.par_iter_mut().enumerate().for_each(|(output, plane)| {
-            for (packet, sums) in self.packets.iter().zip(&self.sums) {
-                for (lane, &point) in packet.points().iter().enumerate() {
-                    plane[point as usize] = Vec4::from(of_lane(&sums[output], lane));
-                }
-            }
+            put_in_order(self.packets.iter().zip(&self.sums), plane, |sums, lane| Vec4::from(of_lane(&sums[output], lane)));
         });
         planes
     }

@@ -51,6 +51,11 @@ impl PointRun {
         Self { count, turn: Turn::ALL }
     }
 
+    /// Number of points in all `runs`, which are possible.
+    pub fn points(runs: &[Self]) -> usize {
+        runs.iter().map(|run| run.count).sum()
+    }
+
     /// Number of points in all `runs`; `None` if these or their turns are impossible.
     pub fn count(runs: &[Self]) -> Option<usize> {
         let is_turn = |Turn { index, of }: Turn| index < of && of <= MOST_TURNS;
@@ -76,7 +81,7 @@ impl PointRun {
 
     /// All points in ranges of at most `most`. A range ends at the end of a run, or whole multiples of `group` after its start.
     pub fn split(runs: &[Self], most: usize, group: usize) -> Vec<Range<usize>> {
-        let count: usize = runs.iter().map(|run| run.count).sum();
+        let count = Self::points(runs);
         let mut ranges = Vec::new();
         let mut start = 0;
         while start < count {

@@ -68,7 +68,7 @@ impl Schedule {
 
     /// Number of vertices that gather, and number of receiver points.
     pub fn points(&self) -> [usize; 2] {
-        [&self.vertices[..], &self.receivers].map(|runs| runs.iter().map(|run| run.count).sum())
+        [&self.vertices[..], &self.receivers].map(PointRun::points)
     }
 
     /// The runs of the points of a round, with their turns.

@@ -13,7 +13,7 @@ use crate::error::Result;
 use crate::geometry::Geometry;
 use crate::gpu::Gpu;
 use crate::photon::PhotonTexture;
-use crate::points::packets::{Ends, PacketConsumer, PointHits, PointPacket, SubsetPackets, cast};
+use crate::points::packets::{Ends, PacketConsumer, PointHits, PointPacket, SubsetPackets, cast, put_in_order};
 use crate::points::{Accumulator, GatherPoint, Interleave, PointGloss, Points};
 use crate::reference::Reference;
 use crate::scene::{Bvh, LANES, Lanes, Scene, of_lane};
@@ -252,8 +252,6 @@ impl PacketConsumer for PacketGather<'_> {
 /// A value of each point's sums, in the order of the points.
 fn in_order(subsets: &[PacketSubset], places: usize, value: impl Fn(&PacketSums, usize) -> Vec4) -> Vec<Vec4> {
     let mut values = vec![Vec4::ZERO; places];
-    for (packet, sums) in subsets.iter().flat_map(|subset| subset.packets.iter().zip(&subset.sums)) {
-        packet.points().iter().enumerate().for_each(|(lane, &point)| values[point as usize] = value(sums, lane));
-    }
+    put_in_order(subsets.iter().flat_map(|subset| subset.packets.iter().zip(&subset.sums)), &mut values, value);
     values
 }

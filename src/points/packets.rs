@@ -2,7 +2,7 @@
 
 use std::f32::consts::PI;
 
-use glam::Vec3;
+use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 
 use super::GatherPoint;
@@ -29,6 +29,17 @@ pub struct PointPacket {
     /// The number of each point.
     points: [u32; LANES],
     count: usize,
+}
+
+/// Puts a value of each point's sums into `values`, in the order of the points. `value` is told the lane of the point.
+pub fn put_in_order<'a, Sums: 'a>(
+    packets: impl Iterator<Item = (&'a PointPacket, &'a Sums)>,
+    values: &mut [Vec4],
+    value: impl Fn(&Sums, usize) -> Vec4,
+) {
+    for (packet, sums) in packets {
+        packet.points().iter().enumerate().for_each(|(lane, &point)| values[point as usize] = value(sums, lane));
+    }
 }
 
 /// The hits of a packet's points along one direction.
