@@ -29,6 +29,11 @@ pub fn floats<'py>(object: &Bound<'py, PyAny>, name: &str) -> PyResult<PyReadonl
     converted(object, name, "float64")
 }
 
+/// The numbers of a list, a tuple or an array; of a number that one.
+pub fn numbers(object: &Bound<PyAny>) -> PyResult<Vec<f64>> {
+    Ok(floats(object, "numbers")?.as_slice()?.to_vec())
+}
+
 /// An array of 32-bit floats.
 pub fn singles<'py>(object: &Bound<'py, PyAny>, name: &str) -> PyResult<PyReadonlyArrayDyn<'py, f32>> {
     converted(object, name, "float32")

@@ -12,7 +12,7 @@ use pyo3::exceptions::PyKeyError;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 
-use crate::arrays::{array, interleaved};
+use crate::arrays::{array, interleaved, numbers};
 use crate::errors::{begin_work, raised, usage};
 use crate::scene::table;
 
@@ -81,7 +81,7 @@ pub fn to_exposure(exposure: &Bound<PyAny>) -> PyResult<Exposure> {
 fn to_background(background: &Bound<PyAny>) -> PyResult<Background> {
     let text = match background.extract::<String>() {
         Ok(text) => text,
-        Err(_) => background.extract::<Vec<f64>>()?.iter().map(f64::to_string).collect::<Vec<_>>().join(","),
+        Err(_) => numbers(background)?.iter().map(f64::to_string).collect::<Vec<_>>().join(","),
     };
     text.parse().map_err(|problem: &str| {
         let cure = "give \"environment\", \"transparent\", \"#rrggbb\" or linear (r, g, b)";

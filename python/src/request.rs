@@ -13,6 +13,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyDict};
 use serde_json::{Map, Value, json};
 
+use crate::arrays::numbers;
 use crate::errors::usage;
 use crate::scene::{Scene, size_of};
 
@@ -40,7 +41,7 @@ impl View<'_, '_> {
 
 /// Three finite numbers.
 fn vector(object: &Bound<PyAny>, name: &str) -> PyResult<DVec3> {
-    let numbers: Option<[f64; 3]> = object.extract().ok();
+    let numbers = numbers(object).ok().and_then(|numbers| <[f64; 3]>::try_from(numbers).ok());
     let vector = numbers.map(DVec3::from_array).filter(|vector| vector.is_finite());
     vector.ok_or_else(|| usage(object.py(), format!("{name} is no vector"), "give three finite numbers, as (0, 1.5, -3)"))
 }
@@ -67,14 +68,13 @@ fn to_settings(given: &Bound<PyDict>, what: &str) -> PyResult<Map<String, Value>
             usage(
                 py,
                 format!("{name}: {}", value.repr().map_or_else(|_| "?".into(), |text| text.to_string())),
-                "see finalgather.Settings for its type",
+                "give a number or a name, as scene files have it",
             )
         };
         let setting = match name.as_str() {
-            "size" => json!(size_of(&value).map_err(wrong)?),
+            "size" => json!(size_of(&value)?),
             "background" if value.extract::<String>().is_err() => {
-                let numbers: Vec<f64> = value.extract().map_err(wrong)?;
-                numbers.iter().map(f64::to_string).collect::<Vec<_>>().join(",").into()
+                numbers(&value).map_err(wrong)?.iter().map(f64::to_string).collect::<Vec<_>>().join(",").into()
             }
             _ => plain(&value).map_err(wrong)?,
         };

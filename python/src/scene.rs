@@ -1,5 +1,6 @@
 //! Scenes from files and arrays.
 
+use std::collections::HashMap;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -11,7 +12,7 @@ use numpy::{PyArray2, PyUntypedArrayMethods};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 
-use crate::arrays::{bytes, color, colors, environment, floats, indices, rows_of_3, singles, wrong_shape};
+use crate::arrays::{bytes, color, colors, environment, indices, numbers, rows_of_3, singles, wrong_shape};
 use crate::errors::{begin_work, raised, usage};
 use crate::watch::warn;
 
@@ -92,7 +93,7 @@ impl Scene {
     /// A scene of arrays: vertices [v, 3], and faces [f, 3] or [f, 4], counter-clockwise seen from the front.
     ///
     /// normals [v, 3]: else faces are flat. uv [v, 2] and texture [h, w, 3 or 4], uint8 in sRGB, row 0 where v is 1. albedo: linear reflectance from 0 to
-    /// 1, a grey, a colour or [v, 3]; uint8 is sRGB; 0.5 if it is not given. emission: radiance of fronts in W/(m² sr), a grey, a colour or [f, 3].
+    /// 1, a grey, a colour, [v, 3] or [f, 3]; uint8 is sRGB; 0.5 if it is not given. emission: radiance of fronts in W/(m² sr), a grey, a colour or [f, 3].
     /// The others are those of load.
     #[staticmethod]
     #[pyo3(signature = (vertices, faces, *, normals=None, uv=None, albedo=None, texture=None, emission=None, env=None, sun=None, sky=false, smooth_angle=None, flip=false, clay=false, strict=false, default_light=true, name="arrays".to_owned()))]
@@ -125,17 +126,17 @@ impl Scene {
         if !textures.is_empty() && uvs.is_empty() {
             return Err(usage(py, "texture: there are no coordinates on it", "give uv too, one row a vertex"));
         }
-        let (material, colors) = reflection(albedo, !textures.is_empty())?;
-        if !textures.is_empty() && !colors.is_empty() {
-            return Err(usage(py, "albedo: colours of vertices and a texture do not mix", "give one of them"));
+        let reflection = Reflection::new(albedo, !textures.is_empty(), [positions.len(), count])?;
+        if !textures.is_empty() && !(reflection.of_vertices.is_empty() && reflection.of_faces.is_empty()) {
+            return Err(usage(py, "albedo: colours of vertices or faces and a texture do not mix", "give one of them"));
         }
-        let (materials, material_of) = emitting(material, emission, count)?;
+        let (materials, material_of) = emitting(&reflection, emission, count)?;
         let arrays = MeshArrays {
             name,
             positions,
             normals: normals.into_iter().map(DVec3::from_array).collect(),
             uvs,
-            colors,
+            colors: reflection.of_vertices,
             faces,
             corners,
             materials,
@@ -175,9 +176,16 @@ impl Scene {
         let (mut uv, mut texture, mut albedo) = (None, None, None);
         match kind.as_deref() {
             Some("texture") => match picture_of_visual(&visual)? {
+                // trimesh has a colour of its own where a file names none, as a picture too.
+                Some((_, picture)) if is_default(&picture)? => {}
                 Some((coordinates, picture)) => (uv, texture) = (Some(coordinates), Some(picture)),
+                None if is_default(&visual.getattr("material")?.getattr("main_color")?)? => {}
                 None => albedo = Some(visual.call_method0("to_color")?.getattr("vertex_colors")?),
             },
+            // With as many faces as vertices, the rows would be taken for those of vertices.
+            Some("face") if attribute("faces")?.len()? != attribute("vertices")?.len()? => {
+                albedo = Some(visual.getattr("face_colors")?);
+            }
             Some(_) => albedo = Some(visual.getattr("vertex_colors")?),
             None => {}
         }
@@ -317,48 +325,84 @@ fn picture_of_visual<'py>(visual: &Bound<'py, PyAny>) -> PyResult<Option<(Bound<
     Ok(None)
 }
 
-/// The material of the albedo, and colours of vertices if it is theirs.
-fn reflection(albedo: Option<&Bound<PyAny>>, is_textured: bool) -> PyResult<(Material, Vec<Vec3>)> {
-    let white = Material { albedo: Vec3::ONE, albedo_texture: is_textured.then_some(0), ..Material::default() };
-    let Some(object) = albedo else {
-        return Ok((if is_textured { white } else { Material::default() }, Vec::new()));
-    };
-    match color(object, "albedo")? {
-        Some(albedo) if albedo.cmpge(Vec3::ZERO).all() && albedo.cmple(Vec3::ONE).all() => {
-            Ok((Material { albedo, ..white }, Vec::new()))
+/// Whether a colour or a picture, without its alpha, is that of trimesh where nothing is named: 102 as a material, 100 as texels.
+fn is_default(object: &Bound<PyAny>) -> PyResult<bool> {
+    let shown = numbers(object)?;
+    Ok(shown.iter().all(|&number| number == 100.0) || shown == [102.0, 102.0, 102.0, 255.0])
+}
+
+/// What surfaces reflect.
+struct Reflection {
+    material: Material,
+    /// One a vertex, or none.
+    of_vertices: Vec<Vec3>,
+    /// One a face, or none.
+    of_faces: Vec<Vec3>,
+}
+
+impl Reflection {
+    /// Of a mesh of so many vertices and faces. Rows may be of either; where both are as many, of vertices.
+    fn new(albedo: Option<&Bound<PyAny>>, is_textured: bool, [vertices, faces]: [usize; 2]) -> PyResult<Self> {
+        let white = Material { albedo: Vec3::ONE, albedo_texture: is_textured.then_some(0), ..Material::default() };
+        let even = |material| Self { material, of_vertices: Vec::new(), of_faces: Vec::new() };
+        let Some(object) = albedo else { return Ok(even(if is_textured { white } else { Material::default() })) };
+        let wrong = |albedo: Vec3| usage(object.py(), format!("albedo is {albedo}"), "give linear reflectance from 0 to 1");
+        let is_share = |albedo: &Vec3| albedo.cmpge(Vec3::ZERO).all() && albedo.cmple(Vec3::ONE).all();
+        if let Some(albedo) = color(object, "albedo")? {
+            return if is_share(&albedo) { Ok(even(Material { albedo, ..white })) } else { Err(wrong(albedo)) };
         }
-        Some(albedo) => Err(usage(object.py(), format!("albedo is {albedo}"), "give linear reflectance from 0 to 1")),
-        None => Ok((white, colors(object, "albedo")?)),
+        let rows = colors(object, "albedo")?;
+        if rows.len() != faces || rows.len() == vertices {
+            return Ok(Self { of_vertices: rows, ..even(white) });
+        }
+        match rows.iter().find(|albedo| !is_share(albedo)) {
+            Some(albedo) => Err(wrong(*albedo)),
+            None => Ok(Self { of_faces: rows, ..even(white) }),
+        }
     }
 }
 
 /// Materials with emission, and that of each face if they differ.
-fn emitting(material: Material, emission: Option<&Bound<PyAny>>, faces: usize) -> PyResult<(Vec<Material>, Vec<u32>)> {
-    let Some(object) = emission else { return Ok((vec![material], Vec::new())) };
-    let py = object.py();
-    let of = |emission: Vec3| match emission.is_finite() && emission.min_element() >= 0.0 {
-        true => Ok(Material { emission, ..material.clone() }),
-        false => Err(usage(py, format!("emission is {emission}"), "give finite radiance of 0 or more, in W/(m² sr)")),
-    };
-    if let Some(emission) = color(object, "emission")? {
-        return Ok((vec![of(emission)?], Vec::new()));
-    }
-    let array = floats(object, "emission")?;
-    if *array.shape() != [faces, 3] {
-        return Err(wrong_shape(py, "emission", array.shape(), &format!("[{faces}, 3], one row a face, or give a colour")));
-    }
-    let (mut materials, mut material_of): (Vec<Material>, _) = (Vec::new(), Vec::new());
-    let mut known = std::collections::HashMap::new();
-    for row in array.as_slice()?.as_chunks().0 {
-        let emission = DVec3::from_array(*row).as_vec3();
-        let next = materials.len() as u32;
-        let index = *known.entry(emission.to_array().map(f32::to_bits)).or_insert(next);
-        if index == next {
-            materials.push(of(emission)?);
+fn emitting(reflection: &Reflection, emission: Option<&Bound<PyAny>>, faces: usize) -> PyResult<(Vec<Material>, Vec<u32>)> {
+    let Reflection { material, of_faces, .. } = reflection;
+    let (mut even, mut rows) = (Vec3::ZERO, Vec::new());
+    if let Some(object) = emission {
+        match color(object, "emission")? {
+            Some(emission) => even = emission,
+            None => rows = vectors(object, faces)?,
         }
-        material_of.push(index);
+        let py = object.py();
+        if let Some(wrong) = rows.iter().chain([&even]).find(|emission| !(emission.is_finite() && emission.min_element() >= 0.0))
+        {
+            return Err(usage(py, format!("emission is {wrong}"), "give finite radiance of 0 or more, in W/(m² sr)"));
+        }
+    }
+    if rows.is_empty() && of_faces.is_empty() {
+        return Ok((vec![Material { emission: even, ..material.clone() }], Vec::new()));
+    }
+    let (mut materials, mut material_of, mut known) = (Vec::new(), Vec::new(), HashMap::new());
+    for face in 0..faces {
+        let albedo = of_faces.get(face).copied().unwrap_or(material.albedo);
+        let emission = rows.get(face).copied().unwrap_or(even);
+        let bits = [albedo, emission].map(|color| color.to_array().map(f32::to_bits));
+        material_of.push(*known.entry(bits).or_insert_with(|| {
+            materials.push(Material { albedo, emission, ..material.clone() });
+            materials.len() as u32 - 1
+        }));
     }
     Ok((materials, material_of))
+}
+
+/// One vector a face.
+fn vectors(object: &Bound<PyAny>, faces: usize) -> PyResult<Vec<Vec3>> {
+    let array = singles(object, "emission")?;
+    match *array.shape() == [faces, 3] {
+        true => Ok(array.as_slice()?.as_chunks().0.iter().map(|&row| Vec3::from_array(row)).collect()),
+        false => {
+            let wanted = format!("[{faces}, 3], one row a face, or give a colour");
+            Err(wrong_shape(object.py(), "emission", array.shape(), &wanted))
+        }
+    }
 }
 
 /// A table in HTML.
@@ -375,5 +419,18 @@ pub fn table(head: &[&str], rows: impl IntoIterator<Item = Vec<String>>) -> Stri
 
 /// A picture size: a side, or width and height.
 pub fn size_of(object: &Bound<PyAny>) -> PyResult<[u32; 2]> {
-    object.extract::<u32>().map(|side| [side, side]).or_else(|_| object.extract())
+    match numbers(object)?[..] {
+        [side] => Ok([whole(object, side)?; 2]),
+        [width, height] => Ok([whole(object, width)?, whole(object, height)?]),
+        _ => Err(not_a_size(object)),
+    }
+}
+
+fn whole(object: &Bound<PyAny>, side: f64) -> PyResult<u32> {
+    if side >= 1.0 && side <= f64::from(u32::MAX) && side.fract() == 0.0 { Ok(side as u32) } else { Err(not_a_size(object)) }
+}
+
+fn not_a_size(object: &Bound<PyAny>) -> PyErr {
+    let text = object.repr().map_or_else(|_| "?".to_owned(), |text| text.to_string());
+    usage(object.py(), format!("size is {text}"), "give a side in pixels, or width and height")
 }

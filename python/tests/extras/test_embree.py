@@ -71,3 +71,25 @@ def test_texture_of_trimesh() -> None:
     linear = ((188 / 255 + 0.055) / 1.055) ** 2.4
     # Drivers may decode by an approximation.
     assert np.allclose(film["Albedo"][8, 8], [linear, 0, 0], atol=2e-3)
+
+
+def test_faces_have_colours_of_their_own() -> None:
+    """Not those of vertices, which blur at edges."""
+    floor = trimesh.Trimesh(*quad([0, 0, 0], [0, 0, 1], [1, 0, 0]), process=False)
+    floor.visual = trimesh.visual.ColorVisuals(floor, face_colors=[[255, 0, 0, 255], [0, 0, 255, 255]])
+    scene = fg.Scene.from_trimesh(floor, env=1.0)
+    film = fg.render(scene, size=16, directions=16, photons=100, eye=[0.5, 2, 0.5], target=[0.5, 0, 0.5], up=[0, 0, -1])
+    seen = film["Albedo"][[5, 10, 5, 10], [5, 10, 10, 5]]
+    one, other = [1, 0, 0], [0, 0, 1]
+    # The diagonal may run either way. It meets two of the four pixels, and each of the others is on one side.
+    ends = [(a, b) for a, b in ((seen[0], seen[1]), (seen[2], seen[3]), (seen[1], seen[0]), (seen[3], seen[2]))]
+    assert any(np.allclose(a, one) and np.allclose(b, other) for a, b in ends), seen
+
+
+def test_a_mesh_that_names_no_colour_is_grey() -> None:
+    """trimesh gives a material to a mesh with coordinates and no picture."""
+    floor = trimesh.Trimesh(*quad([0, 0, 0], [0, 0, 1], [1, 0, 0]), process=False)
+    floor.visual = trimesh.visual.TextureVisuals(uv=floor.vertices[:, [0, 2]])
+    scene = fg.Scene.from_trimesh(floor, env=1.0)
+    film = fg.render(scene, size=8, directions=16, photons=100, eye=[0.5, 2, 0.5], target=[0.5, 0, 0.5], up=[0, 0, -1])
+    assert np.allclose(film["Albedo"][4, 4], 0.5, atol=1e-3)
