@@ -39,7 +39,8 @@ test: ## Run all tests, those of the GL part also on a driver that offers no mor
 	$(CARGO) test --release --locked
 	GALLIUM_DRIVER=softpipe $(CARGO) test --release --locked --test 'gl_*'
 
-wheel: setup ## Build the Python package to target/wheels/
+wheel: ## Build the Python package to target/wheels/
+	@scripts/setup.sh --python
 	scripts/python.sh wheel
 
 python-test: ## Build the Python package and run its tests

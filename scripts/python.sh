@@ -17,7 +17,8 @@ esac
 environment() {
     local place=$target/python/$1
     shift
-    [[ -x $place/bin/pip ]] || python3 -m venv "$place"
+    # Its interpreter may have gone with a system that was renewed.
+    "$place/bin/python" -c "" 2>/dev/null || python3 -m venv --clear "$place"
     "$place/bin/pip" install --quiet --disable-pip-version-check "$@"
 }
 

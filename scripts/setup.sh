@@ -3,13 +3,15 @@
 # to install. Quick and silent when nothing is missing.
 #
 #   scripts/setup.sh            what `make render` needs
+#   scripts/setup.sh --python   and what the Python package needs
 #   scripts/setup.sh --tests    and what the tests need; where the environment variable CI is set, an error if it cannot have all of it
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
 case "${1-}" in
-    "" | --tests) tests=${1-} ;;
-    *) echo "usage: scripts/setup.sh [--tests]" >&2; exit 2 ;;
+    "" | --python) tests= ;;
+    --tests) tests=$1 ;;
+    *) echo "usage: scripts/setup.sh [--python|--tests]" >&2; exit 2 ;;
 esac
 
 # Rust does not come from the system's packages, which are often older than what Cargo.toml asks for.
@@ -53,8 +55,10 @@ command -v make >/dev/null || missing make make make make
 library libEGL.so.1 || missing "libEGL.so.1 (GLVND)" libegl1 libglvnd-egl libglvnd
 library libEGL_mesa.so.0 || missing "Mesa's EGL" libegl-mesa0 mesa-libEGL mesa
 software_gl || missing "Mesa's software OpenGL driver" libgl1-mesa-dri mesa-dri-drivers mesa
-if [[ $tests ]]; then
+if [[ ${1-} ]]; then
     python3 -c 'import ensurepip, venv' 2>/dev/null || missing "Python with venv" "python3 python3-venv" python3 python
+fi
+if [[ $tests ]]; then
     command -v glslangValidator >/dev/null || missing glslangValidator glslang-tools glslang glslang
     # Of the window: servers without a screen, who types and points, and what winit and glutin load by name.
     command -v Xvfb >/dev/null || missing Xvfb xvfb xorg-x11-server-Xvfb xorg-server-xvfb

@@ -126,5 +126,7 @@ impl ValueArray {
 fn are_coefficients(quantity: &str, names: &[&str]) -> bool {
     let order = (names.len() / 3).isqrt();
     let name = |i: usize| format!("{quantity}.{:02}.{}", i / 3, ["R", "G", "B"][i % 3]);
-    order > 0 && 3 * order * order == names.len() && names.iter().enumerate().all(|(i, known)| *known == name(i))
+    (1..=MAX_ORDER).contains(&order)
+        && 3 * order * order == names.len()
+        && names.iter().enumerate().all(|(i, known)| *known == name(i))
 }

@@ -110,3 +110,53 @@ fn the_tool_knows_a_finished_file() {
     assert!(!run(&["--resume"]).contains("finished by an earlier run"));
     assert!(fs::read(&path).unwrap() == first, "it was not made again");
 }
+
+#[test]
+fn relight_reads_its_own_points_alone() {
+    let _turn = gpu();
+    let folder = folder();
+    let path = |name: &str| folder.path().join(name);
+    for (name, size) in [("a", 1), ("b", 2)] {
+        fs::write(path(&format!("{name}.obj")), format!("v 0 0 0\nv {size} 0 0\nv 0 0 -{size}\nf 1 2 3\n")).unwrap();
+    }
+    let sky = finalgather::image::Channel { name: String::new(), samples: vec![1.0; 2] };
+    let channels = ["R", "G", "B"].map(|name| finalgather::image::Channel { name: name.into(), ..sky.clone() }).into();
+    finalgather::Image { width: 2, height: 1, channels }.write(&path("sky.exr"), &Default::default()).unwrap();
+    for output in ["prt.npz", "prt.npy"] {
+        success(tool(&folder).args(["bake", "a.obj", "--to", "vertices", "--what", "prt", "--directions", "16", "-o", output]));
+    }
+    let relight = |transfer: &str, more: &[&str]| {
+        tool(&folder).args(["relight", transfer, "--env", "sky.exr"]).args(more).output().unwrap()
+    };
+    for (transfer, output) in [("prt.npz", "x.npz"), ("prt.npy", "y.npy")] {
+        assert!(relight(transfer, &["-o", output]).status.success());
+    }
+    let light = arrays(&path("x.npz"));
+    let bytes = fs::read(path("y.npy")).unwrap();
+    let [x, y] = [Array::parse("x".as_ref(), &light["irradiance"]).unwrap(), Array::parse("y".as_ref(), &bytes).unwrap()];
+    assert!((0..3).all(|point| x.at(&[point, 0]) == y.at(&[point, 0]) && x.at(&[point, 0]) > 3.0));
+
+    // A description of another array lies beside it, and says nothing about it.
+    fs::write(path("prt.json"), "{\"positions_sha256\": \"0\"}").unwrap();
+    assert!(relight("prt.npz", &["--scene", "a.obj", "-o", "a.ply"]).status.success());
+    let other = relight("prt.npz", &["--scene", "b.obj", "-o", "b.ply"]);
+    assert_eq!(other.status.code(), Some(65), "{}", stderr(&other));
+    assert!(stderr(&other).contains("transfer of other points"), "{}", stderr(&other));
+
+    // What no bake writes: more bands than there are, and no points of any width.
+    for shape in ["(1, 36, 3)", "(0, 900000000000, 3)"] {
+        let mut header = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': {shape}, }}");
+        header += &" ".repeat(117 - header.len());
+        header.push('\n');
+        let numbers = if shape.starts_with("(1") { vec![0; 4 * 36 * 3] } else { Vec::new() };
+        let array = [b"\x93NUMPY\x01\0\x76\0", header.as_bytes(), &numbers].concat();
+        let mut zip = zip::ZipWriter::new(Cursor::new(Vec::new()));
+        let stored = zip::write::SimpleFileOptions::default().compression_method(zip::CompressionMethod::Stored);
+        zip.start_file("prt.npy", stored).unwrap();
+        std::io::Write::write_all(&mut zip, &array).unwrap();
+        fs::write(path("odd.npz"), zip.finish().unwrap().into_inner()).unwrap();
+        let refused = relight("odd.npz", &["-o", "z.npy"]);
+        assert_eq!(refused.status.code(), Some(65), "{}", stderr(&refused));
+        assert!(stderr(&refused).contains("prt has the shape"), "{}", stderr(&refused));
+    }
+}

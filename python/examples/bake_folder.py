@@ -89,8 +89,6 @@ def bake_one(task: Task) -> Outcome:
         record = Path(task.out + ".json")
         if is_finished(task, record, fg.__version__):
             return Outcome(task.mesh, "there already")
-        # A half-made result never has a record.
-        record.unlink(missing_ok=True)
         scene = fg.Scene.load(task.mesh)
         files = {file: sha256(file) for file in scene.files}
         known = {"options": asdict(task.options), "version": fg.__version__, "files": files}
@@ -106,6 +104,8 @@ def bake_one(task: Task) -> Outcome:
             checkpoint=checkpoint,
             resume=True,
         )
+        # A half-made result never has a record.
+        record.unlink(missing_ok=True)
         baked.write(task.out)
         record.write_text(json.dumps(known))
         for old in checkpoint.parent.glob(f"{Path(task.out).name}.*.part*"):
@@ -192,17 +192,24 @@ def by_ray(tasks: list[Task], workers: int, address: str) -> Iterator[Outcome]:
         ray.shutdown()
 
 
+def positive(text: str) -> int:
+    number = int(text)
+    if number < 1:
+        raise argparse.ArgumentTypeError("give 1 or more")
+    return number
+
+
 def arguments(given: Optional[list[str]]) -> argparse.Namespace:
     parser = argparse.ArgumentParser(description="Bakes all meshes of a folder at their vertices: one .npz for each.")
     parser.add_argument("folder", type=Path, help="folder of meshes: " + " ".join(sorted(ENDINGS)))
     parser.add_argument("out", type=Path, help="folder for the .npz files; made if it is missing")
     parser.add_argument("--what", default="ao", help="quantities, with commas between them (default: %(default)s)")
-    parser.add_argument("--directions", type=int, default=1000, help="(default: %(default)s)")
+    parser.add_argument("--directions", type=positive, default=1000, help="(default: %(default)s)")
     parser.add_argument("--order", type=int, default=3, help="bands of spherical harmonics (default: %(default)s)")
     parser.add_argument(
-        "--workers", type=int, default=1, metavar="N", help="meshes at a time on this machine (default: %(default)s)"
+        "--workers", type=positive, default=1, metavar="N", help="meshes at a time on this machine (default: %(default)s)"
     )
-    parser.add_argument("--threads", type=int, metavar="N", help="threads of a worker (default: cores / workers)")
+    parser.add_argument("--threads", type=positive, metavar="N", help="threads of a worker (default: cores / workers)")
     engine = parser.add_mutually_exclusive_group()
     engine.add_argument("--dask", metavar="ADDRESS", help="scheduler, or local for a cluster of --workers processes")
     engine.add_argument(
@@ -213,6 +220,9 @@ def arguments(given: Optional[list[str]]) -> argparse.Namespace:
 
 def main(given: Optional[list[str]] = None) -> int:
     options = arguments(given)
+    if not options.folder.is_dir():
+        print(f"{options.folder}: there is no such folder", file=sys.stderr)
+        return 2
     meshes = sorted(path for path in options.folder.iterdir() if path.suffix.lower() in ENDINGS)
     if not meshes:
         print(f"{options.folder}: no mesh ({' '.join(sorted(ENDINGS))})", file=sys.stderr)

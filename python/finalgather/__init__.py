@@ -7,7 +7,7 @@
 Vectors are in the units and axes of the scene, +y up where nothing else is said. Light is linear, RGB.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping as _Mapping
 
 from ._finalgather import (
     Baked,
@@ -22,9 +22,10 @@ from ._finalgather import (
     relight_picture,
     render,
 )
-from .errors import DeviceError, Error, InputError, Interrupted, OutputError, UsageError, Warning
+from .errors import DeviceError, Error, InputError, Interrupted, OutputError, UsageError
+from .errors import Warning as Warning  # Not in __all__: the builtin keeps its name after `import *`.
 
-Mapping.register(Baked)
+_Mapping.register(Baked)
 
 __all__ = [
     "Baked",
@@ -37,7 +38,6 @@ __all__ = [
     "OutputError",
     "Scene",
     "UsageError",
-    "Warning",
     "__version__",
     "bake",
     "compare",

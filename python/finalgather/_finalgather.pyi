@@ -34,6 +34,7 @@ class BakeSettings(TypedDict, total=False):
     photon_map: Literal["surface", "grid"]
     grid_cells: int
     light_samples: int
+    exposure: Union[Literal["auto"], float]
     background: Union[str, Sequence[float]]
 
 class Settings(BakeSettings, total=False):
@@ -44,7 +45,6 @@ class Settings(BakeSettings, total=False):
     ground: bool
     estimator: Literal["self-normalised", "plain"]
     target_error: float
-    exposure: Union[Literal["auto"], float]
 
 @final
 class Scene:
@@ -55,7 +55,7 @@ class Scene:
         path: Path,
         *,
         env: Union[EnvironmentLike, None] = None,
-        sun: Union[tuple[float, float], None] = None,
+        sun: Union[Vector, None] = None,
         sky: bool = False,
         camera: Union[str, None] = None,
         gltf_scene: Union[str, None] = None,
@@ -77,7 +77,7 @@ class Scene:
         texture: Union[ArrayLike, None] = None,
         emission: Union[Color, ArrayLike, None] = None,
         env: Union[EnvironmentLike, None] = None,
-        sun: Union[tuple[float, float], None] = None,
+        sun: Union[Vector, None] = None,
         sky: bool = False,
         smooth_angle: Union[float, None] = None,
         flip: bool = False,
@@ -92,7 +92,7 @@ class Scene:
         *,
         smooth: bool = False,
         env: Union[EnvironmentLike, None] = None,
-        sun: Union[tuple[float, float], None] = None,
+        sun: Union[Vector, None] = None,
         sky: bool = False,
         strict: bool = False,
         default_light: bool = True,
@@ -127,6 +127,8 @@ class Film:
     @property
     def layers(self) -> list[str]: ...
     def __getitem__(self, name: str) -> NDArray[np.float32]: ...
+    def __contains__(self, name: object) -> bool: ...
+    def __array__(self, dtype: Any = None, copy: Union[bool, None] = None) -> NDArray[Any]: ...
     @property
     def error(self) -> Union[float, None]: ...
     @property
@@ -172,7 +174,7 @@ class Baked(Mapping[str, NDArray[np.float32]]):
     def report(self) -> dict[str, Any]: ...
     @property
     def warnings(self) -> list[str]: ...
-    def write(self, path: Path, *, exposure: float = 0.0) -> None: ...
+    def write(self, path: Path, *, exposure: Union[float, Literal["auto"], None] = None) -> None: ...
     def __repr__(self) -> str: ...
     def _repr_html_(self) -> str: ...
 
@@ -201,14 +203,14 @@ def render(
     resume: bool = False,
     progress: Progress = None,
     backend: str = "auto",
-    device: str = "auto",
+    device: Union[str, int, None] = None,
     **settings: Unpack[Settings],
 ) -> Film: ...
 def bake(
     scene: Scene,
     *,
     vertices: bool = False,
-    points: Union[tuple[ArrayLike, ArrayLike], None] = None,
+    points: Union[Sequence[ArrayLike], None] = None,
     lightmap: Union[int, None] = None,
     camera: bool = False,
     what: Union[Quantity, Sequence[Quantity], None] = None,
@@ -230,7 +232,7 @@ def bake(
     resume: bool = False,
     progress: Progress = None,
     backend: str = "auto",
-    device: str = "auto",
+    device: Union[str, int, None] = None,
     **settings: Unpack[BakeSettings],
 ) -> Baked: ...
 def prt(
@@ -244,7 +246,7 @@ def prt(
     resume: bool = False,
     progress: Progress = None,
     backend: str = "auto",
-    device: str = "auto",
+    device: Union[str, int, None] = None,
     **settings: Unpack[BakeSettings],
 ) -> NDArray[np.float32]: ...
 def relight(transfer: ArrayLike, env: EnvironmentLike) -> NDArray[np.float32]: ...

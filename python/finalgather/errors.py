@@ -34,7 +34,13 @@ class DeviceError(Error, RuntimeError):
 
 
 class OutputError(Error, OSError):
-    """A file cannot be written."""
+    """A file could not be written."""
+
+    def __init__(self, problem: str, cure: str) -> None:
+        super().__init__(problem, cure)
+        # OSError takes the two for a number and its meaning.
+        self.errno = None
+        self.strerror = problem
 
 
 class Warning(UserWarning):

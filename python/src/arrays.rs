@@ -8,7 +8,6 @@ use glam::Vec3;
 use numpy::ndarray::ArrayViewD;
 use numpy::{Element, IxDyn, PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::prelude::*;
-use pyo3::types::IntoPyDict;
 
 use crate::errors::{begin_work, raised, usage};
 
@@ -19,8 +18,7 @@ fn converted<'py, T: Element>(object: &Bound<'py, PyAny>, name: &str, dtype: &st
         return Err(usage(py, format!("{name}: complex numbers"), "give real ones, as array.real"));
     }
     let wrong = |error: PyErr| usage(py, format!("{name}: {error}"), "give an array of numbers");
-    let options = [("dtype", dtype), ("order", "C")].into_py_dict(py)?;
-    let array = py.import("numpy")?.call_method("asarray", (object,), Some(&options)).map_err(wrong)?;
+    let array = py.import("numpy")?.call_method1("require", (object, dtype, ["C", "A", "E"])).map_err(wrong)?;
     array.cast::<PyArrayDyn<T>>().map(|array| array.readonly()).map_err(|error| wrong(error.into()))
 }
 
@@ -73,8 +71,14 @@ pub fn wrong_shape(py: Python, name: &str, shape: &[usize], wanted: &str) -> PyE
     usage(py, format!("{name}: an array of the shape {shape:?}"), &format!("give one of the shape {wanted}"))
 }
 
-/// A grey or a colour, if it is one.
+/// A grey or a colour, if it is one. Bytes are in sRGB.
 pub fn color(object: &Bound<PyAny>, name: &str) -> PyResult<Option<Vec3>> {
+    if let Some(array) = bytes(object, name)? {
+        return Ok(match array.as_slice()? {
+            &[r, g, b] if array.ndim() == 1 => Some(Vec3::from([r, g, b].map(linear))),
+            _ => None,
+        });
+    }
     let array = singles(object, name)?;
     Ok(match (array.shape(), array.as_slice()?) {
         ([], &[grey]) => Some(Vec3::splat(grey)),
@@ -108,6 +112,10 @@ pub fn environment(object: &Bound<PyAny>) -> PyResult<Environment> {
     }
 }
 
+fn linear(byte: u8) -> f32 {
+    decode_srgb(f32::from(byte) / 255.0)
+}
+
 /// Linear colours of vertices: bytes are in sRGB, other numbers are linear.
 pub fn colors(object: &Bound<PyAny>, name: &str) -> PyResult<Vec<Vec3>> {
     fn rows<T: Copy>(array: ArrayViewD<T>, linear: impl Fn(T) -> f32) -> Option<Vec<Vec3>> {
@@ -115,13 +123,13 @@ pub fn colors(object: &Bound<PyAny>, name: &str) -> PyResult<Vec<Vec3>> {
         Some(array.outer_iter().map(|row| Vec3::from_array([0, 1, 2].map(|k| linear(row[k])))).collect())
     }
     let (found, shape) = match bytes(object, name)? {
-        Some(array) => (rows(array.as_array(), |byte| decode_srgb(f32::from(byte) / 255.0)), array.shape().to_vec()),
+        Some(array) => (rows(array.as_array(), linear), array.shape().to_vec()),
         None => {
             let array = singles(object, name)?;
             (rows(array.as_array(), |linear| linear), array.shape().to_vec())
         }
     };
-    found.ok_or_else(|| wrong_shape(object.py(), name, &shape, "[vertices, 3], or a grey, or a colour"))
+    found.ok_or_else(|| wrong_shape(object.py(), name, &shape, "[vertices, 3] or [faces, 3], or a grey, or a colour"))
 }
 
 /// A new array of this shape.
@@ -142,6 +150,10 @@ pub fn interleaved<'py>(py: Python<'py>, columns: &[&[f32]], shape: &[usize]) ->
 
 /// A picture from an array of the shape [height, width, 3].
 pub fn picture(object: &Bound<PyAny>, name: &str) -> PyResult<Image> {
+    if bytes(object, name)?.is_some() {
+        let cure = "give linear radiance, as film.rgb, or a Film";
+        return Err(usage(object.py(), format!("{name}: bytes, which are to look at"), cure));
+    }
     let array = singles(object, name)?;
     let [height, width, 3 | 4] = *array.shape() else {
         return Err(wrong_shape(object.py(), name, array.shape(), "[height, width, 3], linear"));

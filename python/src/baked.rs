@@ -4,7 +4,6 @@ use std::path::PathBuf;
 
 use finalgather::job::{JobReport, JobResults, Outcome, ReceiverValues};
 use finalgather::quantity::ValueArray;
-use finalgather::settings::Exposure;
 use glam::Vec3;
 use numpy::PyArrayDyn;
 use pyo3::exceptions::PyKeyError;
@@ -13,7 +12,7 @@ use pyo3::types::{PyDict, PyIterator, PyList};
 
 use crate::arrays::{array, interleaved};
 use crate::errors::{begin_work, raised};
-use crate::film::to_dict;
+use crate::film::{to_dict, to_exposure};
 use crate::scene::table;
 
 /// Values at points: an array of each quantity by its name.
@@ -35,12 +34,12 @@ impl Baked {
         Some(Self { results: results.filter(|results| !results.values().is_empty())?, report })
     }
 
-    fn values(&self) -> &ReceiverValues {
+    fn of_points(&self) -> &ReceiverValues {
         &self.results.values()[0]
     }
 
     fn columns(&self) -> Columns<'_> {
-        let values = self.values();
+        let values = self.of_points();
         let (channels, of_points) = match &values.image {
             Some(image) => (&image.channels, vec![image.height, image.width]),
             None => (&values.columns, vec![values.positions.len()]),
@@ -49,6 +48,10 @@ impl Baked {
         let channels = || channels.iter().filter(|channel| channel.name != "A");
         let names = channels().map(|channel| channel.name.as_str()).collect();
         Columns { names, samples: channels().map(|channel| channel.samples.as_slice()).collect(), of_points }
+    }
+
+    fn names(&self) -> Vec<String> {
+        self.arrays().iter().map(ValueArray::key).collect()
     }
 
     fn arrays(&self) -> Vec<ValueArray> {
@@ -60,7 +63,7 @@ impl Baked {
         let Columns { samples, of_points, .. } = self.columns();
         let wanted = name.replace('-', "_");
         let Some(found) = self.arrays().into_iter().find(|array| array.key() == wanted) else {
-            return Err(PyKeyError::new_err(format!("{name:?} was not baked; there are {}", self.keys().join(", "))));
+            return Err(PyKeyError::new_err(format!("{name:?} was not baked; there are {}", self.names().join(", "))));
         };
         Ok(interleaved(py, &samples[found.columns.clone()], &found.shape(&of_points))?.into_any().unbind())
     }
@@ -70,10 +73,16 @@ impl Baked {
     }
 }
 
+/// A view of a mapping, by the rules of Python's own.
+fn view<'py>(baked: &Bound<'py, Baked>, kind: &str) -> PyResult<Bound<'py, PyAny>> {
+    baked.py().import("collections.abc")?.call_method1(kind, (baked,))
+}
+
 #[pymethods]
 impl Baked {
-    fn __getitem__(&self, py: Python, name: &str) -> PyResult<Py<PyAny>> {
-        self.array(py, name)
+    fn __getitem__(&self, name: &Bound<PyAny>) -> PyResult<Py<PyAny>> {
+        let key: String = name.extract().map_err(|_| PyKeyError::new_err(name.clone().unbind()))?;
+        self.array(name.py(), &key)
     }
 
     fn __len__(&self) -> usize {
@@ -81,30 +90,29 @@ impl Baked {
     }
 
     fn __iter__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyIterator>> {
-        PyList::new(py, self.keys())?.try_iter()
+        PyList::new(py, self.names())?.try_iter()
     }
 
-    fn __contains__(&self, name: &str) -> bool {
-        let wanted = name.replace('-', "_");
-        self.arrays().iter().any(|array| array.key() == wanted)
+    fn __contains__(&self, name: &Bound<PyAny>) -> bool {
+        let wanted = name.extract::<String>().unwrap_or_default().replace('-', "_");
+        self.names().contains(&wanted)
     }
 
-    fn keys(&self) -> Vec<String> {
-        self.arrays().iter().map(ValueArray::key).collect()
+    fn keys<'py>(slf: Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+        view(&slf, "KeysView")
     }
 
-    #[pyo3(name = "values")]
-    fn all_values(&self, py: Python) -> PyResult<Vec<Py<PyAny>>> {
-        self.keys().iter().map(|key| self.array(py, key)).collect()
+    fn values<'py>(slf: Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+        view(&slf, "ValuesView")
     }
 
-    fn items(&self, py: Python) -> PyResult<Vec<(String, Py<PyAny>)>> {
-        self.keys().into_iter().map(|key| Ok((key.clone(), self.array(py, &key)?))).collect()
+    fn items<'py>(slf: Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+        view(&slf, "ItemsView")
     }
 
     #[pyo3(signature = (name, default=None))]
-    fn get(&self, py: Python, name: &str, default: Option<Py<PyAny>>) -> PyResult<Option<Py<PyAny>>> {
-        if self.__contains__(name) { self.array(py, name).map(Some) } else { Ok(default) }
+    fn get(&self, name: &Bound<PyAny>, default: Option<Py<PyAny>>) -> PyResult<Option<Py<PyAny>>> {
+        if self.__contains__(name) { self.__getitem__(name).map(Some) } else { Ok(default) }
     }
 
     /// Meaning and unit of each quantity.
@@ -118,19 +126,14 @@ impl Baked {
     /// Of the points, or of the vertices of the mesh with the light map, in world space.
     #[getter]
     fn positions<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
-        let positions = &self.values().positions;
+        let positions = &self.of_points().positions;
         array(py, &[positions.len(), 3], positions.iter().flat_map(|position| position.to_array()).collect())
     }
 
     /// Unit vectors, one a position.
     #[getter]
     fn normals<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArrayDyn<f32>>> {
-        let values = self.values();
-        match &values.mesh {
-            // The normals of a light map's points are those of its samples.
-            Some(mesh) if values.image.is_some() => self.vectors(py, &mesh.normals),
-            _ => self.vectors(py, &values.normals),
-        }
+        self.vectors(py, &self.of_points().normals)
     }
 
     /// Triangles of the mesh that the positions are vertices of.
@@ -140,13 +143,13 @@ impl Baked {
             let indices = mesh.triangles.iter().flat_map(|triangle| triangle.vertices).collect();
             array(py, &[mesh.triangles.len(), 3], indices)
         };
-        self.values().mesh.as_ref().map(faces).transpose()
+        self.of_points().mesh.as_ref().map(faces).transpose()
     }
 
     /// The object, and the index of the vertex in its list, for each position.
     #[getter]
     fn sources<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArrayDyn<u32>>>> {
-        let sources = self.values().mesh.as_ref().map(|mesh| &mesh.sources).filter(|sources| !sources.is_empty());
+        let sources = self.of_points().mesh.as_ref().map(|mesh| &mesh.sources).filter(|sources| !sources.is_empty());
         let rows = |sources: &Vec<finalgather::scene::Source>| {
             let numbers = sources.iter().flat_map(|source| [source.instance, source.index]).collect();
             array(py, &[sources.len(), 2], numbers)
@@ -157,7 +160,7 @@ impl Baked {
     /// Coordinates of the vertices on the light map, v up.
     #[getter]
     fn uv<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArrayDyn<f32>>>> {
-        let values = self.values();
+        let values = self.of_points();
         let mesh = values.mesh.as_ref().filter(|_| values.image.is_some());
         let rows = |mesh: &finalgather::scene::Mesh| {
             let numbers = mesh.lightmap_uvs.iter().flat_map(|uv| uv.to_array()).collect();
@@ -169,7 +172,7 @@ impl Baked {
     /// Which texels or pixels have values.
     #[getter]
     fn mask<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArrayDyn<bool>>>> {
-        let Some(image) = &self.values().image else { return Ok(None) };
+        let Some(image) = &self.of_points().image else { return Ok(None) };
         let mask = image.channel("A").unwrap_or_default().iter().map(|&cover| cover > 0.0).collect();
         array(py, &[image.height, image.width], mask).map(Some)
     }
@@ -186,10 +189,13 @@ impl Baked {
     }
 
     /// Writes a file of the kind of its ending, as the tool does.
-    #[pyo3(signature = (path, *, exposure=0.0))]
-    fn write(&self, py: Python, path: PathBuf, exposure: f32) -> PyResult<()> {
+    #[pyo3(signature = (path, *, exposure=None))]
+    fn write(&self, py: Python, path: PathBuf, exposure: Option<&Bound<PyAny>>) -> PyResult<()> {
         begin_work(py)?;
-        let display = finalgather::settings::DisplaySettings { exposure: Exposure::Stops(exposure), ..self.results.display() };
+        let mut display = self.results.display();
+        if let Some(exposure) = exposure {
+            display.exposure = to_exposure(exposure)?;
+        }
         py.detach(|| self.results.write(0, &path, &display)).map_err(|error| raised(py, &error))
     }
 

@@ -32,23 +32,50 @@ fn exception(py: Python, kind: &str, problem: &str, cure: &str) -> PyErr {
     made().map_or_else(|error| error, PyErr::from_value)
 }
 
-/// Replaces options, as in `--ao-distance`, by arguments, as in `ao_distance`.
+/// Replaces the tool's options, as in `--ao-distance`, by arguments, as in `ao_distance`. Names of files stay as they are.
 pub fn in_python(text: &str) -> String {
+    const OPTIONS: [&str; 28] = [
+        "env",
+        "sun",
+        "sky",
+        "flip",
+        "clay",
+        "strict",
+        "camera",
+        "smooth-angle",
+        "size",
+        "directions",
+        "target-error",
+        "time",
+        "memory",
+        "resume",
+        "checkpoint",
+        "ao-distance",
+        "order",
+        "what",
+        "per",
+        "padding",
+        "samples-per-texel",
+        "gather-bounces",
+        "texels-per-unit",
+        "points",
+        "interleave",
+        "photons",
+        "exposure",
+        "ground",
+    ];
     let mut parts = text.split("--");
     let mut told = parts.next().unwrap_or_default().to_owned();
     for part in parts {
         let end = part.find(|c: char| !c.is_ascii_lowercase() && c != '-').unwrap_or(part.len());
         let (name, rest) = part.split_at(end);
-        let is_option = !name.is_empty() && !name.starts_with('-') && !told.ends_with(char::is_alphanumeric);
-        match is_option {
-            true => told.push_str(&name.replace('-', "_")),
-            false => told.extend(["--", name]),
+        if !OPTIONS.contains(&name) || !(told.is_empty() || told.ends_with([' ', '('])) {
+            told.extend(["--", part]);
+            continue;
         }
+        told.push_str(&name.replace('-', "_"));
         // A value: `--env FILE`, `--target-error 0`.
-        match rest
-            .strip_prefix(' ')
-            .filter(|value| is_option && value.starts_with(|c: char| c.is_ascii_uppercase() || c.is_ascii_digit()))
-        {
+        match rest.strip_prefix(' ').filter(|value| value.starts_with(|c: char| c.is_ascii_uppercase() || c.is_ascii_digit())) {
             Some(value) => told.extend(["=", value]),
             None => told.push_str(rest),
         }

@@ -75,7 +75,11 @@ impl Film {
 
 pub fn to_exposure(exposure: &Bound<PyAny>) -> PyResult<Exposure> {
     let text = exposure.extract::<f64>().map(|stops| stops.to_string()).or_else(|_| exposure.extract::<String>())?;
-    text.parse().map_err(|problem: &str| usage(exposure.py(), format!("exposure is {problem}"), "give stops or \"auto\""))
+    let wrong = || usage(exposure.py(), format!("exposure is {text}"), "give stops from -64 to 64, or \"auto\"");
+    match text.parse().map_err(|_| wrong())? {
+        Exposure::Stops(stops) if stops.abs() > Exposure::MOST => Err(wrong()),
+        other => Ok(other),
+    }
 }
 
 fn to_background(background: &Bound<PyAny>) -> PyResult<Background> {
@@ -94,6 +98,7 @@ impl Film {
     /// Reads an .exr or a .png.
     #[staticmethod]
     fn read(py: Python, path: PathBuf) -> PyResult<Self> {
+        begin_work(py)?;
         py.detach(|| Image::read(&path)).map(Self::of_image).map_err(|error| raised(py, &error))
     }
 
@@ -103,6 +108,19 @@ impl Film {
         let channels = self.image().rgb().map_err(|error| raised(py, &error))?;
         let [height, width] = self.shape();
         interleaved(py, &channels, &[height, width, 3])
+    }
+
+    /// What numpy takes a film for: rgb.
+    #[pyo3(signature = (dtype=None, copy=None))]
+    fn __array__<'py>(
+        &self,
+        py: Python<'py>,
+        dtype: Option<&Bound<'py, PyAny>>,
+        copy: Option<bool>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        // It is always a copy.
+        let (array, _) = (self.rgb(py)?.into_any(), copy);
+        dtype.map_or(Ok(array.clone()), |dtype| array.call_method1("astype", (dtype,)))
     }
 
     /// Share of each pixel that surfaces cover, [height, width].
@@ -145,8 +163,9 @@ impl Film {
         })
     }
 
-    fn __contains__(&self, name: &str) -> bool {
-        self.channels().iter().any(|channel| channel == name) || self.layers().iter().any(|layer| layer == name)
+    fn __contains__(&self, name: &Bound<PyAny>) -> bool {
+        let name: String = name.extract().unwrap_or_default();
+        self.channels().contains(&name) || self.layers().contains(&name)
     }
 
     /// Relative standard error of the picture, once it can be told.

@@ -19,6 +19,7 @@ use crate::errors::{begin_work, raised, usage};
 use crate::film::Film;
 use crate::request::{View, device as device_request, keeping, scene_request};
 use crate::scene::Scene;
+use crate::turn::Turn;
 use crate::watch::{PythonWatch, warn};
 
 /// Settings that do nothing in a bake, but for those of pictures with the camera.
@@ -35,7 +36,7 @@ const OF_PICTURES: [&str; 7] = ["size", "background", "points", "interleave", "e
 /// Other arguments are settings by their keys in scene files. They replace those of the scene: directions=1000, seed=0, photons=1_000_000,
 /// pipeline="auto" and so on.
 #[pyfunction]
-#[pyo3(signature = (scene, *, eye=None, target=None, up=None, fov=None, time=None, memory=None, checkpoint=None, resume=false, progress=None, backend="auto", device="auto", **settings))]
+#[pyo3(signature = (scene, *, eye=None, target=None, up=None, fov=None, time=None, memory=None, checkpoint=None, resume=false, progress=None, backend="auto", device=None, **settings))]
 #[allow(clippy::too_many_arguments)]
 pub fn render(
     py: Python,
@@ -50,9 +51,12 @@ pub fn render(
     resume: bool,
     progress: Option<&Bound<PyAny>>,
     backend: &str,
-    device: &str,
+    device: Option<&Bound<PyAny>>,
     settings: Option<&Bound<PyDict>>,
 ) -> PyResult<Film> {
+    if time.is_some() && settings.is_some_and(|settings| settings.contains("directions").unwrap_or(false)) {
+        return Err(usage(py, "time chooses the directions, and directions are given too", "give one of them"));
+    }
     if time.is_some_and(|seconds| !(seconds.is_finite() && seconds > 0.0)) {
         return Err(usage(py, "time is no number of seconds", "give a finite number above 0"));
     }
@@ -84,13 +88,13 @@ pub fn render(
 /// Other arguments are settings by their keys in scene files. They replace those of the scene: directions=1000, seed=0, photons=1_000_000,
 /// pipeline="auto" and so on.
 #[pyfunction]
-#[pyo3(signature = (scene, *, vertices=false, points=None, lightmap=None, camera=false, what=None, order=3, gather_bounces=2, ao_distance=None, radiance_cache="photons", per="source", texels_per_unit=None, uvs="auto", padding=2, samples_per_texel=4, eye=None, target=None, up=None, fov=None, memory=None, checkpoint=None, resume=false, progress=None, backend="auto", device="auto", **settings))]
+#[pyo3(signature = (scene, *, vertices=false, points=None, lightmap=None, camera=false, what=None, order=3, gather_bounces=2, ao_distance=None, radiance_cache="photons", per="source", texels_per_unit=None, uvs="auto", padding=2, samples_per_texel=4, eye=None, target=None, up=None, fov=None, memory=None, checkpoint=None, resume=false, progress=None, backend="auto", device=None, **settings))]
 #[allow(clippy::too_many_arguments)]
 pub fn bake(
     py: Python,
     scene: &Scene,
     vertices: bool,
-    points: Option<(Bound<PyAny>, Bound<PyAny>)>,
+    points: Option<&Bound<PyAny>>,
     lightmap: Option<i64>,
     camera: bool,
     what: Option<&Bound<PyAny>>,
@@ -112,13 +116,13 @@ pub fn bake(
     resume: bool,
     progress: Option<&Bound<PyAny>>,
     backend: &str,
-    device: &str,
+    device: Option<&Bound<PyAny>>,
     settings: Option<&Bound<PyDict>>,
 ) -> PyResult<Baked> {
     let is_map = lightmap.is_some() || texels_per_unit.is_some();
     let receiver = match (vertices, &points, is_map, camera) {
         (_, None, false, false) => ReceiverKind::Vertices,
-        (false, Some((positions, normals)), false, false) => ReceiverKind::PointList(point_list(positions, normals)?),
+        (false, Some(points), false, false) => ReceiverKind::PointList(point_list(points)?),
         (false, None, true, false) => ReceiverKind::LightMap,
         (false, None, false, true) => ReceiverKind::Camera,
         _ => return Err(usage(py, "a bake is of one kind of points", "give one of vertices, points, lightmap and camera")),
@@ -174,7 +178,7 @@ pub fn bake(
 /// Other arguments are settings by their keys in scene files. They replace those of the scene: directions=1000, seed=0, photons=1_000_000,
 /// pipeline="auto" and so on.
 #[pyfunction]
-#[pyo3(signature = (scene, *, order=3, gather_bounces=2, unshadowed=false, memory=None, checkpoint=None, resume=false, progress=None, backend="auto", device="auto", **settings))]
+#[pyo3(signature = (scene, *, order=3, gather_bounces=2, unshadowed=false, memory=None, checkpoint=None, resume=false, progress=None, backend="auto", device=None, **settings))]
 #[allow(clippy::too_many_arguments)]
 pub fn prt(
     py: Python,
@@ -187,7 +191,7 @@ pub fn prt(
     resume: bool,
     progress: Option<&Bound<PyAny>>,
     backend: &str,
-    device: &str,
+    device: Option<&Bound<PyAny>>,
     settings: Option<&Bound<PyDict>>,
 ) -> PyResult<Py<PyAny>> {
     let quantity = if unshadowed { Quantity::PrtUnshadowed } else { Quantity::Prt };
@@ -224,22 +228,31 @@ fn run<T: PyClass + Into<PyClassInitializer<T>>>(
     begin_work(py)?;
     let bar = progress.map(bar).transpose()?.flatten();
     let mut watch = PythonWatch::new(bar.as_ref().map(|(call, _)| call.clone().unbind()));
-    let outcome = py.detach(|| Job::in_memory(request, keeping).and_then(|job| job.run(&mut watch)));
+    let turn = Turn::take(py)?;
+    let outcome = py.detach(|| {
+        // Others need not wait until this thread has the interpreter again.
+        let _turn = turn;
+        Job::in_memory(request, keeping).and_then(|job| job.run(&mut watch))
+    });
     if let Some((call, true)) = bar {
         call.call_method0("close")?;
     }
+    let outcome = outcome.map_err(|error| raised(py, &error));
     let is_interrupted = watch.is_interrupted(py);
     if let Some(error) = watch.ended_by.take_if(|_| !is_interrupted) {
         return Err(error);
     }
-    let outcome = outcome.map_err(|error| raised(py, &error))?;
     if !is_interrupted {
-        let result = wrap(outcome).ok_or_else(|| PyValueError::new_err("the job has no result"))?;
-        return Ok(result);
+        return wrap(outcome?).ok_or_else(|| PyValueError::new_err("the job has no result"));
     }
-    let result = wrap(outcome).map(|result| Py::new(py, result)).transpose()?;
+    let (result, cause) = match outcome {
+        Ok(outcome) => (wrap(outcome).map(|result| Py::new(py, result)).transpose()?, None),
+        Err(error) => (None, Some(error)),
+    };
     let kind = py.import("finalgather.errors")?.getattr("Interrupted")?;
-    Err(PyErr::from_value(kind.call1((result,))?))
+    let interrupted = PyErr::from_value(kind.call1((result,))?);
+    interrupted.set_cause(py, cause);
+    Err(interrupted)
 }
 
 /// What to call with progress, and whether to close it at the end.
@@ -257,9 +270,12 @@ fn bar<'py>(progress: &Bound<'py, PyAny>) -> PyResult<Option<(Bound<'py, PyAny>,
 }
 
 /// Points in memory.
-fn point_list(positions: &Bound<PyAny>, normals: &Bound<PyAny>) -> PyResult<Arc<[file::OrientedPoint]>> {
-    let py = positions.py();
-    let (positions, normals) = (rows_of_3(positions, "positions")?, rows_of_3(normals, "normals")?);
+fn point_list(points: &Bound<PyAny>) -> PyResult<Arc<[file::OrientedPoint]>> {
+    let py = points.py();
+    if points.len().ok() != Some(2) {
+        return Err(usage(py, "points are no pair", "give (positions, normals), both [n, 3]"));
+    }
+    let (positions, normals) = (rows_of_3(&points.get_item(0)?, "positions")?, rows_of_3(&points.get_item(1)?, "normals")?);
     if positions.len() != normals.len() {
         let problem = format!("points: {} positions and {} normals", positions.len(), normals.len());
         return Err(usage(py, problem, "give one normal a position"));

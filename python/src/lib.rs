@@ -3,7 +3,7 @@
 //! | file | role |
 //! |---|---|
 //! | `scene.rs` | scenes from files and arrays |
-//! | `job.rs`, `request.rs`, `watch.rs` | render, bake and prt: what is asked, and how they run beside Python |
+//! | `job.rs`, `request.rs`, `watch.rs`, `turn.rs` | render, bake and prt: what is asked, and how they run beside Python |
 //! | `film.rs`, `baked.rs` | their results |
 //! | `relight.rs`, `compare.rs` | light from transfer; differences of pictures |
 //! | `arrays.rs`, `errors.rs` | numpy arrays and exceptions |
@@ -19,6 +19,7 @@ mod job;
 mod relight;
 mod request;
 mod scene;
+mod turn;
 mod watch;
 
 /// The compiled part of finalgather.
@@ -36,10 +37,13 @@ mod _finalgather {
     use crate::relight::{relight, relight_picture};
     #[pymodule_export]
     use crate::scene::Scene;
+    #[pymodule_export]
+    use crate::turn::_end;
     use pyo3::prelude::*;
 
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
+        module.py().import("atexit")?.call_method1("register", (module.getattr("_end")?,))?;
         module.add("__version__", env!("CARGO_PKG_VERSION"))
     }
 }

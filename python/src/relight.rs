@@ -33,8 +33,11 @@ fn lit(transfer: &[Channel], env: &Bound<PyAny>) -> PyResult<Vec<Vec3>> {
     begin_work(env.py())?;
     let environment = environment(env)?;
     let mut light = env.py().detach(|| irradiance(transfer, &environment));
-    for (light, first) in light.iter_mut().zip(&transfer[0].samples).filter(|(_, first)| first.is_nan()) {
-        *light = Vec3::splat(*first);
+    for (point, light) in light.iter_mut().enumerate() {
+        // A point without transfer, as a vertex that no face uses.
+        if transfer.iter().any(|column| column.samples[point].is_nan()) {
+            *light = Vec3::NAN;
+        }
     }
     Ok(light)
 }

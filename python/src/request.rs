@@ -78,6 +78,9 @@ fn to_settings(given: &Bound<PyDict>, what: &str) -> PyResult<Map<String, Value>
             }
             _ => plain(&value).map_err(wrong)?,
         };
+        if let Err(error) = serde_json::from_value::<Settings>(json!({ name.as_str(): setting })) {
+            return Err(usage(py, format!("{name}: {error}"), "give what scene files take, as docs/scene-format.md lists it"));
+        }
         settings.insert(name, setting);
     }
     Ok(settings)
@@ -89,6 +92,9 @@ fn plain(value: &Bound<PyAny>) -> PyResult<Value> {
         return Ok(truth.is_true().into());
     }
     if let Ok(number) = value.extract::<i64>() {
+        return Ok(number.into());
+    }
+    if let Ok(number) = value.extract::<u64>() {
         return Ok(number.into());
     }
     if let Ok(number) = value.extract::<f64>() {
@@ -105,7 +111,8 @@ pub fn keeping(py: Python, checkpoint: Option<PathBuf>, resume: bool) -> PyResul
     Ok(Keeping { shard: None, file: checkpoint, every: EVERY, resume })
 }
 
-pub fn device(py: Python, backend: &str, device: &str) -> PyResult<DeviceRequest> {
+pub fn device(py: Python, backend: &str, device: Option<&Bound<PyAny>>) -> PyResult<DeviceRequest> {
+    let device = device.map_or(Ok("auto".to_owned()), |device| device.str().map(|name| name.to_string()))?;
     let wrong = |name: &str, problem: String| usage(py, format!("{name}: {problem}"), "leave it out, or see `finalgather info`");
     Ok(DeviceRequest {
         backend: backend.parse::<Backend>().map_err(|problem| wrong("backend", problem.to_string()))?,

@@ -16,6 +16,9 @@ use crate::arrays::{bytes, color, colors, environment, indices, numbers, rows_of
 use crate::errors::{begin_work, raised, usage};
 use crate::watch::warn;
 
+/// Sums of more do not fit into 32 bits.
+const MOST_RADIANCE: f32 = 1e20;
+
 /// Surfaces and lights. It never changes, so threads may share it.
 #[pyclass(frozen, module = "finalgather")]
 pub struct Scene {
@@ -27,20 +30,19 @@ pub struct Scene {
 /// Options that files and arrays share.
 struct Lighting<'a, 'py> {
     env: Option<&'a Bound<'py, PyAny>>,
-    sun: Option<(f32, f32)>,
+    sun: Option<&'a Bound<'py, PyAny>>,
     sky: bool,
     default_light: bool,
 }
 
 impl Lighting<'_, '_> {
     fn options(&self, py: Python) -> PyResult<LoadOptions> {
-        if self.sky {
-            // Several threads make its picture.
-            begin_work(py)?;
+        if self.sky && self.env.is_some() {
+            return Err(usage(py, "there are two skies: env, and sky", "give one of them"));
         }
         Ok(LoadOptions {
             environment: self.env.map(environment).transpose()?,
-            sun: self.sun.map(|(azimuth, height)| Sun::at(azimuth, height)),
+            sun: self.sun.map(sun_at).transpose()?,
             sky: self.sky.then(Sky::default),
             no_default_light: !self.default_light,
             // Jobs that need light ask for it.
@@ -65,7 +67,7 @@ impl Scene {
         py: Python,
         path: PathBuf,
         env: Option<&Bound<PyAny>>,
-        sun: Option<(f32, f32)>,
+        sun: Option<&Bound<PyAny>>,
         sky: bool,
         camera: Option<String>,
         gltf_scene: Option<String>,
@@ -108,7 +110,7 @@ impl Scene {
         texture: Option<&Bound<PyAny>>,
         emission: Option<&Bound<PyAny>>,
         env: Option<&Bound<PyAny>>,
-        sun: Option<(f32, f32)>,
+        sun: Option<&Bound<PyAny>>,
         sky: bool,
         smooth_angle: Option<f32>,
         flip: bool,
@@ -120,8 +122,14 @@ impl Scene {
         let positions: Vec<_> = rows_of_3(vertices, "vertices")?.into_iter().map(DVec3::from_array).collect();
         let (shape, faces) = indices(faces, "faces")?;
         let &[count, corners] = &shape[..] else { return Err(wrong_shape(py, "faces", &shape, "[faces, 3] or [faces, 4]")) };
-        let normals = normals.map(|normals| rows_of_3(normals, "normals")).transpose()?.unwrap_or_default();
-        let uvs = uv.map(coordinates).transpose()?.unwrap_or_default();
+        let normals = normals.map(|normals| rows_of_3(normals, "normals")).transpose()?;
+        let uvs = uv.map(coordinates).transpose()?;
+        let rows = [("normals", normals.as_ref().map(Vec::len)), ("uv", uvs.as_ref().map(Vec::len))];
+        if let Some((name, Some(rows))) = rows.into_iter().find(|(_, rows)| rows.is_some_and(|rows| rows != positions.len())) {
+            let problem = format!("{name}: {rows} rows for {} vertices", positions.len());
+            return Err(usage(py, problem, "give one row a vertex, or leave it out"));
+        }
+        let (normals, uvs) = (normals.unwrap_or_default(), uvs.unwrap_or_default());
         let textures: Vec<_> = texture.map(picture_of_bytes).transpose()?.into_iter().collect();
         if !textures.is_empty() && uvs.is_empty() {
             return Err(usage(py, "texture: there are no coordinates on it", "give uv too, one row a vertex"));
@@ -160,7 +168,7 @@ impl Scene {
         mesh: &Bound<PyAny>,
         smooth: bool,
         env: Option<&Bound<PyAny>>,
-        sun: Option<(f32, f32)>,
+        sun: Option<&Bound<PyAny>>,
         sky: bool,
         strict: bool,
         default_light: bool,
@@ -177,7 +185,7 @@ impl Scene {
         match kind.as_deref() {
             Some("texture") => match picture_of_visual(&visual)? {
                 // trimesh has a colour of its own where a file names none, as a picture too.
-                Some((_, picture)) if is_default(&picture)? => {}
+                Some((_, picture)) if picture.getattr("size")?.extract::<usize>()? <= 16 && is_default(&picture)? => {}
                 Some((coordinates, picture)) => (uv, texture) = (Some(coordinates), Some(picture)),
                 None if is_default(&visual.getattr("material")?.getattr("main_color")?)? => {}
                 None => albedo = Some(visual.call_method0("to_color")?.getattr("vertex_colors")?),
@@ -263,6 +271,8 @@ impl Scene {
 
 impl Scene {
     fn new(py: Python, path: PathBuf, load: impl FnOnce() -> error::Result<Loaded> + Send) -> PyResult<Self> {
+        // Some files make their environments by several threads.
+        begin_work(py)?;
         let loaded = py.detach(load).map_err(|error| raised(py, &error))?;
         loaded.report.warnings.iter().try_for_each(|warning| warn(py, warning))?;
         Ok(Self { loaded: Arc::new(loaded), path })
@@ -274,6 +284,23 @@ impl Scene {
 
     pub fn loaded(&self) -> &Loaded {
         &self.loaded
+    }
+}
+
+/// The sun at an azimuth and a height in degrees, perhaps with its illuminance in lux.
+fn sun_at(object: &Bound<PyAny>) -> PyResult<Sun> {
+    let given: Vec<f32> = numbers(object)?.into_iter().map(|number| number as f32).collect();
+    match given[..] {
+        [azimuth, height] if azimuth.is_finite() && (-90.0..=90.0).contains(&height) => Ok(Sun::at(azimuth, height)),
+        [azimuth, height, lux]
+            if azimuth.is_finite() && (-90.0..=90.0).contains(&height) && (0.0..f32::INFINITY).contains(&lux) =>
+        {
+            Ok(Sun { illuminance: Some(Vec3::splat(lux)), ..Sun::at(azimuth, height) })
+        }
+        _ => {
+            let cure = "give an azimuth and a height from -90 to 90 degrees, and perhaps lux: (120, 35)";
+            Err(usage(object.py(), format!("sun is {given:?}"), cure))
+        }
     }
 }
 
@@ -352,12 +379,16 @@ impl Reflection {
             return if is_share(&albedo) { Ok(even(Material { albedo, ..white })) } else { Err(wrong(albedo)) };
         }
         let rows = colors(object, "albedo")?;
-        if rows.len() != faces || rows.len() == vertices {
-            return Ok(Self { of_vertices: rows, ..even(white) });
-        }
-        match rows.iter().find(|albedo| !is_share(albedo)) {
-            Some(albedo) => Err(wrong(*albedo)),
-            None => Ok(Self { of_faces: rows, ..even(white) }),
+        match rows.len() {
+            count if count == vertices => Ok(Self { of_vertices: rows, ..even(white) }),
+            count if count == faces => match rows.iter().find(|albedo| !is_share(albedo)) {
+                Some(albedo) => Err(wrong(*albedo)),
+                None => Ok(Self { of_faces: rows, ..even(white) }),
+            },
+            count => {
+                let problem = format!("albedo: {count} rows for {vertices} vertices and {faces} faces");
+                Err(usage(object.py(), problem, "give one row a vertex or a face, or one colour"))
+            }
         }
     }
 }
@@ -372,9 +403,10 @@ fn emitting(reflection: &Reflection, emission: Option<&Bound<PyAny>>, faces: usi
             None => rows = vectors(object, faces)?,
         }
         let py = object.py();
-        if let Some(wrong) = rows.iter().chain([&even]).find(|emission| !(emission.is_finite() && emission.min_element() >= 0.0))
-        {
-            return Err(usage(py, format!("emission is {wrong}"), "give finite radiance of 0 or more, in W/(m² sr)"));
+        if let Some(wrong) = rows.iter().chain([&even]).find(|emission| {
+            !(0.0..=MOST_RADIANCE).contains(&emission.min_element()) || !(0.0..=MOST_RADIANCE).contains(&emission.max_element())
+        }) {
+            return Err(usage(py, format!("emission is {wrong}"), "give radiance from 0 to 1e20, in W/(m² sr)"));
         }
     }
     if rows.is_empty() && of_faces.is_empty() {

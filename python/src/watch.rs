@@ -7,6 +7,7 @@ use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::prelude::*;
 
 use crate::errors::in_python;
+use crate::turn::is_ending;
 
 /// Time between two looks at signals. Python's lock may be held by others, so they are not done more often than a person notices.
 const LOOKS: Duration = Duration::from_millis(50);
@@ -80,7 +81,7 @@ impl Watch for PythonWatch {
     }
 
     fn goes_on(&mut self, between_blocks: bool) -> bool {
-        if self.noticed.is_none() && self.ended_by.is_some() {
+        if is_ending() || self.noticed.is_none() && self.ended_by.is_some() {
             return false;
         }
         if (self.looked.elapsed() >= LOOKS || between_blocks) && !self.look() {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -402,3 +403,23 @@ def test_write_as_the_tool(tmp_path: Path, tool: Tool) -> None:
     with pytest.raises(fg.Error) as caught:
         baked.write(tmp_path / "out.txt")
     assert caught.value.cure
+
+
+def test_it_is_a_mapping() -> None:
+    """By the rules of Python's own, whatever the key."""
+    baked = fg.bake(fg.Scene.from_arrays(*sphere(2)), what=["ao", "sky"], directions=16)
+    assert isinstance(baked, Mapping) and list(baked) == ["ao", "sky"] and len(baked) == 2
+    assert baked.keys() & {"ao", "prt"} == {"ao"} and "ao" in baked and 5 not in baked and None not in baked
+    assert same_bits(dict(baked)["sky"], baked["sky"]) and {key for key, _ in baked.items()} == {"ao", "sky"}
+    assert baked.get("prt") is None and all(values.shape == (18,) for values in baked.values())
+    with pytest.raises(KeyError):
+        baked["prt"]
+
+
+def test_a_light_map_holds_its_map_alone(tmp_path: Path) -> None:
+    """Normals are those of the mesh's vertices, as positions are."""
+    baked = fg.bake(fg.Scene.from_arrays(*box(cells=1)), lightmap=16, what="ao", directions=16)
+    assert baked.normals.shape == baked.positions.shape and baked["ao"].shape == (16, 16)
+    baked.write(tmp_path / "map.npz")
+    with np.load(tmp_path / "map.npz") as file:
+        assert same_bits(file["ao"], baked["ao"]) and same_bits(file["normals"], baked.normals)

@@ -17,7 +17,7 @@ from typing import Any, Optional
 
 import numpy as np
 import pytest
-from conftest import Array, room, same_bits, sphere
+from conftest import SCENES, Array, room, same_bits, sphere
 
 import finalgather as fg
 
@@ -248,6 +248,58 @@ def test_threads_share_a_scene() -> None:
     assert all(same_bits(a, b) for a, b in zip(found, expected))
 
 
+def test_threads_take_turns_on_the_device() -> None:
+    """Drivers may crash where several threads draw. So pipelines that draw wait for each other, and give the same bits."""
+    scene = bumpy()
+    kinds = ["fused", "kill", "raycast-gl", "fused", "kill", "fused"]
+    alone = {kind: openness(scene, directions=32, pipeline=kind) for kind in set(kinds)}
+    with concurrent.futures.ThreadPoolExecutor(len(kinds)) as pool:
+        together = list(pool.map(lambda kind: openness(scene, directions=32, pipeline=kind), kinds))
+    assert all(same_bits(values, alone[kind]) for kind, values in zip(kinds, together))
+
+
+def test_a_job_within_a_job_is_refused() -> None:
+    """It would wait for itself."""
+
+    def again(done: int, total: int, left: Optional[float]) -> None:
+        openness(bumpy(), directions=8)
+
+    with pytest.raises(fg.UsageError, match="within the progress of another"):
+        openness(bumpy(), progress=again)
+    assert openness(bumpy(), directions=8).shape == (146,), "the turn is not given back"
+
+
+def test_the_end_of_the_interpreter_waits_for_jobs(tmp_path: Path) -> None:
+    """A job would use a driver that is no longer there."""
+    child = python(
+        """
+        import threading, time
+        import numpy as np
+        import finalgather as fg
+
+        begun = threading.Event()
+        scene = fg.Scene.from_arrays(np.eye(3), [[0, 1, 2]])
+        job = dict(what="ao", directions=1_000_000, pipeline="kill", progress=lambda *call: begun.set())
+        threading.Thread(target=fg.bake, args=(scene,), kwargs=job, daemon=True).start()
+        assert begun.wait(20)
+    """,
+        tmp_path,
+    )
+    out, err = child.communicate(timeout=60)
+    assert child.returncode == 0, (child.returncode, out, err)
+
+
+def test_time_and_what_it_does_not_go_with(tmp_path: Path) -> None:
+    vertices, faces, _ = room()
+    scene = fg.Scene.from_arrays(vertices, faces, env=1.0)
+    film = fg.render(scene, size=16, photons=100, time=0.2)
+    assert film.report["settings"]["directions"] >= 1
+    with pytest.raises(fg.UsageError, match="directions are given too"):
+        fg.render(scene, size=16, photons=100, time=1.0, directions=64)
+    with pytest.raises(fg.UsageError, match="nothing can be resumed"):
+        fg.render(scene, size=16, photons=100, time=1.0, checkpoint=tmp_path / "a.part", resume=True)
+
+
 def test_python_goes_on_while_a_job_works() -> None:
     """The GIL is free: this thread counts while another bakes."""
     scene, counted = bumpy(), []
@@ -272,6 +324,37 @@ def test_processes(method: str) -> None:
     assert all(same_bits(values, job_of_process(seed)) for seed, values in enumerate(found))
 
 
+def test_a_fork_after_a_scene_with_a_sky_is_told(tmp_path: Path) -> None:
+    """Several threads make its light as it is loaded."""
+    child = python(
+        f"""
+        import multiprocessing, warnings
+        import finalgather as fg
+        warnings.simplefilter("ignore", DeprecationWarning)
+
+        path = {str(SCENES / "open.toml")!r}
+        fg.Scene.load(path)
+
+        def load():
+            try:
+                fg.Scene.load(path)
+                sender.send("worked")
+            except fg.UsageError as error:
+                sender.send("told" if "fork" in error.problem else str(error))
+
+        context = multiprocessing.get_context("fork")
+        receiver, sender = context.Pipe(duplex=False)
+        process = context.Process(target=load)
+        process.start()
+        print(receiver.recv() if receiver.poll(20) else "hangs", flush=True)
+        process.kill()
+    """,
+        tmp_path,
+    )
+    out, err = child.communicate(timeout=60)
+    assert out.split() == ["told"], out + err
+
+
 def test_a_fork_after_a_job_is_told(tmp_path: Path) -> None:
     """Threads and the device do not survive a fork. What needs them must say so, not hang."""
     child = python(
@@ -283,12 +366,14 @@ def test_a_fork_after_a_job_is_told(tmp_path: Path) -> None:
 
         scene = fg.Scene.from_arrays(np.eye(3), [[0, 1, 2]], env=1.0)
         film = fg.render(scene, size=64, directions=8, photons=100)
+        film.write("film.exr")
         jobs = {
             "bake": lambda: fg.bake(scene, what="ao", directions=8),
             "relight": lambda: fg.relight(np.ones((3, 9, 3)), 1.0),
             "compare": lambda: fg.compare(film, film),
             "sky": lambda: fg.Scene.from_arrays(np.eye(3), [[0, 1, 2]], sun=(120, 30), sky=True),
-            "load": lambda: fg.Scene.from_arrays(np.eye(3), [[0, 1, 2]]),
+            "arrays": lambda: fg.Scene.from_arrays(np.eye(3), [[0, 1, 2]]),
+            "read": lambda: fg.Film.read("film.exr"),
             "bytes": film.to_srgb,
             "png": film._repr_png_,
             "write": lambda: film.write("film.png"),
@@ -316,7 +401,7 @@ def test_a_fork_after_a_job_is_told(tmp_path: Path) -> None:
     found = dict(line.split(" ", 1) for line in out.splitlines())
     assert found["bake"] == "told", out + err
     # What needs no threads may work.
-    assert len(found) == 9 and set(found.values()) <= {"told", "worked"}, out + err
+    assert len(found) == 10 and set(found.values()) <= {"told", "worked"}, out + err
 
 
 # What is said

@@ -232,6 +232,12 @@ WRONG: dict[str, tuple[Any, Any, dict[str, Any]]] = {
     "a grey texture": (*QUAD, {"uv": np.zeros((4, 2)), "texture": np.zeros((2, 2), np.uint8)}),
     "a texture without texels": (*QUAD, {"uv": np.zeros((4, 2)), "texture": np.zeros((0, 2, 3), np.uint8)}),
     "an environment of two numbers": (*QUAD, {"env": [1.0, 2.0]}),
+    "albedo of nothing": (*QUAD, {"albedo": np.ones((0, 3))}),
+    "normals of nothing": (*QUAD, {"normals": np.ones((0, 3))}),
+    "emission that no sum holds": (*QUAD, {"emission": 3e38}),
+    "two skies": (*QUAD, {"env": 1.0, "sun": (120, 35), "sky": True}),
+    "a sun beyond the zenith": (*QUAD, {"sun": (120, 95)}),
+    "a sun of one number": (*QUAD, {"sun": [120]}),
     "an environment that is not a number": (*QUAD, {"env": np.full((2, 4, 3), np.nan)}),
 }
 
@@ -244,6 +250,22 @@ def test_refused(what: str) -> None:
     assert isinstance(caught.value, ValueError)
     assert caught.value.problem and caught.value.cure
     assert caught.value.problem in str(caught.value) and caught.value.cure in str(caught.value)
+
+
+def test_the_name_is_no_kind_of_file() -> None:
+    """A scene file of this name would say how its sun is."""
+    suns = [fg.Scene.from_arrays(*QUAD, sun=[120.0, 35.0], name=name) for name in ("a", "a.toml")]
+    plain, toml = (fg.bake(scene, directions=16, photons=100)["irradiance"] for scene in suns)
+    assert same_bits(plain, toml) and plain.max() > 1000
+
+
+def test_arrays_may_lie_anywhere() -> None:
+    """Also at addresses that are no multiples of their numbers' size."""
+    raw = np.zeros(1 + QUAD[0].size * 8, np.uint8)
+    vertices = raw[1:].view(np.float64).reshape(QUAD[0].shape)
+    vertices[:] = QUAD[0]
+    assert not vertices.flags.aligned
+    assert fg.Scene.from_arrays(vertices, QUAD[1]).face_count == fg.Scene.from_arrays(*QUAD).face_count
 
 
 @pytest.mark.parametrize(

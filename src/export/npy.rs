@@ -21,7 +21,7 @@ pub(super) const ABOUT: &str = "finalgather";
 /// Key of the array file's checksum.
 const ARRAY: &str = "npy_sha256";
 /// Key of the positions' checksum.
-const POSITIONS: &str = "positions_sha256";
+pub(super) const POSITIONS: &str = "positions_sha256";
 /// Ending of the array of sources, and key of its description.
 pub const SOURCES: &str = "sources.npy";
 const MAP: &str = "sources";
@@ -111,7 +111,7 @@ pub fn check_ours(path: &Path) -> Result<()> {
 }
 
 /// The checksum of positions in world space, in their order, as a PLY holds them.
-fn digest(positions: Positions) -> String {
+pub(super) fn digest(positions: Positions) -> String {
     if positions.are_far() {
         sha256(bytemuck::cast_slice(positions.world))
     } else {
@@ -119,16 +119,21 @@ fn digest(positions: Positions) -> String {
     }
 }
 
+fn is_npz(path: &Path) -> bool {
+    path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("npz"))
+}
+
 /// Whether a file of [`PointValues::write`] is of these points; `None` if its description does not tell.
 pub fn is_of(path: &Path, positions: Positions) -> Option<bool> {
-    Some(description(path)?[POSITIONS].as_str()? == digest(positions))
+    let about = if is_npz(path) { npz::about(path) } else { description(path) };
+    Some(about?[POSITIONS].as_str()? == digest(positions))
 }
 
 const CURE: &str = "give a .npz file of `finalgather bake --what prt`, or a .npy with its .json beside it";
 
 /// Reads the columns `PRT.00.R` and so on from a file of [`PointValues::write`], `.npy` or `.npz`. All coefficients of an order must be there.
 pub fn read_prt(path: &Path) -> Result<Vec<Channel>> {
-    if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("npz")) {
+    if is_npz(path) {
         return npz::read_prt(path);
     }
     let read = |path: &Path, most: u64| {

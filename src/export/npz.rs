@@ -4,17 +4,19 @@
 //! The arrays of a light map have the shape `[height, width, ...]`, the top row first. `mask` is 1 where a texel has a value of its own or of its
 //! chart's edge, and `uv` are the coordinates of the vertices, v up.
 
-use std::io::{Cursor, Read, Write};
+use std::fs::File;
+use std::io::{Cursor, Read, Seek, Write};
 use std::path::Path;
 
 use serde_json::{Value, json};
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipArchive, ZipWriter};
 
-use super::npy::{ABOUT, checked_prt, describe_columns, describe_sources, sources_array};
+use super::npy::{ABOUT, POSITIONS, checked_prt, describe_columns, describe_sources, digest, sources_array};
 use super::{ExportMesh, PointValues, Positions};
 use crate::error::{Error, Result};
 use crate::file::{MOST_BYTES, MOST_WORDS, read_file, write_file};
+use crate::harmonics::MAX_ORDER;
 use crate::image::{Channel, Image, WriteOptions};
 use crate::npy;
 use crate::quantity::ValueArray;
@@ -38,6 +40,7 @@ pub fn write(path: &Path, values: &PointValues, options: &WriteOptions) -> Resul
     let points = values.positions.world.len();
     let columns: Vec<&Channel> = values.columns.iter().collect();
     let (mut arrays, mut about) = values_of(&columns, &[points], options);
+    about[POSITIONS] = digest(values.positions).into();
     arrays.push(positions(values.positions));
     let normals = values.normals.iter().flat_map(|normal| normal.to_array());
     arrays.push(("normals".into(), npy::encode(&[points, 3], normals)));
@@ -115,16 +118,21 @@ fn write_arrays(path: &Path, mut arrays: Arrays, about: &Value) -> Result<()> {
 
 /// The columns `PRT.00.R` and so on of a file's array `prt`.
 pub fn read_prt(path: &Path) -> Result<Vec<Channel>> {
-    let refused = |problem: String| Error::input(path, None, problem, "give a file of `finalgather bake --what prt`");
+    let refused = |problem: String| {
+        Error::input(path, None, problem, "give a file of `finalgather bake --what prt`, or one of numpy.savez")
+    };
     let bytes = read_file(path, MOST_BYTES).map_err(|error| refused(format!("not readable: {error}")))?;
     let mut zip = ZipArchive::new(Cursor::new(bytes)).map_err(|error| refused(format!("no .npz: {error}")))?;
     let entry = zip.by_name("prt.npy").map_err(|error| refused(format!("its transfer, prt, is not there: {error}")))?;
     let mut bytes = Vec::new();
     entry.take(MOST_BYTES).read_to_end(&mut bytes).map_err(|error| refused(format!("not readable: {error}")))?;
     let array = npy::Array::parse(path, &bytes)?;
-    let &[points, coefficients, 3] = &array.shape[..] else {
-        return Err(refused(format!("prt has the shape {:?}, not [points, order², 3]", array.shape)));
+    let shape = match array.shape[..] {
+        [points, coefficients, 3] if points > 0 && coefficients <= MAX_ORDER * MAX_ORDER => Some((points, coefficients)),
+        _ => None,
     };
+    let (points, coefficients) =
+        shape.ok_or_else(|| refused(format!("prt has the shape {:?}, not [points, order², 3]", array.shape)))?;
     let column = |k: usize| Channel {
         name: format!("PRT.{:02}.{}", k / 3, ["R", "G", "B"][k % 3]),
         samples: (0..points).map(|point| array.at(&[point, k / 3, k % 3]) as f32).collect(),
@@ -139,8 +147,16 @@ pub fn metadata(path: &Path) -> Option<Value> {
     for index in 0..zip.len() {
         std::io::copy(&mut zip.by_index(index).ok()?, &mut std::io::sink()).ok()?;
     }
+    description(zip).map(|mut about| about[ABOUT].take())
+}
+
+/// What the file says about its arrays.
+pub fn about(path: &Path) -> Option<Value> {
+    description(ZipArchive::new(File::open(path).ok()?).ok()?)
+}
+
+fn description(mut zip: ZipArchive<impl Read + Seek>) -> Option<Value> {
     let mut text = Vec::new();
     zip.by_name(DESCRIPTION).ok()?.take(MOST_WORDS).read_to_end(&mut text).ok()?;
-    let mut about: Value = serde_json::from_str(&npy::parse_text(&text)?).ok()?;
-    Some(about[ABOUT].take())
+    serde_json::from_str(&npy::parse_text(&text)?).ok()
 }

@@ -122,6 +122,10 @@ impl Job {
 
     fn checked(request: JobRequest, keeping: &Keeping, in_memory: bool) -> Result<Self> {
         let started = Instant::now();
+        if request.time.is_some() && keeping.resume {
+            let cure = "give --directions and their number in place of --time, to go on from earlier sums";
+            return Err(Error::usage("--time chooses directions anew, and nothing can be resumed", cure));
+        }
         if request.scene.bytes.is_none() && request.scene.loaded.is_none() && request.scene.path.exists() {
             World::check_path(&request.scene.path)?;
         }

@@ -70,6 +70,7 @@ pub struct ReceiverValues {
     /// See [`UnitSpace::local_origin`].
     pub origin: DVec3,
     pub normals: Vec<Vec3>,
+    /// Empty for a light map.
     pub columns: Vec<Channel>,
     /// The surface of vertices and light maps. Its own positions are in unit space. For a light map, its texture coordinates are those in the map.
     pub mesh: Option<Mesh>,
@@ -253,6 +254,8 @@ impl Receiver {
                 let (mut map_image, mended) = map.image(&columns, inside);
                 normalize_directions(&mut map_image.channels);
                 image = Some(map_image);
+                // Those of samples are in the map.
+                columns.clear();
                 mesh = Some(map.mesh().clone());
                 let mut counts = json!(map.counts());
                 counts
@@ -268,7 +271,10 @@ impl Receiver {
             }
             Self::Points { world, .. } => (json!({ "points": world.len() }), world.clone()),
         };
-        let normals = self.points().iter().map(|point| point.normal).collect();
+        let normals = match (self, &mesh) {
+            (Self::LightMap(_), Some(mesh)) => mesh.normals.clone(),
+            _ => self.points().iter().map(|point| point.normal).collect(),
+        };
         ReceiverValues { counts, positions, origin: space.local_origin(), normals, columns, mesh, image }
     }
 }

@@ -199,8 +199,9 @@ impl<'a> Task<'a> {
         let mut part = either!(&self.gather, gather => gather.save());
         part.state[CAMERA] = json!(self.camera);
         if let Gather::Bake(_, receivers) = &self.gather {
-            // Null if a path is not UTF-8. Then it is not a shard, and a merge never reads it.
-            part.state[REQUEST] = serde_json::to_value(self.request).unwrap_or_default();
+            // Null if a path is not UTF-8, or the scene was in memory. Then it is not a shard, and a merge never reads it.
+            let is_of_file = self.request.scene.loaded.is_none();
+            part.state[REQUEST] = serde_json::to_value(self.request).ok().filter(|_| is_of_file).into();
             part.state[DISPLAY] = json!(self.settings.display);
             receivers.iter().for_each(|receiver| receiver.save(&mut part));
         }

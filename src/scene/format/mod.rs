@@ -170,7 +170,7 @@ impl World {
         if options.bytes.is_none() && !matches!(options.files, Files::Memory(_)) {
             Self::check_path(path)?;
         }
-        Self::load_by(path, options, |loader| loader.read(path))
+        Self::load_by(path, options, !is_scene_file(path), |loader| loader.read(path))
     }
 
     /// A world of arrays in memory, as a file of the same mesh would be.
@@ -179,16 +179,17 @@ impl World {
     /// [`Error::Input`] when no face can be drawn, or nothing emits light; [`Error::Usage`] when lists do not fit each other.
     pub fn from_arrays(arrays: MeshArrays, options: LoadOptions) -> Result<Loaded> {
         let path = PathBuf::from(&arrays.name);
-        Self::load_by(&path, options, |loader| {
+        Self::load_by(&path, options, true, |loader| {
             let world = loader.model(|loader| arrays::load(loader, &path, arrays), &path)?;
             Ok((world, Settings::default()))
         })
     }
 
-    /// Reads a world by `read`, and changes it as the options say. `path` is for messages.
+    /// Reads a world by `read`, and changes it as the options say. `path` is for messages. `is_bare`: no scene file says more about it.
     fn load_by(
         path: &Path,
         mut options: LoadOptions,
+        is_bare: bool,
         read: impl FnOnce(&mut Loader) -> Result<(Self, Settings)>,
     ) -> Result<Loaded> {
         let (environment, scene) = (options.environment.take(), options.scene.take());
@@ -207,7 +208,6 @@ impl World {
             smooth_angle: options.smooth_angle,
             scene,
         };
-        let is_bare = !is_scene_file(path);
         let loaded = loader.load(path, &options, is_bare, read);
         let warnings = loader.warnings.finish();
         let (mut world, settings) = match loaded {
