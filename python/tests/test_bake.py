@@ -409,7 +409,9 @@ def test_it_is_a_mapping() -> None:
     """By the rules of Python's own, whatever the key."""
     baked = fg.bake(fg.Scene.from_arrays(*sphere(2)), what=["ao", "sky"], directions=16)
     assert isinstance(baked, Mapping) and list(baked) == ["ao", "sky"] and len(baked) == 2
-    assert baked.keys() & {"ao", "prt"} == {"ao"} and "ao" in baked and 5 not in baked and None not in baked
+    assert baked.keys() & {"ao", "prt"} == {"ao"} and "ao" in baked
+    strangers: list[object] = [5, None, ()]
+    assert not any(key in baked for key in strangers)
     assert same_bits(dict(baked)["sky"], baked["sky"]) and {key for key, _ in baked.items()} == {"ao", "sky"}
     assert baked.get("prt") is None and all(values.shape == (18,) for values in baked.values())
     with pytest.raises(KeyError):
