@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import pickle
+import warnings
 from pathlib import Path
 from typing import Any, Callable
 
 import numpy as np
 import pytest
-from conftest import box, quad
+from conftest import box, quad, sphere
 
 import finalgather as fg
 
@@ -127,3 +128,24 @@ def test_checkpoint_of_another_job(tmp_path: Path) -> None:
     with pytest.raises(fg.Error):
         fg.bake(scene, vertices=True, what="ao", directions=16, checkpoint=checkpoint)
     assert checkpoint.read_bytes() == before
+
+
+def test_options_of_the_tool_are_arguments_here() -> None:
+    scene = fg.Scene.from_arrays(*sphere(1))
+    with pytest.raises(fg.UsageError, match="ao_distance") as caught:
+        fg.bake(scene, what="ao", ao_distance=-1.0)
+    assert "--" not in str(caught.value)
+    # Names of files are those of the user.
+    with pytest.raises(fg.InputError, match="/tmp/--env-of/a --x.ply"):
+        fg.Scene.load("/tmp/--env-of/a --x.ply")
+
+
+def test_a_scene_tells_its_warnings_once() -> None:
+    vertices, faces = sphere(1)
+    with pytest.warns(fg.Warning, match="is at"):
+        scene = fg.Scene.from_arrays(np.vstack([vertices, [[np.nan] * 3]]), np.vstack([faces, [[0, 1, len(vertices)]]]))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        baked = fg.bake(scene, what="ao", directions=8)
+    # The report of the job has them too.
+    assert baked.warnings == scene.warnings == baked.report["warnings"] and len(scene.warnings) == 1

@@ -253,9 +253,17 @@ def test_threads_take_turns_on_the_device() -> None:
     scene = bumpy()
     kinds = ["fused", "kill", "raycast-gl", "fused", "kill", "fused"]
     alone = {kind: openness(scene, directions=32, pipeline=kind) for kind in set(kinds)}
+    told: list[int] = []
+
+    def work(number: int) -> Array:
+        return openness(scene, directions=32, pipeline=kinds[number], progress=lambda *call: told.append(number))
+
     with concurrent.futures.ThreadPoolExecutor(len(kinds)) as pool:
-        together = list(pool.map(lambda kind: openness(scene, directions=32, pipeline=kind), kinds))
+        together = list(pool.map(work, range(len(kinds))))
     assert all(same_bits(values, alone[kind]) for kind, values in zip(kinds, together))
+    # Each job tells its begin and its end, and no other tells anything between them.
+    turns = [number for i, number in enumerate(told) if i == 0 or told[i - 1] != number]
+    assert sorted(turns) == list(range(len(kinds))), told
 
 
 def test_a_job_within_a_job_is_refused() -> None:
@@ -279,7 +287,7 @@ def test_the_end_of_the_interpreter_waits_for_jobs(tmp_path: Path) -> None:
 
         begun = threading.Event()
         scene = fg.Scene.from_arrays(np.eye(3), [[0, 1, 2]])
-        job = dict(what="ao", directions=1_000_000, pipeline="kill", progress=lambda *call: begun.set())
+        job = dict(what="ao", directions=1_000_000, pipeline="kill", progress=lambda *call: begun.set(), checkpoint="a.part")
         threading.Thread(target=fg.bake, args=(scene,), kwargs=job, daemon=True).start()
         assert begun.wait(20)
     """,
@@ -287,6 +295,8 @@ def test_the_end_of_the_interpreter_waits_for_jobs(tmp_path: Path) -> None:
     )
     out, err = child.communicate(timeout=60)
     assert child.returncode == 0, (child.returncode, out, err)
+    # A job that is ended keeps its sums. One that dies with its thread does not.
+    assert (tmp_path / "a.part").exists()
 
 
 def test_time_and_what_it_does_not_go_with(tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import SCENES, Array, Tool, box, read_png, room, same_bits, sky, sphere, write_hdr, write_ply
+from conftest import SCENES, Array, Tool, box, quad, read_png, room, same_bits, sky, sphere, write_hdr, write_ply
 
 import finalgather as fg
 
@@ -168,3 +168,15 @@ def test_transfer_of_another_mesh(scene: fg.Scene) -> None:
     with pytest.raises(fg.Error) as caught:
         fg.relight_picture(scene, np.ones((5, 9, 3), np.float32), 1.0, size=8)
     assert caught.value.cure
+
+
+def test_a_picture_shows_each_vertex_at_its_place() -> None:
+    """Also where faces use vertices in another order than the input has them."""
+    left, faces = quad([-1, 0, 0], [1, 0, 0], [0, 1, 0])
+    right, _ = quad([0, 0, 0], [1, 0, 0], [0, 1, 0])
+    scene = fg.Scene.from_arrays(np.concatenate([right, left]), np.concatenate([faces + 4, faces]))
+    transfer = np.zeros((8, 1, 3), np.float32)
+    transfer[:4] = 1.0
+    film = fg.relight_picture(scene, transfer, 1.0, size=(16, 8), eye=[0, 0.5, 2], target=[0, 0.5, 0], fov=20.0)
+    # The coefficient of an environment of radiance 1 is the root of 4π, and the default albedo 0.5.
+    assert np.allclose(film.rgb[2:6, 2:6], 0) and np.allclose(film.rgb[2:6, 10:14], 0.5 * np.sqrt(4 * np.pi), rtol=1e-3)

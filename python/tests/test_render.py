@@ -151,3 +151,14 @@ def test_settings() -> None:
     assert same_bits(first.rgb, again.rgb) and not same_bits(first["Indirect"], other["Indirect"])
     kill = body(size=16, pipeline="kill")
     assert kill.report["pipeline"] == "kill"
+
+
+def test_the_camera_is_as_asked() -> None:
+    scene = fg.Scene.from_arrays(*sphere(2), env=1.0)
+    asked: dict[str, Any] = {"eye": [0.5, 1.0, 4.0], "target": [0.25, 0.0, 0.5], "up": [1.0, 0.0, 0.0], "fov": 25.0}
+    camera = fg.render(scene, size=8, directions=8, photons=100, **asked).report["camera"]
+    assert [camera[name] for name in ("eye", "target", "up", "fov_y_degrees")] == list(asked.values())
+    # A part of it replaces that part alone.
+    moved = fg.render(scene, size=8, directions=8, photons=100, fov=30.0).report["camera"]
+    plain = fg.render(scene, size=8, directions=8, photons=100).report["camera"]
+    assert moved["fov_y_degrees"] == 30.0 and moved["up"] == plain["up"]
