@@ -135,7 +135,8 @@ impl Scene {
             return Err(usage(py, "texture: there are no coordinates on it", "give uv too, one row a vertex"));
         }
         let reflection = Reflection::new(albedo, !textures.is_empty(), [positions.len(), count])?;
-        if !textures.is_empty() && !(reflection.of_vertices.is_empty() && reflection.of_faces.is_empty()) {
+        let has_rows = !reflection.of_vertices.is_empty() || !reflection.of_faces.is_empty();
+        if !textures.is_empty() && has_rows {
             return Err(usage(py, "albedo: colours of vertices or faces and a texture do not mix", "give one of them"));
         }
         let (materials, material_of) = emitting(&reflection, emission, count)?;
