@@ -425,3 +425,12 @@ def test_a_light_map_holds_its_map_alone(tmp_path: Path) -> None:
     baked.write(tmp_path / "map.npz")
     with np.load(tmp_path / "map.npz") as file:
         assert same_bits(file["ao"], baked["ao"]) and same_bits(file["normals"], baked.normals)
+
+
+def test_lists_do_as_well_as_tuples() -> None:
+    scene = fg.Scene.from_arrays(*sphere(2), sun=[120, 35])
+    points = [[[0.0, 2.0, 0.0]], [[0.0, -1.0, 0.0]]]
+    seen = [fg.bake(scene, points=kind(points), what="sky", directions=16)["sky"] for kind in (list, tuple)]
+    assert same_bits(*seen) and 0 < seen[0][0] < 1
+    with pytest.raises(fg.UsageError, match="points are no pair"):
+        fg.bake(scene, points=points[:1], what="sky", directions=16)

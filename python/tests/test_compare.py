@@ -103,3 +103,9 @@ def test_refused(a: Array, b: Array, more: dict[str, object]) -> None:
     with pytest.raises(fg.Error) as caught:
         fg.compare(a, b, **more)  # type: ignore[arg-type]
     assert isinstance(caught.value, ValueError) and caught.value.cure
+
+
+def test_bytes_are_no_radiance() -> None:
+    """The bytes of a PNG have a tone curve and an exposure."""
+    with pytest.raises(fg.UsageError, match="picture: bytes"):
+        fg.compare(np.zeros((8, 8, 3), np.uint8), np.zeros((8, 8, 3), np.float32))

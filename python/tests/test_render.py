@@ -162,3 +162,7 @@ def test_the_camera_is_as_asked() -> None:
     moved = fg.render(scene, size=8, directions=8, photons=100, fov=30.0).report["camera"]
     plain = fg.render(scene, size=8, directions=8, photons=100).report["camera"]
     assert moved["fov_y_degrees"] == 30.0 and moved["up"] == plain["up"]
+
+
+def test_numpy_takes_a_film_for_its_radiance(box: fg.Film) -> None:
+    assert same_bits(np.asarray(box), box.rgb) and np.asarray(box, dtype=np.float64).dtype == np.float64
