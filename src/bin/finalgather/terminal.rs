@@ -124,11 +124,14 @@ fn watch_signals(caught: &Arc<Caught>, bar: ProgressBar, leftovers: Vec<PathBuf>
         for signal in signals.forever() {
             // A shell reports this code for a process killed by the signal.
             let code = u8::try_from(128 + signal).unwrap_or(u8::MAX);
-            let before = caught.code.swap(code, SeqCst);
             let has_result = caught.has_result.load(SeqCst);
-            // A closing terminal sends it twice: by the shell and by the system.
-            if has_result && (before == 0 || signal == SIGHUP) {
-                continue;
+            // Without a result the job is not told, or it would say that it stopped while the process ends.
+            if has_result {
+                let before = caught.code.swap(code, SeqCst);
+                // A closing terminal sends it twice: by the shell and by the system.
+                if before == 0 || signal == SIGHUP {
+                    continue;
+                }
             }
             bar.finish_and_clear();
             if !has_result {
