@@ -45,7 +45,7 @@ wheel: ## Build the Python package to target/wheels/
 
 python-test: ## Build the Python package and run its tests
 	@scripts/setup.sh --tests
-	$(CARGO) build --release --locked --package finalgather
+	$(CARGO) build --release --locked
 	scripts/python.sh test
 
 figures: setup ## Measure and draw all figures to paper_figures/out/index.html; about 40 minutes on two cores
