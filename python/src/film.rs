@@ -18,7 +18,6 @@ use crate::scene::table;
 
 /// A picture: named channels of 32 bits, linear.
 #[pyclass(frozen, module = "finalgather")]
-#[derive(Clone)]
 pub struct Film {
     picture: Arc<Picture>,
     report: Option<Arc<JobReport>>,

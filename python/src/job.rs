@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use finalgather::bake::{Plan, RadianceCache};
-use finalgather::job::{BakeRequest, Job, JobRequest, Keeping, Outcome, Per, ReceiverKind, Work};
+use finalgather::job::{BakeRequest, Job, JobRequest, Outcome, Per, ReceiverKind, SceneRequest, Work};
 use finalgather::points::{LightMapOptions, Resolution, UvSource, file};
 use finalgather::quantity::Quantity;
 use pyo3::exceptions::{PyTypeError, PyValueError};
@@ -60,15 +60,8 @@ pub fn render(
     if time.is_some_and(|seconds| !(seconds.is_finite() && seconds > 0.0)) {
         return Err(usage(py, "time is no number of seconds", "give a finite number above 0"));
     }
-    let request = JobRequest {
-        scene: scene_request(scene, &View { eye, target, up, fov }, settings, "render")?,
-        work: Work::Render,
-        outputs: vec![Vec::new()],
-        memory: memory.map(|mib| count(py, mib, "memory")).transpose()?.map(|mib| mib as usize),
-        time,
-        device: device_request(py, backend, device)?,
-    };
-    run(py, request, &keeping(py, checkpoint, resume)?, progress, Film::of_job)
+    let scene = scene_request(scene, &View { eye, target, up, fov }, settings, "render")?;
+    Means { time, memory, checkpoint, resume, progress, backend, device }.run(py, scene, Work::Render, Film::of_job)
 }
 
 /// Computes values at points, as a Baked: a mapping of names to arrays.
@@ -156,15 +149,9 @@ pub fn bake(
             warn(py, &format!("{name} has no effect on these points"))?;
         }
     }
-    let request = JobRequest {
-        scene: scene_request(scene, &View { eye, target, up, fov }, settings, "bake")?,
-        work: Work::Bake(BakeRequest { receivers: vec![receiver], plan, light_map, per: named::<Per>(py, per, "per")? }),
-        outputs: vec![Vec::new()],
-        memory: memory.map(|mib| count(py, mib, "memory")).transpose()?.map(|mib| mib as usize),
-        time: None,
-        device: device_request(py, backend, device)?,
-    };
-    run(py, request, &keeping(py, checkpoint, resume)?, progress, Baked::of_job)
+    let scene = scene_request(scene, &View { eye, target, up, fov }, settings, "bake")?;
+    let work = Work::Bake(BakeRequest { receivers: vec![receiver], plan, light_map, per: named::<Per>(py, per, "per")? });
+    Means { time: None, memory, checkpoint, resume, progress, backend, device }.run(py, scene, work, Baked::of_job)
 }
 
 /// Radiance transfer at the vertices, [n, order², 3], in the order of the input: from incident radiance to irradiance over π.
@@ -203,56 +190,67 @@ pub fn prt(
         radiance_cache: RadianceCache::Photons,
         memory: Plan::MEMORY,
     };
-    let receivers = vec![ReceiverKind::Vertices];
-    let light_map = LightMapOptions { resolution: Resolution::Pixels(1), uvs: UvSource::Auto, padding: 1, samples_per_texel: 1 };
-    let request = JobRequest {
-        scene: scene_request(scene, &View { eye: None, target: None, up: None, fov: None }, settings, "prt")?,
-        work: Work::Bake(BakeRequest { receivers, plan, light_map, per: Per::Source }),
-        outputs: vec![Vec::new()],
-        memory: memory.map(|mib| count(py, mib, "memory")).transpose()?.map(|mib| mib as usize),
-        time: None,
-        device: device_request(py, backend, device)?,
-    };
-    let baked = run(py, request, &keeping(py, checkpoint, resume)?, progress, Baked::of_job)?;
+    let (receivers, light_map) = (vec![ReceiverKind::Vertices], LightMapOptions::default());
+    let scene = scene_request(scene, &View::default(), settings, "prt")?;
+    let work = Work::Bake(BakeRequest { receivers, plan, light_map, per: Per::Source });
+    let means = Means { time: None, memory, checkpoint, resume, progress, backend, device };
+    let baked = means.run(py, scene, work, Baked::of_job)?;
     baked.array(py, if unshadowed { "prt_unshadowed" } else { "prt" })
 }
 
-/// Runs a job without the interpreter's lock, and makes its result by `wrap`.
-fn run<T: PyClass + Into<PyClassInitializer<T>>>(
-    py: Python,
-    request: JobRequest,
-    keeping: &Keeping,
-    progress: Option<&Bound<PyAny>>,
-    wrap: impl FnOnce(Outcome) -> Option<T>,
-) -> PyResult<T> {
-    begin_work(py)?;
-    let bar = progress.map(bar).transpose()?.flatten();
-    let mut watch = PythonWatch::new(bar.as_ref().map(|(call, _)| call.clone().unbind()));
-    let turn = Turn::take(py)?;
-    let outcome = py.detach(|| {
-        // Others need not wait until this thread has the interpreter again.
-        let _turn = turn;
-        Job::in_memory(request, keeping).and_then(|job| job.run(&mut watch))
-    });
-    if let Some((call, true)) = bar {
-        call.call_method0("close")?;
+/// Arguments of how a job runs, which all jobs have.
+struct Means<'a, 'py> {
+    time: Option<f64>,
+    memory: Option<i64>,
+    checkpoint: Option<PathBuf>,
+    resume: bool,
+    progress: Option<&'a Bound<'py, PyAny>>,
+    backend: &'a str,
+    device: Option<&'a Bound<'py, PyAny>>,
+}
+
+impl Means<'_, '_> {
+    /// Runs a job without the interpreter's lock, and makes its result by `wrap`.
+    fn run<T: PyClass + Into<PyClassInitializer<T>>>(
+        self,
+        py: Python,
+        scene: SceneRequest,
+        work: Work,
+        wrap: impl FnOnce(Outcome) -> Option<T>,
+    ) -> PyResult<T> {
+        let memory = self.memory.map(|mib| count(py, mib, "memory")).transpose()?.map(|mib| mib as usize);
+        let device = device_request(py, self.backend, self.device)?;
+        let request = JobRequest { scene, work, outputs: vec![Vec::new()], memory, time: self.time, device };
+        let keeping = keeping(py, self.checkpoint, self.resume)?;
+        begin_work(py)?;
+        let bar = self.progress.map(bar).transpose()?.flatten();
+        let mut watch = PythonWatch::new(bar.as_ref().map(|(call, _)| call.clone().unbind()));
+        let turn = Turn::take(py)?;
+        let outcome = py.detach(|| {
+            // Others need not wait until this thread has the interpreter again.
+            let _turn = turn;
+            Job::in_memory(request, &keeping).and_then(|job| job.run(&mut watch))
+        });
+        if let Some((call, true)) = bar {
+            call.call_method0("close")?;
+        }
+        let outcome = outcome.map_err(|error| raised(py, &error));
+        let is_interrupted = watch.is_interrupted(py);
+        if let Some(error) = watch.ended_by.take_if(|_| !is_interrupted) {
+            return Err(error);
+        }
+        if !is_interrupted {
+            return wrap(outcome?).ok_or_else(|| PyValueError::new_err("the job has no result"));
+        }
+        let (result, cause) = match outcome {
+            Ok(outcome) => (wrap(outcome).map(|result| Py::new(py, result)).transpose()?, None),
+            Err(error) => (None, Some(error)),
+        };
+        let kind = py.import("finalgather.errors")?.getattr("Interrupted")?;
+        let interrupted = PyErr::from_value(kind.call1((result,))?);
+        interrupted.set_cause(py, cause);
+        Err(interrupted)
     }
-    let outcome = outcome.map_err(|error| raised(py, &error));
-    let is_interrupted = watch.is_interrupted(py);
-    if let Some(error) = watch.ended_by.take_if(|_| !is_interrupted) {
-        return Err(error);
-    }
-    if !is_interrupted {
-        return wrap(outcome?).ok_or_else(|| PyValueError::new_err("the job has no result"));
-    }
-    let (result, cause) = match outcome {
-        Ok(outcome) => (wrap(outcome).map(|result| Py::new(py, result)).transpose()?, None),
-        Err(error) => (None, Some(error)),
-    };
-    let kind = py.import("finalgather.errors")?.getattr("Interrupted")?;
-    let interrupted = PyErr::from_value(kind.call1((result,))?);
-    interrupted.set_cause(py, cause);
-    Err(interrupted)
 }
 
 /// What to call with progress, and whether to close it at the end.

@@ -1,5 +1,6 @@
 //! Light from radiance transfer.
 
+use finalgather::Environment;
 use finalgather::image::Channel;
 use finalgather::relight::{RelitModel, irradiance};
 use glam::Vec3;
@@ -7,7 +8,7 @@ use numpy::{PyArrayDyn, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 
 use crate::arrays::{array, environment, singles, wrong_shape};
-use crate::errors::{begin_work, usage};
+use crate::errors::usage;
 use crate::film::Film;
 use crate::request::View;
 use crate::scene::{Scene, size_of};
@@ -29,24 +30,22 @@ fn columns(object: &Bound<PyAny>) -> PyResult<(Vec<Channel>, Vec<usize>)> {
 }
 
 /// Irradiance in W/m² under an environment. Points without transfer have none.
-fn lit(transfer: &[Channel], env: &Bound<PyAny>) -> PyResult<Vec<Vec3>> {
-    begin_work(env.py())?;
-    let environment = environment(env)?;
-    let mut light = env.py().detach(|| irradiance(transfer, &environment));
+fn lit(py: Python, transfer: &[Channel], environment: &Environment) -> Vec<Vec3> {
+    let mut light = py.detach(|| irradiance(transfer, environment));
     for (point, light) in light.iter_mut().enumerate() {
         // A point without transfer, as a vertex that no face uses.
         if transfer.iter().any(|column| column.samples[point].is_nan()) {
             *light = Vec3::NAN;
         }
     }
-    Ok(light)
+    light
 }
 
 /// Irradiance in W/m² under an environment, from transfer of the shape [points, order², 3].
 #[pyfunction]
 pub fn relight<'py>(transfer: &Bound<'py, PyAny>, env: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArrayDyn<f32>>> {
     let (columns, mut shape) = columns(transfer)?;
-    let light = lit(&columns, env)?;
+    let light = lit(env.py(), &columns, &environment(env)?);
     shape.push(3);
     array(transfer.py(), &shape, light.iter().flat_map(|light| light.to_array()).collect())
 }
@@ -74,8 +73,8 @@ pub fn relight_picture(
     let camera = loaded.world.changed_camera(size, &View { eye, target, up, fov }.change()?);
     let camera = camera.check().map_err(|(problem, cure)| usage(py, problem, cure))?;
     let (columns, of_points) = columns(transfer)?;
-    let light = lit(&columns, env)?;
     let environment = environment(env)?;
+    let light = lit(py, &columns, &environment);
     let model = py.detach(|| RelitModel::new(&loaded.world));
     let (lists, sources) = (&model.scene.source_lists, &model.mesh.sources);
     // A row for each vertex of the input, or for each vertex of the bake.

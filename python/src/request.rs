@@ -21,6 +21,7 @@ use crate::scene::{Scene, size_of};
 const EVERY: Duration = Duration::from_secs(30);
 
 /// Arguments of the camera.
+#[derive(Default)]
 pub struct View<'a, 'py> {
     pub eye: Option<&'a Bound<'py, PyAny>>,
     pub target: Option<&'a Bound<'py, PyAny>>,
@@ -74,7 +75,7 @@ fn to_settings(given: &Bound<PyDict>, what: &str) -> PyResult<Map<String, Value>
         let setting = match name.as_str() {
             "size" => json!(size_of(&value)?),
             "background" if value.extract::<String>().is_err() => {
-                numbers(&value).map_err(wrong)?.iter().map(f64::to_string).collect::<Vec<_>>().join(",").into()
+                json!(numbers(&value).map_err(wrong)?)
             }
             _ => plain(&value).map_err(wrong)?,
         };
