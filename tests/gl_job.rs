@@ -29,6 +29,15 @@ fn request(scene: SceneRequest, work: Work, outputs: &[PathBuf]) -> JobRequest {
     JobRequest { scene, work, outputs: vec![outputs.to_vec()], memory: None, time: None, device: Default::default() }
 }
 
+fn bake(receiver: ReceiverKind, what: Vec<Quantity>) -> BakeRequest {
+    BakeRequest {
+        receivers: vec![receiver],
+        plan: Plan { what, order: 1, gather_bounces: 0, ao_distance: None, radiance_cache: RadianceCache::Photons, memory: 256 },
+        light_map: LightMapOptions::default(),
+        per: Per::Row,
+    }
+}
+
 /// Stops once this many directions are done, and keeps what it is told.
 #[derive(Default)]
 struct Stop {
@@ -87,19 +96,7 @@ fn a_bake_is_merged_from_its_request() {
     let _turn = gpu();
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name);
-    let bake = BakeRequest {
-        receivers: vec![ReceiverKind::Camera],
-        plan: Plan {
-            what: vec![Quantity::Ao],
-            order: 1,
-            gather_bounces: 0,
-            ao_distance: None,
-            radiance_cache: RadianceCache::Photons,
-            memory: 256,
-        },
-        light_map: LightMapOptions::default(),
-        per: Per::Row,
-    };
+    let bake = bake(ReceiverKind::Camera, vec![Quantity::Ao]);
     let request = |outputs: &[PathBuf]| request(scene(folder.path()), Work::Bake(bake.clone()), outputs);
     let run = |request, keeping: &Keeping| Job::new(request, keeping).unwrap().run(&mut ()).unwrap();
     run(request(&[path("one.npy")]), &Keeping::default());
@@ -165,19 +162,7 @@ fn points_in_memory_are_those_of_a_file() {
     fs::write(folder.path().join("a.csv"), "0,0.5,0,0,1,0\n0.25,0.5,0.25,1,0,2\n").unwrap();
     let rows = [[0.0, 0.5, 0.0, 0.0, 1.0, 0.0], [0.25, 0.5, 0.25, 1.0, 0.0, 2.0]];
     let list = ReceiverKind::PointList(file::of_rows("rows".as_ref(), rows.into_iter()).unwrap().into());
-    let bake = |receiver: ReceiverKind| BakeRequest {
-        receivers: vec![receiver],
-        plan: Plan {
-            what: vec![Quantity::Irradiance, Quantity::Ao],
-            order: 1,
-            gather_bounces: 0,
-            ao_distance: None,
-            radiance_cache: RadianceCache::Photons,
-            memory: 256,
-        },
-        light_map: LightMapOptions::default(),
-        per: Per::Row,
-    };
+    let bake = |receiver: ReceiverKind| bake(receiver, vec![Quantity::Irradiance, Quantity::Ao]);
     let values = |receiver: ReceiverKind| {
         let request = request(scene.clone(), Work::Bake(bake(receiver)), &[]);
         Job::in_memory(request, &Keeping::default()).unwrap().run(&mut ()).unwrap().results.unwrap()

@@ -1,7 +1,9 @@
 //! Light from radiance transfer.
 
 use finalgather::Environment;
+use finalgather::harmonics::MAX_ORDER;
 use finalgather::image::Channel;
+use finalgather::quantity::Quantity;
 use finalgather::relight::{RelitModel, irradiance};
 use glam::Vec3;
 use numpy::{PyArrayDyn, PyUntypedArrayMethods};
@@ -18,15 +20,14 @@ fn columns(object: &Bound<PyAny>) -> PyResult<(Vec<Channel>, Vec<usize>)> {
     let array = singles(object, "transfer")?;
     let wrong = || wrong_shape(object.py(), "transfer", array.shape(), "[points, order², 3]");
     let [of_points @ .., coefficients, 3] = array.shape() else { return Err(wrong()) };
-    if of_points.is_empty() || coefficients.isqrt().pow(2) != *coefficients || !(1..=25).contains(coefficients) {
+    let order = coefficients.isqrt();
+    if of_points.is_empty() || order.pow(2) != *coefficients || !(1..=MAX_ORDER).contains(&order) {
         return Err(wrong());
     }
-    let (samples, width) = (array.as_slice()?, 3 * coefficients);
-    let column = |k: usize| Channel {
-        name: format!("PRT.{:02}.{}", k / 3, ["R", "G", "B"][k % 3]),
-        samples: samples.iter().skip(k).step_by(width).copied().collect(),
-    };
-    Ok(((0..width).map(column).collect(), of_points.to_vec()))
+    let (samples, names) = (array.as_slice()?, Quantity::Prt.columns(order));
+    let width = names.len();
+    let column = |(k, name)| Channel { name, samples: samples.iter().skip(k).step_by(width).copied().collect() };
+    Ok((names.into_iter().enumerate().map(column).collect(), of_points.to_vec()))
 }
 
 /// Irradiance in W/m² under an environment. Points without transfer have none.
