@@ -291,18 +291,10 @@ impl Scene {
 /// The sun at an azimuth and a height in degrees, perhaps with its illuminance in lux.
 fn sun_at(object: &Bound<PyAny>) -> PyResult<Sun> {
     let given: Vec<f32> = numbers(object)?.into_iter().map(|number| number as f32).collect();
-    match given[..] {
-        [azimuth, height] if azimuth.is_finite() && (-90.0..=90.0).contains(&height) => Ok(Sun::at(azimuth, height)),
-        [azimuth, height, lux]
-            if azimuth.is_finite() && (-90.0..=90.0).contains(&height) && (0.0..f32::INFINITY).contains(&lux) =>
-        {
-            Ok(Sun { illuminance: Some(Vec3::splat(lux)), ..Sun::at(azimuth, height) })
-        }
-        _ => {
-            let cure = "give an azimuth and a height from -90 to 90 degrees, and perhaps lux: (120, 35)";
-            Err(usage(object.py(), format!("sun is {given:?}"), cure))
-        }
-    }
+    Sun::of_numbers(&given).ok_or_else(|| {
+        let cure = "give an azimuth and a height from -90 to 90 degrees, and perhaps lux: (120, 35)";
+        usage(object.py(), format!("sun is {given:?}"), cure)
+    })
 }
 
 fn checked_angle(py: Python, degrees: Option<f32>) -> PyResult<Option<f32>> {

@@ -39,6 +39,17 @@ impl Sun {
         Self { direction, illuminance: None, angle_degrees: Self::ANGLE_DEGREES }
     }
 
+    /// The sun at an azimuth and a height as in [`Self::at`], and perhaps with an illuminance in lux. `None` if the numbers are no such.
+    pub fn of_numbers(numbers: &[f32]) -> Option<Self> {
+        let (azimuth, height, illuminance) = match *numbers {
+            [azimuth, height] => (azimuth, height, None),
+            [azimuth, height, lux] if (0.0..f32::INFINITY).contains(&lux) => (azimuth, height, Some(Vec3::splat(lux))),
+            _ => return None,
+        };
+        let is_place = azimuth.is_finite() && (-90.0..=90.0).contains(&height);
+        is_place.then(|| Self { illuminance, ..Self::at(azimuth, height) })
+    }
+
     /// Its azimuth and height in degrees, as in [`Self::at`].
     pub fn place(&self) -> [f32; 2] {
         let Vec3 { x, y, z } = self.direction;

@@ -6,7 +6,6 @@ use clap::builder::{PossibleValuesParser, TypedValueParser};
 use finalgather::error::Result;
 use finalgather::scene::{Sky, Sun, World};
 use finalgather::settings::Settings;
-use glam::Vec3;
 use serde::de::IntoDeserializer;
 use serde::de::value::Error as ValueError;
 use serde::{Deserialize, Serialize};
@@ -116,15 +115,10 @@ pub fn vector(text: &str) -> Result<[f64; 3], String> {
 /// Parses `AZIMUTH,HEIGHT` or `AZIMUTH,HEIGHT,LUX`.
 pub fn sun(text: &str) -> Result<Sun, String> {
     let numbers: Option<Vec<f32>> = text.split(',').map(|number| number.trim().parse().ok()).collect();
-    match numbers.as_deref() {
-        Some(&[azimuth, height]) if azimuth.is_finite() && (-90.0..=90.0).contains(&height) => Ok(Sun::at(azimuth, height)),
-        Some(&[azimuth, height, lux])
-            if azimuth.is_finite() && (-90.0..=90.0).contains(&height) && (0.0..f32::INFINITY).contains(&lux) =>
-        {
-            Ok(Sun { illuminance: Some(Vec3::splat(lux)), ..Sun::at(azimuth, height) })
-        }
-        _ => Err("not an azimuth and a height from -90 to 90 degrees, as 120,35, and perhaps lux, as 120,35,1e5".into()),
-    }
+    numbers
+        .as_deref()
+        .and_then(Sun::of_numbers)
+        .ok_or_else(|| "not an azimuth and a height from -90 to 90 degrees, as 120,35, and perhaps lux, as 120,35,1e5".into())
 }
 
 /// Parses a turbidity.
@@ -160,6 +154,8 @@ pub fn side(text: &str) -> Result<u32, String> {
 
 #[cfg(test)]
 mod tests {
+    use glam::Vec3;
+
     use super::*;
 
     #[test]
